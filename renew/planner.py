@@ -1,0 +1,349 @@
+"""The whole method in the paper's order: triangulate, classes, padding, best path, prove it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+import numpy as np
+import shapely
+
+from renew.bounds import fuel_lower_bound
+from renew.channels import Channel, ChannelSearch, Move, Order
+from renew.corridor import Corridor, least_fuel_path, sampled_paths
+from renew.current import CurrentField, CurrentLike, as_field
+from renew.errors import (
+    CurrentTooStrongError,
+    GoalInNoGoError,
+    InfeasibleError,
+    ParameterError,
+    PlanningError,
+    StartInNoGoError,
+    UnreachableError,
+)
+from renew.fuel import Drift, check_drift, passage_times
+from renew.homotopy import Rays
+from renew.kinematics import steer, steerable
+from renew.padding import Padder, Padding, check_padding
+from renew.proof import padding_shortfall
+from renew.route import Plan, Rejected, Route
+from renew.steering import steer_inside
+from renew.triangulation import Triangulation, triangulate
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+    from renew.chart import Chart
+    from renew.homotopy import Word
+    from renew.vessel import Vessel
+
+Method: TypeAlias = Literal["optimal", "sampled"]
+
+# Rounds in which colliding turns may push the padding out before a class is given up.
+_MOST_REPAIRS = 8
+# Places found shut, per class asked for, after which the search for ways around them ends.
+_MOST_DETOURS = 8
+
+
+def plan(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    start: FloatArray | tuple[float, float],
+    goal: FloatArray | tuple[float, float],
+    *,
+    classes: int = 16,
+    risk: float = 0.05,
+    padding: Padding = "adaptive",
+    clearance: float = 0.0,
+    distinct_by: float = 0.0,
+    method: Method = "optimal",
+    samples: int = 500,
+    drift: Drift = "projected",
+    seed: int = 0,
+    order: Order = "length",
+) -> Plan:
+    """Plan the least-fuel safe route in each of the first k homotopy classes.
+
+    Parameters
+    ----------
+    chart : Chart
+        Extent and hard no-go zone (m).
+    current : CurrentField or callable
+        Velocity (..., 2) m/s at points (..., 2) m.
+    vessel : Vessel
+        Speed, turn rate and fuel law.
+    start, goal : array_like
+        Points (2,) in metres, in the chart's water.
+    classes : int
+        How many homotopy classes to examine, k >= 1.
+    risk : float
+        1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding.
+    padding : "adaptive", "none" or float
+        Adaptive padding (paper), none, or the same width (m) on every constrained edge.
+    clearance : float
+        Floor on the padding (m).
+    distinct_by : float
+        Classes that part only around islands smaller than this (m) count as one.
+    method : {"optimal", "sampled"}
+        Dynamic programming inside each class, or the paper's random chains.
+    samples : int
+        Chains a class, for ``"sampled"``.
+    drift : {"projected", "crab"}
+        Drift model of Eq. 4; see :mod:`renew.fuel`.
+    seed : int
+        Seed of all draws; the same seed gives the same plan.
+    order : {"length", "depth-first"}
+        Which k classes: the shortest, or the first of a depth-first search (paper).
+
+    Returns
+    -------
+    Plan
+        Routes, least fuel first, and rejected classes with their reasons. With adaptive padding
+        every route's hard-over turns were flown and none touched the no-go zone, but around a
+        start or goal that lies in the soft no-go zone itself.
+
+    Raises
+    ------
+    ParameterError
+        Arguments out of range.
+    StartInNoGoError, GoalInNoGoError
+        An end on land or outside the chart; says by how much and where water is nearest.
+    CurrentTooStrongError
+        The current at the start outruns the vessel.
+    UnreachableError
+        No water joins start and goal, or every class fell away; says why.
+    """
+    _check(classes, samples, method)
+    check_drift(drift)
+    check_padding(padding, clearance, risk)
+    field = as_field(current)
+    start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
+    _check_ends(chart, field, vessel, start, goal)
+    triangulation = triangulate(chart)
+    padder = Padder(
+        triangulation, field, vessel, padding=padding, clearance=clearance, risk=risk, seed=seed
+    )
+    search = _Search(
+        chart=chart,
+        field=field,
+        vessel=vessel,
+        start=start,
+        goal=goal,
+        triangulation=triangulation,
+        padder=padder,
+        method=method,
+        samples=samples,
+        drift=drift,
+        seed=seed,
+        proves=padding == "adaptive",
+        lower_bound=fuel_lower_bound(chart, field, vessel, start, goal),
+    )
+    finder = ChannelSearch(triangulation, Rays.of(chart, distinct_by), start, goal, order)
+    outcomes = _examine(finder, search, classes)
+    routes = sorted((o for o in outcomes if isinstance(o, Route)), key=lambda route: route.fuel)
+    rejected = tuple(o for o in outcomes if isinstance(o, Rejected))
+    if not routes:
+        raise UnreachableError(_no_class(rejected, risk))
+    chosen = min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
+    return Plan(tuple(routes), rejected, chosen)
+
+
+def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route | Rejected]:
+    """Outcome of each of the first k classes, in the search's order.
+
+    A class whose channel is shut at one place is looked for again around that place; it falls
+    away, with the first reason, when no channel of it is left.
+    """
+    outcomes: dict[Word, Route | Rejected] = {}
+    fell: dict[Word, Rejected] = {}
+    shut: set[Move] = set()
+    for _ in range(_MOST_DETOURS * classes):
+        for channel in itertools.islice(finder.channels(shut), classes):
+            if channel.word in outcomes:
+                continue
+            try:
+                outcomes[channel.word] = search.route(channel)
+            except InfeasibleError as error:
+                corners = search.triangulation.corners[channel.triangles]
+                rejected = Rejected(channel.name, str(error), corners)
+                if error.move is None:
+                    outcomes[channel.word] = rejected
+                    continue
+                shut.add(error.move)
+                fell.setdefault(channel.word, rejected)
+                break
+        else:
+            break
+    return [*outcomes.values(), *(r for word, r in fell.items() if word not in outcomes)]
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Everything that the search for a class's best path needs to know."""
+
+    chart: Chart
+    field: CurrentField
+    vessel: Vessel
+    start: FloatArray
+    goal: FloatArray
+    triangulation: Triangulation
+    padder: Padder
+    method: Method
+    samples: int
+    drift: Drift
+    seed: int
+    proves: bool
+    lower_bound: float
+
+    def route(self, channel: Channel) -> Route:
+        """Best route of a class; its padding grows until every hard-over turn is clear.
+
+        InfeasibleError says why there is none.
+        """
+        corners = self.triangulation.corners[channel.triangles]
+        hazards = self.padder.hazards(channel, self.start, self.goal)
+        for _ in range(_MOST_REPAIRS):
+            corridor = Corridor(
+                channel,
+                corners,
+                hazards,
+                self.field,
+                self.vessel,
+                self.start,
+                self.goal,
+                self.drift,
+            )
+            path, trajectory, harmonic_mean = self._best_path(corridor)
+            shortfall = (
+                padding_shortfall(
+                    path, (self.start, self.goal), hazards, self.chart, self.field, self.vessel
+                )
+                if self.proves
+                else None
+            )
+            if shortfall is None:
+                return self._finished(corridor, path, trajectory, harmonic_mean)
+            hazards = hazards.grown(*shortfall)
+        raise InfeasibleError(
+            f"hard-over turns still touch land after {_MOST_REPAIRS} widenings of V"
+        )
+
+    def _best_path(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
+        """Least-fuel path of a corridor, its trajectory, and the figure that chooses its class."""
+        if self.method == "sampled":
+            return self._best_sample(corridor)
+        path = least_fuel_path(corridor)
+        try:
+            path, trajectory = steer_inside(path, corridor)
+        except InfeasibleError:
+            if self.drift == "crab":
+                raise
+            # Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no
+            # convex speed polar: such paths can't be steered. The crab model's path then can.
+            path = least_fuel_path(replace(corridor, drift="crab"))
+            path, trajectory = steer_inside(path, corridor)
+        return path, trajectory, self._fuel(path)
+
+    def _best_sample(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
+        """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""
+        rng = np.random.default_rng([self.seed, *corridor.channel.triangles.tolist()])
+        chains = sampled_paths(corridor, self.samples, rng)
+        chains = chains[steerable(chains, self.field, self.vessel)]
+        if not len(chains):
+            raise InfeasibleError(
+                f"none of {self.samples} sampled chains can be steered at a turn rate of "
+                f"{math.degrees(self.vessel.turn_rate):g} degrees a second; method='optimal' may"
+            )
+        fuels = np.array([self._fuel(chain) for chain in chains])
+        if not np.isfinite(fuels).any():
+            raise InfeasibleError("the current outruns the vessel on every sampled chain")
+        path = chains[fuels.argmin()]
+        trajectory = steer(path, self.field, self.vessel)
+        return path, trajectory, float(len(fuels) / (1 / fuels).sum())
+
+    def _fuel(self, path: FloatArray) -> float:
+        """Eq. 4 along a path."""
+        times = passage_times(path, self.field, self.vessel, drift=self.drift)
+        return float(self.vessel.fuel_rate * times.sum())
+
+    def _finished(
+        self,
+        corridor: Corridor,
+        path: FloatArray,
+        trajectory: FloatArray,
+        harmonic_mean: float,
+    ) -> Route:
+        """Route with all its figures."""
+        hazards = corridor.hazards
+        line = shapely.LineString(path)
+        times = passage_times(path, self.field, self.vessel, drift=self.drift)
+        apart = shapely.distance(line, self.chart.hard_no_go) if self.chart.no_go else math.inf
+        return Route(
+            path=path,
+            trajectory=trajectory,
+            fuel=self._fuel(path),
+            length=float(line.length),
+            clearance=float(apart),
+            duration=float(times.sum()),
+            lower_bound=self.lower_bound,
+            homotopy=corridor.channel.name,
+            channel=corridor.corners,
+            soft_no_go=hazards.zone(),
+            padding_used=np.column_stack([hazards.start, hazards.end, hazards.padding]),
+            harmonic_mean=harmonic_mean,
+            starts_in_soft_no_go=len(hazards.around(self.start).edge) > 0,
+            ends_in_soft_no_go=len(hazards.around(self.goal).edge) > 0,
+        )
+
+
+def _check(classes: int, samples: int, method: str) -> None:
+    """Refuse what is no count and no method; all faults at once."""
+    faults = [
+        f"{name} = {value!r} must be a whole number of at least 1"
+        for name, value in (("classes", classes), ("samples", samples))
+        if value < 1 or value != int(value)
+    ]
+    if method not in get_args(Method):
+        faults.append(f"method = {method!r} is not one of {', '.join(get_args(Method))}")
+    if faults:
+        raise ParameterError("; ".join(faults))
+
+
+def _check_ends(
+    chart: Chart, field: CurrentField, vessel: Vessel, start: FloatArray, goal: FloatArray
+) -> None:
+    """Refuse ends that are not in the water, and a start where the current outruns the vessel."""
+    kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
+        ("start", start, StartInNoGoError),
+        ("goal", goal, GoalInNoGoError),
+    )
+    for name, point, error in kinds:
+        if point.shape != (2,) or not np.isfinite(point).all():
+            raise ParameterError(f"{name} = {point.tolist()!r} must be two finite numbers (m)")
+        here = shapely.Point(point)
+        if not shapely.covers(chart.water, here):
+            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+            where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+            raise error(
+                f"{name} ({point[0]:g}, {point[1]:g}) m lies {where}, "
+                f"{math.dist(point, nearest):.4g} m from the nearest water at "
+                f"({nearest[0]:.6g}, {nearest[1]:.6g}) m; move it there or beyond"
+            )
+    strength = float(np.linalg.norm(field(start)))
+    if strength >= vessel.speed:
+        raise CurrentTooStrongError(
+            f"the current at the start runs at {strength:.3g} m/s; the vessel makes "
+            f"{vessel.speed:.3g} m/s through water. Take a faster vessel or another start"
+        )
+
+
+def _no_class(rejected: tuple[Rejected, ...], risk: float) -> str:
+    """Message for a plan in which every class fell away."""
+    reasons = "; ".join(f"class {r.homotopy}: {r.reason}" for r in rejected[:3])
+    more = f" (and {len(rejected) - 3} more)" if len(rejected) > 3 else ""
+    return (
+        f"all {len(rejected)} classes fell away: {reasons}{more}. Allow a larger risk than "
+        f"{risk:g}, a smaller padding or clearance, or more classes"
+    )

@@ -1,0 +1,75 @@
+"""Proof of a path by its contingency turns: where one touches land, the padding there is short."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from renew.contingency import MOST_DEVIATIONS, fly_turns, furthest_turn, stations, touching
+
+if TYPE_CHECKING:
+    from renew._types import BoolArray, FloatArray, IntArray
+    from renew.chart import Chart
+    from renew.current import CurrentField
+    from renew.padding import Hazards
+    from renew.vessel import Vessel
+
+# Turns are proved against land this much wider (share of v/ω), so that draws of another seed,
+# or the field between two stations, don't find what these missed; growing adds as much again.
+_MARGIN = 0.05
+# Stations of the proof stand this share of v/ω apart.
+_SPACING = 0.6
+# The field itself, and the corners of the box from which contingency draws its deviations: a
+# turn reaches furthest where the field deviates most.
+_CORNERS = MOST_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
+
+
+def padding_shortfall(
+    path: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
+    hazards: Hazards,
+    chart: Chart,
+    field: CurrentField,
+    vessel: Vessel,
+) -> tuple[IntArray, FloatArray] | None:
+    """Constrained edges that turns along a path touch, and what their padding is short of (m).
+
+    None if no turn touches any. Turns begun in the part of V around a start or goal that itself
+    lies in V are left out: no padding there could help.
+    """
+    if not len(hazards.edge):
+        return None
+    margin = _MARGIN * vessel.turning_radius
+    edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
+    tree = shapely.STRtree(shapely.buffer(edges, margin, quad_segs=2))
+    points, course = stations(path, _SPACING * vessel.turning_radius)
+    reach = furthest_turn(field, chart, vessel)
+    near = np.unique(tree.query(shapely.points(points), predicate="dwithin", distance=reach)[0])
+    near = near[~_in_soft_ends(points[near], ends, hazards)]
+    turns = fly_turns(points[near], course[near], field, vessel, _CORNERS)
+    tracks = turns[touching(turns, tree)]
+    if not len(tracks):
+        return None
+    track, edge = tree.query(shapely.linestrings(tracks), predicate="intersects")
+    return hazards.edge[edge], _depths(tracks, chart)[track] + 2 * margin
+
+
+def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
+    """How deep each track (n, steps, 2) goes into the no-go zone (n,), m."""
+    points = tracks.reshape(-1, 2)
+    inside = shapely.contains_xy(chart.hard_no_go, points)
+    depth = np.zeros(len(points))
+    depth[inside] = shapely.distance(shapely.points(points[inside]), chart.hard_no_go.boundary)
+    return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
+
+
+def _in_soft_ends(
+    points: FloatArray, ends: tuple[FloatArray, FloatArray], hazards: Hazards
+) -> BoolArray:
+    """Whether points (n, 2) lie in the part of V around an end inside V."""
+    inside = np.zeros(len(points), dtype=bool)
+    for end in ends:
+        inside |= shapely.contains_xy(hazards.around(end).zone(), points)
+    return inside

@@ -1,0 +1,90 @@
+"""What a plan consists of: routes, and the classes that fell away with their reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from renew.errors import UnreachableError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from renew._types import FloatArray
+
+
+@dataclass(frozen=True)
+class Route:
+    """The least-fuel path found in one homotopy class.
+
+    Attributes
+    ----------
+    path : (n, 2) metres, start to goal.
+    trajectory : (m, 4) of t (s), x, y (m) and heading (rad): the path as it is steered.
+    fuel : Eq. 4 along the path (fuel units; seconds for the paper's vessel).
+    length : metres.
+    clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
+    duration : time under way by the drift model (s).
+    lower_bound : no route of any class, whatever its clearance, needs less fuel than this.
+    homotopy : the class's name: islands whose ray is crossed, in order, as in "+2-1".
+    channel : (t, 3, 2) metres, the class's triangles from start to goal.
+    soft_no_go : the soft no-go zone V of this class.
+    padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
+    harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
+        the path's own fuel.
+    starts_in_soft_no_go, ends_in_soft_no_go : the first or the last leg lies partly in V.
+    """
+
+    path: FloatArray
+    trajectory: FloatArray
+    fuel: float
+    length: float
+    clearance: float
+    duration: float
+    lower_bound: float
+    homotopy: str
+    channel: FloatArray
+    soft_no_go: BaseGeometry
+    padding_used: FloatArray
+    harmonic_mean: float
+    starts_in_soft_no_go: bool
+    ends_in_soft_no_go: bool
+
+    @property
+    def fuel_per_distance(self) -> float:
+        """Fuel per metre of path (the paper's F/D)."""
+        return self.fuel / self.length
+
+    @property
+    def optimality_gap(self) -> float:
+        """Share by which the fuel exceeds the proven lower bound over all classes, at least 0."""
+        return self.fuel / self.lower_bound - 1
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A class that fell away: its name, why, and its channel (t, 3, 2) in metres."""
+
+    homotopy: str
+    reason: str
+    channel: FloatArray
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Routes, one per feasible class, least fuel first; and the classes that fell away.
+
+    `chosen` is the index of the best route: 0, but for the sampled method, which picks the class
+    by the harmonic mean over its sampled paths (paper).
+    """
+
+    routes: tuple[Route, ...]
+    rejected: tuple[Rejected, ...]
+    chosen: int = 0
+
+    @property
+    def best(self) -> Route:
+        """The route to take."""
+        if not self.routes:  # never from plan(), which raises; a Plan can be built by hand
+            raise UnreachableError("the plan holds no route")
+        return self.routes[self.chosen]

@@ -1,0 +1,96 @@
+"""A corridor's path made steerable without leaving the corridor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from renew.errors import InfeasibleError
+from renew.kinematics import corner_radius, course_changes, steer
+from renew.rounding import round_corners
+
+if TYPE_CHECKING:
+    from renew._types import BoolArray, FloatArray
+    from renew.corridor import Corridor
+
+# Corners are rounded with this much more than the least radius, so that the heading rate keeps
+# below ω while the current changes on the way round.
+_ROUNDING = 1.1
+# A corner rounded inwards may cut into V by this share of the radius: 2 mm for the paper's vessel.
+_MOST_CUT = 1e-3
+# Corners closer to a sharp one than this many of its disc's chords are in the way of its rounding.
+_CROWD = 1.5
+# The points of a path crowd where its sections meet, and a sharp corner has no room among them:
+# the path is thinned by the least of these shares of v/ω with which it can be steered.
+_TOLERANCES = (0.0, 0.01, 0.03, 0.1, 0.3)
+
+
+def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+    """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
+
+    Corners whose rounding would cut into V, or has no room, are rounded on the outside; the
+    result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
+    """
+    first: InfeasibleError | None = None
+    for tolerance in _TOLERANCES:
+        line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
+        try:
+            return _steered(shapely.get_coordinates(line), corridor)
+        except InfeasibleError as error:
+            first = first or error
+    raise first or InfeasibleError("no tolerance to try")
+
+
+def _steered(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+    """Round the sharp corners of a path and steer it."""
+    field, vessel = corridor.current, corridor.vessel
+    if len(path) > 2:
+        radius = _ROUNDING * corner_radius(path, field, vessel)
+        sharp = _sharp_corners(path, corridor, radius)
+        if sharp.any():
+            keep = ~_crowding(path, sharp, radius)
+            corners = np.pad(keep, 1, constant_values=True)
+            path = round_corners(path[corners], sharp[keep], radius[keep])
+        if not _keeps_inside(path, corridor):
+            raise InfeasibleError(
+                "the corridor is too narrow to round its corners with a turning radius of "
+                f"{radius.max():.2f} m"
+            )
+    return path, steer(path, field, vessel)
+
+
+def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) that can't be rounded inwards with a radius (n - 2,)."""
+    turns, bisectors = course_changes(path)
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    needed = radius * np.tan(np.abs(turns) / 2)
+    asked = np.concatenate([[0.0], needed]) + np.concatenate([needed, [0.0]])
+    # Where a leg has no room for both its corners, the one that asks for more of it is sharp.
+    cramped = asked > lengths
+    blame_first = np.append(np.inf, needed) >= np.append(needed, -np.inf)
+    blame_first[[0, -1]] = False, True
+    cut = radius * (1 / np.cos(turns / 2) - 1)
+    inner = path[1:-1] + cut[:, None] * bisectors
+    intrudes = (cut > _MOST_CUT * radius) & ~corridor.legs_clear(path[1:-1], inner, edges=True)
+    return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
+
+
+def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) that stand where a sharp one near them is to be rounded."""
+    turns, _ = course_changes(path)
+    # A disc that touches the corner from within cuts this chord off either leg.
+    chord = 2 * radius * np.sin(np.abs(turns) / 2)
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    along = np.cumsum(lengths)[:-1]
+    near = np.abs(along[:, None] - along[sharp]) <= _CROWD * chord[sharp]
+    return np.asarray(near.any(axis=1) & ~sharp)
+
+
+def _keeps_inside(path: FloatArray, corridor: Corridor) -> bool:
+    """Whether a path stays in its channel and out of V."""
+    channel = shapely.union_all(shapely.polygons(corridor.corners))
+    line = shapely.LineString(path)
+    apart = shapely.length(shapely.difference(line, shapely.buffer(channel, 1e-6)))
+    return bool(apart == 0 and corridor.legs_clear(path[:-1], path[1:]).all())

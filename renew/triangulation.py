@@ -1,0 +1,192 @@
+"""Constrained Delaunay triangulation of the water, and its dual graph.
+
+Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle by default;
+GEOS's through shapely for who may not use Triangle (its licence bars commercial distribution).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+import networkx as nx
+import numpy as np
+import shapely
+
+from renew.errors import GeometryError, ParameterError
+
+if TYPE_CHECKING:
+    from renew._types import BoolArray, FloatArray, IntArray
+    from renew.chart import Chart
+
+Backend: TypeAlias = Literal["triangle", "shapely"]
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """Triangles of the water, anticlockwise, with their neighbours.
+
+    Attributes
+    ----------
+    vertices : (v, 2) metres.
+    triangles : (t, 3) indices of vertices, anticlockwise.
+    neighbours : (t, 3) the triangle across the edge opposite each corner, -1 where there is none.
+    hazardous : (t, 3) True where that edge lies on the no-go zone (a constrained edge), False on
+        passing edges and on the end of the chart.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    neighbours: IntArray
+    hazardous: BoolArray
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Coordinates (t, 3, 2) of every triangle's corners."""
+        return self.vertices[self.triangles]
+
+    @cached_property
+    def constrained_edges(self) -> FloatArray:
+        """The constrained edges as segments (e, 2, 2), water on their left."""
+        triangle, corner = np.nonzero(self.hazardous)
+        return self.vertices[self.edge_vertices(triangle, corner)]
+
+    @cached_property
+    def dual(self) -> nx.Graph[int]:
+        """Dual graph: a node a triangle, an edge a passing edge with its midpoint and length."""
+        graph: nx.Graph[int] = nx.Graph()
+        graph.add_nodes_from(range(len(self.triangles)))
+        triangle, corner = np.nonzero(self.neighbours > np.arange(len(self.triangles))[:, None])
+        ends = self.vertices[self.edge_vertices(triangle, corner)]
+        for one, other, (a, b) in zip(
+            triangle.tolist(), self.neighbours[triangle, corner].tolist(), ends, strict=True
+        ):
+            graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
+        return graph
+
+    def edge_vertices(self, triangle: IntArray | int, corner: IntArray | int) -> IntArray:
+        """Vertices (..., 2) of the edge opposite a corner, in the triangle's own sense."""
+        corner = np.asarray(corner)
+        return np.stack(
+            [
+                self.triangles[triangle, (corner + 1) % 3],
+                self.triangles[triangle, (corner + 2) % 3],
+            ],
+            axis=-1,
+        )
+
+    def locate(self, point: FloatArray) -> int:
+        """Index of the triangle that holds a point, or -1 for a point outside the water."""
+        a, b, c = self.corners[:, 0], self.corners[:, 1], self.corners[:, 2]
+        inside = np.minimum.reduce([_area(a, b, point), _area(b, c, point), _area(c, a, point)])
+        size = np.abs(self.vertices).max() ** 2
+        best = int(np.argmax(inside / _area(a, b, c)))
+        return best if inside[best] >= -1e-12 * size else -1
+
+
+def triangulate(chart: Chart, backend: Backend = "triangle") -> Triangulation:
+    """Triangulate the chart's water, constrained to its edges, without Steiner points.
+
+    Raises
+    ------
+    ParameterError
+        An unknown backend.
+    GeometryError
+        Triangles that don't add up to the water (a chart beyond repair).
+    """
+    if backend not in get_args(Backend):
+        raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
+    corners = _by_triangle(chart) if backend == "triangle" else _by_shapely(chart)
+    corners = corners[shapely.contains_xy(chart.water, corners.mean(axis=1))]
+    turn = _area(corners[:, 0], corners[:, 1], corners[:, 2])
+    corners[turn < 0] = corners[turn < 0][:, ::-1]
+    missing = chart.water.area - np.abs(turn).sum() / 2
+    if abs(missing) > 1e-6 * chart.extent.area:
+        raise GeometryError(
+            f"chart: its triangles miss {missing:g} m² of {chart.water.area:g} m² of water; "
+            "simplify or buffer the no-go zone so that no vertices nearly coincide"
+        )
+    vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    neighbours = _neighbours(triangles)
+    return Triangulation(
+        vertices, triangles, neighbours, _hazardous(chart, vertices, triangles, neighbours)
+    )
+
+
+def _by_triangle(chart: Chart) -> FloatArray:
+    """Corners (t, 3, 2) by Triangle, over the convex hull less what segments wall off."""
+    import triangle  # not there where its licence kept it from being installed
+
+    rings = [
+        shapely.get_coordinates(ring)[:-1]
+        for polygon in shapely.get_parts(chart.water)
+        for ring in (polygon.exterior, *polygon.interiors)
+    ]
+    segments, start = [], 0
+    for ring in rings:
+        index = np.arange(start, start + len(ring))
+        segments.append(np.column_stack([index, np.roll(index, -1)]))
+        start += len(ring)
+    # Rings may share vertices (islands that touch), which Triangle must see once.
+    vertices, again = np.unique(np.concatenate(rings), axis=0, return_inverse=True)
+    edges = np.unique(np.sort(again.reshape(-1)[np.concatenate(segments)], axis=1), axis=0)
+    # Triangle works with absolute tolerances: centre and scale to about one.
+    middle, size = vertices.mean(axis=0), np.ptp(vertices, axis=0).max()
+    result = triangle.triangulate({"vertices": (vertices - middle) / size, "segments": edges}, "p")
+    if len(result["vertices"]) != len(vertices):
+        raise GeometryError(
+            "chart: the no-go zone's edges cross each other after snapping to "
+            f"{chart.precision:g} m; simplify the polygons"
+        )
+    return np.asarray(vertices[result["triangles"]])
+
+
+def _by_shapely(chart: Chart) -> FloatArray:
+    """Corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
+    cells = shapely.get_parts(
+        [
+            shapely.constrained_delaunay_triangles(polygon)
+            for polygon in shapely.get_parts(chart.water)
+        ]
+    )
+    return np.array(shapely.get_coordinates(cells).reshape(-1, 4, 2)[:, :3])
+
+
+def _neighbours(triangles: IntArray) -> IntArray:
+    """Neighbours (t, 3) by matching the sorted vertex pairs of all edges."""
+    pairs = np.stack([triangles[:, [1, 2]], triangles[:, [2, 0]], triangles[:, [0, 1]]], axis=1)
+    keys = np.sort(pairs.reshape(-1, 2), axis=1)
+    order = np.lexsort((keys[:, 1], keys[:, 0]))
+    same = (keys[order][1:] == keys[order][:-1]).all(axis=1)
+    one, other = order[:-1][same], order[1:][same]
+    neighbours = np.full(len(keys), -1, dtype=np.int64)
+    neighbours[one], neighbours[other] = other // 3, one // 3
+    return neighbours.reshape(-1, 3)
+
+
+def _hazardous(
+    chart: Chart, vertices: FloatArray, triangles: IntArray, neighbours: IntArray
+) -> BoolArray:
+    """Mark the edges (t, 3) with no triangle behind them that don't lie on the extent's edge."""
+    hazardous = neighbours < 0
+    triangle, corner = np.nonzero(hazardous)
+    ends = vertices[
+        np.stack(
+            [triangles[triangle, (corner + 1) % 3], triangles[triangle, (corner + 2) % 3]], axis=-1
+        )
+    ]
+    apart = shapely.distance(shapely.points(ends.mean(axis=1)), chart.extent.exterior)
+    # A midpoint on the extent's edge is off by the snapping grid at most.
+    hazardous[triangle, corner] = apart > 4 * chart.precision
+    return hazardous
+
+
+def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Twice the signed area (...) of triangles abc, positive anticlockwise."""
+    return np.asarray(
+        (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
+        - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    )

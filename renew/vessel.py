@@ -1,0 +1,61 @@
+"""The vessel: what its hull, rudder and engine can do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from renew.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True)
+class Vessel:
+    """A vessel at constant thrust.
+
+    Parameters
+    ----------
+    speed : float
+        Speed through water, v (m/s).
+    turn_rate : float
+        Turn rate with the rudder hard over, ω (rad/s).
+    length : float
+        Length overall (m).
+    fuel_coefficient, fuel_exponent : float
+        Fuel law: fuel a second is α vᵏ (paper, Eq. 4; α = 1 and k = 2 there).
+
+    Raises
+    ------
+    ParameterError
+        A figure that is not finite and positive.
+    """
+
+    speed: float
+    turn_rate: float
+    length: float = 2.0
+    fuel_coefficient: float = 1.0
+    fuel_exponent: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse what no vessel has; all faults at once."""
+        faults = [
+            f"{name} = {value!r} must be a finite number above 0"
+            for name in ("speed", "turn_rate", "length", "fuel_coefficient", "fuel_exponent")
+            if not (math.isfinite(value := getattr(self, name)) and value > 0)
+        ]
+        if faults:
+            raise ParameterError("vessel: " + "; ".join(faults))
+
+    @property
+    def turning_radius(self) -> float:
+        """Radius of a hard-over turn in still water, v/ω (m)."""
+        return self.speed / self.turn_rate
+
+    @property
+    def turn_period(self) -> float:
+        """Time of one full hard-over turn, 2π/ω (s)."""
+        return 2 * math.pi / self.turn_rate
+
+    @property
+    def fuel_rate(self) -> float:
+        """Fuel a second at constant thrust, α vᵏ (fuel units per second)."""
+        return float(self.fuel_coefficient * self.speed**self.fuel_exponent)

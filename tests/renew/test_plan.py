@@ -1,0 +1,177 @@
+"""plan(): the published figures, what bad input gets, and the promises of its arguments."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+import shapely
+from shapely import Polygon, box
+
+import renew
+from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+
+STILL = renew.UniformCurrent(0.0, 0.0)
+
+
+def gyre_plan(**options: object) -> renew.Plan:
+    chart, current = single_gyre()
+    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), **options)  # type: ignore[arg-type]
+
+
+def test_single_gyre_beats_the_published_route() -> None:
+    chart, current = single_gyre()
+    best = gyre_plan().best
+    assert best.fuel < 96.08
+    report = renew.contingency(best, chart, current, PAPER_VESSEL, seed=11)
+    assert report.collisions == 0
+    # With the published clearance as its floor the fuel is still below the published one, and
+    # above the 89.1 that is known to be the least.
+    floor = gyre_plan(padding="none", clearance=12.55).best
+    assert 89.0 < floor.fuel < 96.08
+    assert floor.clearance >= 12.55 - 1e-5
+
+
+def test_single_gyre_sampled_is_near_the_published_figure() -> None:
+    fuels = [gyre_plan(method="sampled", seed=seed).best.fuel for seed in range(3)]
+    assert min(fuels) > 84.4
+    assert np.median(fuels) < 110
+
+
+def test_the_same_seed_gives_the_same_plan() -> None:
+    for method in ("optimal", "sampled"):
+        one, other = gyre_plan(method=method, seed=4), gyre_plan(method=method, seed=4)
+        assert (one.best.path == other.best.path).all()
+        assert one.best.fuel == other.best.fuel
+
+
+def test_routes_survive_pickling() -> None:
+    plan = gyre_plan()
+    again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
+    assert again.best.fuel == plan.best.fuel
+    assert again.best.optimality_gap == plan.best.optimality_gap
+
+
+def test_more_classes_are_never_worse_and_more_padding_never_cheaper() -> None:
+    chart, current, start, goal = random_scene(12, 0.5)
+    fuels = [
+        renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=k, padding="none").best.fuel
+        for k in (1, 3, 6)
+    ]
+    assert fuels == sorted(fuels, reverse=True)
+    wide = [
+        renew.plan(chart, current, PAPER_VESSEL, start, goal, padding=p, classes=3).best.fuel
+        for p in (0.0, 2.0, 4.0)
+    ]
+    assert all(later >= earlier * (1 - 1e-4) for earlier, later in itertools.pairwise(wide))
+
+
+def test_depth_first_is_a_choice_of_classes() -> None:
+    names = {r.homotopy for r in gyre_plan(order="depth-first", padding="none").routes}
+    assert names == {r.homotopy for r in gyre_plan(padding="none").routes}
+
+
+def test_a_shut_strait_is_named_with_its_gap() -> None:
+    walls = [box(0, 40, 48, 60), box(51, 40, 100, 60)]
+    chart = renew.Chart(box(0, 0, 100, 100), walls)
+    with pytest.raises(renew.UnreachableError, match=r"whole gap of 3\.00 m"):
+        renew.plan(chart, STILL, PAPER_VESSEL, (50, 10), (50, 90))
+    route = renew.plan(chart, STILL, PAPER_VESSEL, (50, 10), (50, 90), padding=1.0).best
+    assert route.clearance >= 1.0 - 1e-5
+
+
+def test_start_in_the_soft_zone_is_allowed_and_said() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])
+    route = renew.plan(chart, STILL, PAPER_VESSEL, (9, 50), (90, 50)).best
+    assert route.starts_in_soft_no_go
+    assert not route.ends_in_soft_no_go
+    inside = shapely.LineString(route.path).intersection(route.soft_no_go)
+    # It leaves V on the shortest leg of it, and does not come back.
+    assert shapely.get_num_geometries(inside) == 1
+    assert inside.length < 6
+
+
+def test_ends_in_one_triangle() -> None:
+    route = renew.plan(
+        renew.Chart(box(0, 0, 100, 100), []), STILL, PAPER_VESSEL, (60, 20), (70, 30)
+    ).best
+    assert route.length == pytest.approx(math.hypot(10, 10))
+    assert route.homotopy == "e"
+    assert math.isinf(route.clearance)
+    assert route.optimality_gap == pytest.approx(0)
+
+
+def test_water_that_outruns_the_vessel_is_avoided() -> None:
+    def jet(points: np.ndarray) -> np.ndarray:
+        """Flow north at 1.6 m/s at x = 50, falling to nothing above y = 60."""
+        strength = (
+            1.6
+            * np.exp(-(((points[..., 0] - 50) / 12) ** 2))
+            / (1 + np.exp((points[..., 1] - 60) / 3))
+        )
+        return np.stack([np.zeros_like(strength), strength], axis=-1)
+
+    chart = renew.Chart(box(0, 0, 100, 100), [box(48, 20, 52, 40)])
+    route = renew.plan(chart, jet, PAPER_VESSEL, (10, 30), (90, 30), padding="none").best
+    pieces = np.linspace(0, 1, 200)[:, None, None]
+    along = route.path[:-1] + pieces * np.diff(route.path, axis=0)
+    assert np.linalg.norm(jet(along), axis=-1).max() < 1.02
+    assert route.length > 90
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "error", "message"),
+    [
+        (
+            (50, 50),
+            (90, 90),
+            renew.StartInNoGoError,
+            r"start \(50, 50\) m lies in the no-go zone, 10 m",
+        ),
+        ((10, 10), (50, 45), renew.GoalInNoGoError, r"5 m from the nearest water at \(50, 40\)"),
+        ((-3, 10), (90, 90), renew.StartInNoGoError, "off the chart, 3 m"),
+        ((math.nan, 1), (90, 90), renew.ParameterError, "two finite numbers"),
+    ],
+)
+def test_bad_ends(
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    error: type[Exception],
+    message: str,
+) -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
+    with pytest.raises(error, match=message):
+        renew.plan(chart, STILL, PAPER_VESSEL, start, goal)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"classes": 0}, "classes = 0"),
+        ({"samples": 0, "method": "sampled"}, "samples = 0"),
+        ({"risk": 0.0, "padding": -1.0}, r"padding = -1.0 m .*; risk = 0.0"),
+        ({"risk": 1.0}, "risk = 1.0"),
+        ({"padding": "wide"}, "'wide'"),
+        ({"clearance": math.inf}, "clearance = inf"),
+        ({"method": "magic"}, "'magic' is not one of optimal, sampled"),
+        ({"order": "random"}, "'random'"),
+        ({"drift": "none"}, "projected, crab"),
+    ],
+)
+def test_bad_arguments(options: dict[str, object], message: str) -> None:
+    with pytest.raises(renew.ParameterError, match=message):
+        gyre_plan(**options)
+
+
+def test_current_too_strong_at_the_start() -> None:
+    with pytest.raises(renew.CurrentTooStrongError, match=r"1\.5 m/s; the vessel makes 1 m/s"):
+        renew.plan(
+            renew.Chart(box(0, 0, 100, 100), [Polygon([(40, 40), (60, 40), (50, 60)])]),
+            renew.UniformCurrent(1.5, 0),
+            PAPER_VESSEL,
+            (10, 10),
+            (90, 90),
+        )

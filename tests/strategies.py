@@ -1,0 +1,84 @@
+"""Shared hypothesis strategies and scenes: islands, currents and vessels in planar metres."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from hypothesis import strategies as st
+from shapely import Polygon, box
+
+import renew
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+
+SIZE = 200.0
+"""Side of the random scenes (m)."""
+
+SINGLE_GYRE_ISLANDS = (
+    ((28, 61.5), (36, 61.5), (36, 70), (30, 70)),
+    ((51, 67.5), (55, 67), (55, 72), (52, 72)),
+    ((39, 43), (43.5, 47.5), (64, 50), (64.5, 24), (61, 25)),
+)
+"""Obstacles of the published single gyre, read off its picture (m)."""
+
+PAPER_VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
+
+
+def single_gyre() -> tuple[renew.Chart, renew.GyreCurrent]:
+    """Return the published single gyre: its chart and its current."""
+    islands = [Polygon(corners) for corners in SINGLE_GYRE_ISLANDS]
+    return renew.Chart(box(0, 0, 100, 100), islands), renew.GyreCurrent(0.8, 100, 100)
+
+
+def random_islands(seed: int, count: int = 7) -> list[Polygon]:
+    """Convex islands in the random scene, clear of its corners' neighbourhoods."""
+    rng = np.random.default_rng(seed)
+    islands: list[Polygon] = []
+    while len(islands) < count:
+        centre = rng.uniform(30, SIZE - 30, 2)
+        angle = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 8)))
+        corners = centre + rng.uniform(6, 20) * np.column_stack([np.cos(angle), np.sin(angle)])
+        island = shapely.convex_hull(shapely.MultiPoint(corners))
+        if island.geom_type == "Polygon" and island.area > 20:
+            islands.append(island)
+    return islands
+
+
+class StreamFunctionCurrent(renew.CurrentField):
+    """Divergence-free current: a seeded sum of stream functions, scaled to a given peak (m/s)."""
+
+    def __init__(self, seed: int, peak: float) -> None:
+        rng = np.random.default_rng(seed)
+        self._wave = rng.normal(0, 2 * np.pi / 150, (6, 2))
+        self._phase = rng.uniform(0, 2 * np.pi, 6)
+        self._scale = 1.0
+        x, y = np.meshgrid(np.linspace(0, SIZE, 101), np.linspace(0, SIZE, 101))
+        speeds = np.linalg.norm(self(np.stack([x, y], axis=-1)), axis=-1)
+        self._scale = peak / float(speeds.max())
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2): the stream function's gradient turned by a right angle."""
+        slope = np.cos(points @ self._wave.T + self._phase)
+        return self._scale * np.stack(
+            [slope @ self._wave[:, 1], -(slope @ self._wave[:, 0])], axis=-1
+        )
+
+
+def random_scene(
+    seed: int, peak: float | None = None
+) -> tuple[renew.Chart, StreamFunctionCurrent, FloatArray, FloatArray]:
+    """Chart, current, start and goal of a random scene."""
+    rng = np.random.default_rng([seed, 1])
+    strongest = float(rng.uniform(0.3, 0.85)) if peak is None else peak
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
+    current = StreamFunctionCurrent(seed, strongest)
+    return chart, current, np.array([10.0, 10.0]), np.array([SIZE - 10, SIZE - 10])
+
+
+seeds = st.integers(0, 10_000)
+speeds = st.floats(0.0, 0.8)
+angles = st.floats(-math.pi, math.pi)
