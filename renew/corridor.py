@@ -9,40 +9,40 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from renew.errors import InfeasibleError
-from renew.fuel import Drift, ground_speed
-from renew.geometry import capsule_interval, segment_distance
+from renew.geometry import legs_are_clear, segment_distance
 from renew.sections import Sections, cut, free_intervals
+from renew.viterbi import quickest_chain
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray
     from renew.channels import Channel
     from renew.current import CurrentField
+    from renew.fuel import Drift
     from renew.padding import Hazards
     from renew.vessel import Vessel
 
-# A channel's midline is cut into about this many sections; the single gyre's fuel changes by
-# under 0.1 % from here to twice as many.
-_SECTIONS = 64
-# Points a section in the first pass, over its whole free part, and in the later, narrower ones.
-_FIRST_POINTS, _LATER_POINTS = 25, 13
-# A later pass looks this many spacings of the one before to either side of the winner. With 13
-# points that divides the spacing by 4 each time: 5 passes leave 1/1000 of the first.
-_WINDOW = 1.5
-_PASSES = 6
-# A point is needless if the leg past it costs less than this share of the whole time more; the
-# search for such a leg looks this many points beyond the last that it found. A leg may graze a
-# bank by this share of a section: several sections meet in the vertex that a path wraps.
-_NEEDLESS, _LOOK_AHEAD, _ON_BANK = 2e-7, 3, 1e-9
-# Padding shrinks by this (m) where legs are tested, so that a leg may touch V's edge.
-_TOUCH = 1e-6
+# The first pass has few sections and many points on each, so that its legs can take almost any
+# course: spacing as a share of the midline, angle in a fan (rad), points a section.
+_COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
+# The later passes have many sections, so that the path can bend: within a fan by so little at
+# each that chords round the end of a padded edge stay within 0.3 % of the arc. They look at few
+# points in a window around the winner; it starts at so many spacings of the first pass to either
+# side and halves from pass to pass, to 1/500 of that spacing.
+_FINE_SPACING, _FINE_ANGLE, _FINE_POINTS = 1 / 64, math.radians(9), 12
+_FIRST_WINDOW, _SHRINK, _FINE_PASSES = 2.0, 0.5, 11
+# Paths are sought this share of v/ω further out than V reaches (3 cm for the paper's vessel), so
+# that points closer than that to the line past them can go, and corners be rounded, outside V.
+_SLACK = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Corridor:
     """Where paths are sought: a channel, its corners (t, 3, 2) and V, a current and a vessel."""
 
@@ -55,43 +55,39 @@ class Corridor:
     goal: FloatArray
     drift: Drift
 
-    def legs_clear(self, a: FloatArray, b: FloatArray, *, edges: bool = False) -> BoolArray:
-        """Whether legs a -> b (..., 2) keep out of V, but for the part of V around the ends.
+    @cached_property
+    def sought(self) -> FloatArray:
+        """Distance (e,) from each edge that is kept while seeking: its padding and some slack."""
+        return self.hazards.padding + _SLACK * self.vessel.turning_radius
 
-        Capsules that hold the start (or goal) are left by (entered on) the leg that touches it.
-        With `edges`, legs may not touch bare constrained edges either.
+    @cached_property
+    def forbidden(self) -> FloatArray:
+        """Distance (e,) from each edge that must be kept; -1 for a bare edge: not to be touched."""
+        padding = self.hazards.padding
+        return np.where(padding > 0, padding, -1.0)
+
+    def holds(self, point: FloatArray) -> BoolArray:
+        """Which edges (e,) have a point inside the distance that is sought."""
+        return segment_distance(point, self.hazards.start, self.hazards.end) < self.sought
+
+    def legs_clear(self, path: FloatArray) -> BoolArray:
+        """Whether each leg (n - 1,) of a path (n, 2) keeps out of V.
+
+        V around a start or goal inside it may be left on the first, entered on the last leg.
         """
-        clear = np.ones(np.broadcast_shapes(a.shape, b.shape)[:-1], dtype=bool)
-        low = np.minimum(a, b).reshape(-1, 2).min(axis=0)
-        high = np.maximum(a, b).reshape(-1, 2).max(axis=0)
         h = self.hazards
-        near = (
-            (edges | (h.padding > 0))
-            & (np.minimum(h.start, h.end) - h.padding[:, None] <= high).all(axis=1)
-            & (np.maximum(h.start, h.end) + h.padding[:, None] >= low).all(axis=1)
-        )
-        for p, q, radius in zip(h.start[near], h.end[near], h.padding[near], strict=True):
-            enter, leave = capsule_interval(a, b, p, q, np.asarray(max(radius - _TOUCH, 0.0)))
-            hit = enter <= leave if edges else enter < leave
-            for point, leg_end in ((self.start, a), (self.goal, b)):
-                if segment_distance(point, p, q) < radius:
-                    hit &= ~(leg_end == point).all(axis=-1)
-            clear &= ~hit
+        clear = legs_are_clear(path[:-1], path[1:], h.start, h.end, self.forbidden)
+        for leg, point in ((0, self.start), (-1, self.goal)):
+            if not clear[leg] and (path[leg] == point).all():
+                others = ~self.holds(point)
+                clear[leg] = legs_are_clear(
+                    path[:-1][[leg]],
+                    path[1:][[leg]],
+                    h.start[others],
+                    h.end[others],
+                    self.forbidden[others],
+                )[0]
         return clear
-
-    def leg_times(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Time (s) over straight legs a -> b (..., 2) by Simpson's rule; inf where impassable."""
-        leg = b - a
-        length = np.sqrt((leg * leg).sum(-1))
-        tangent = leg / np.where(length > 0, length, 1.0)[..., None]
-        total = np.zeros(length.shape)
-        for points, weight in ((a, 1 / 6), ((a + b) / 2, 4 / 6), (b, 1 / 6)):
-            velocity = self.current(points)
-            speed = ground_speed(velocity, tangent, self.vessel.speed, self.drift)
-            # Water that outruns the vessel is no-go for it, whichever way it flows.
-            passable = (speed > 0) & ((velocity * velocity).sum(-1) < self.vessel.speed**2)
-            total = total + np.where(passable, weight / np.where(passable, speed, 1.0), np.inf)
-        return np.where(length > 0, length * np.where(length > 0, total, 0.0), 0.0)
 
 
 def least_fuel_path(corridor: Corridor) -> FloatArray:
@@ -101,28 +97,117 @@ def least_fuel_path(corridor: Corridor) -> FloatArray:
     the part around start and goal, and no leg of it runs where the current outruns the vessel.
     """
     midline = corridor.channel.midline(corridor.start, corridor.goal)
-    spacing = float(np.linalg.norm(np.diff(midline, axis=0), axis=1).sum()) / _SECTIONS
-    sections = cut(corridor.channel, corridor.start, corridor.goal, spacing)
-    intervals = free_intervals(sections, corridor.hazards)
-    sections, intervals = _skip_soft_ends(sections, intervals)
-    _check_open(corridor, sections, intervals)
-    places = [_spread(free, _FIRST_POINTS) for free in intervals]
-    step = np.array([np.ptp(p) for p in places]) / _FIRST_POINTS
-    winner = np.empty(0)
-    for _ in range(_PASSES):
-        best = _best_chain(corridor, sections, _padded(places))
-        if best is None:
+    length = float(np.linalg.norm(np.diff(midline, axis=0), axis=1).sum())
+    fine = _open_sections(corridor, _FINE_SPACING * length, _FINE_ANGLE)
+    try:
+        first = _first_path(
+            corridor, *_open_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
+        )
+    except InfeasibleError:  # legs as long as that may not get round a corner of V
+        first = _first_path(corridor, *fine)
+    best = _narrowed(corridor, *fine, *first)
+    path = np.vstack([corridor.start, fine[0].points(best), corridor.goal])
+    return _without_needless_points(corridor, path)
+
+
+def _first_path(
+    corridor: Corridor, sections: Sections, free: list[FloatArray]
+) -> tuple[FloatArray, float]:
+    """Quickest path (n, 2) through points all over the sections, and their spacing (m)."""
+    places = np.array([_spread(intervals) for intervals in free]).reshape(-1, _COARSE_POINTS)
+    best = _Chains(corridor, sections)(places)
+    widths = np.linalg.norm(sections.right - sections.left, axis=1)
+    path = np.vstack([corridor.start, sections.points(best), corridor.goal])
+    return path, float(widths.max(initial=0.0)) / _COARSE_POINTS
+
+
+def _open_sections(
+    corridor: Corridor, spacing: float, angle: float
+) -> tuple[Sections, list[FloatArray]]:
+    """Sections of a corridor and their free intervals, none of them shut."""
+    sections = cut(corridor.channel, corridor.start, corridor.goal, spacing, angle)
+    free = free_intervals(sections, corridor.hazards, corridor.sought)
+    sections, free = _skip_soft_ends(sections, free)
+    _check_open(corridor, sections, free)
+    return sections, free
+
+
+def _narrowed(
+    corridor: Corridor,
+    sections: Sections,
+    free: list[FloatArray],
+    path: FloatArray,
+    step: float,
+) -> FloatArray:
+    """Places (s,) of the least-fuel chain near a first path, in ever narrower windows."""
+    quickest = _Chains(corridor, sections)
+    best = sections.places(path)
+    low, high = _intervals_around(free, best)
+    best = np.clip(best, low, high)
+    half_window = _FIRST_WINDOW * step / np.linalg.norm(sections.right - sections.left, axis=1)
+    grid = np.linspace(0.0, 1.0, _FINE_POINTS)
+    for _ in range(_FINE_PASSES):
+        near, far = np.maximum(low, best - half_window), np.minimum(high, best + half_window)
+        window = near[:, None] + (far - near)[:, None] * grid
+        # The winner stays among the points, so that no pass is worse than the one before.
+        best = quickest(np.column_stack([window, best]))
+        half_window *= _SHRINK
+    return best
+
+
+def _intervals_around(free: list[FloatArray], places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends (s,) of the free interval that holds, or is nearest to, each place (s,)."""
+    chosen = [
+        pairs[np.argmin(np.maximum(pairs[:, 0] - at, at - pairs[:, 1]))]
+        for pairs, at in zip(free, places, strict=True)
+    ]
+    low, high = np.array(chosen).reshape(-1, 2).T
+    return low, high
+
+
+class _Chains:
+    """Finds the quickest chain through points on the sections of a corridor."""
+
+    def __init__(self, corridor: Corridor, sections: Sections) -> None:
+        self._corridor, self._sections = corridor, sections
+        h = corridor.hazards
+        left = np.vstack([corridor.start, sections.left, corridor.goal])
+        right = np.vstack([corridor.start, sections.right, corridor.goal])
+        low, high = np.minimum(left, right), np.maximum(left, right)
+        # Only capsules whose bounds meet those of two consecutive sections can be in the way.
+        reach = corridor.sought[:, None]
+        meets = (
+            (np.minimum(h.start, h.end) - reach)[None] <= np.maximum(high[:-1], high[1:])[:, None]
+        ) & ((np.maximum(h.start, h.end) + reach)[None] >= np.minimum(low[:-1], low[1:])[:, None])
+        rows, self._near = np.nonzero(meets.all(axis=2))
+        self._near_from = np.searchsorted(rows, np.arange(len(left)))
+        self._left_out = np.zeros((len(left) - 1, len(h.edge)), dtype=bool)
+        self._left_out[0] |= corridor.holds(corridor.start)
+        self._left_out[-1] |= corridor.holds(corridor.goal)
+
+    def __call__(self, places: FloatArray) -> FloatArray:
+        """Places (s,) of the quickest chain through places (s, m)."""
+        corridor = self._corridor
+        points = np.empty((len(places) + 2, max(places.shape[1], 1), 2))
+        points[0], points[-1] = corridor.start, corridor.goal
+        points[1:-1] = self._sections.points(places)
+        arrival, chain = quickest_chain(
+            points,
+            corridor.current(points),
+            corridor.vessel.speed,
+            corridor.drift == "crab",
+            corridor.hazards.start,
+            corridor.hazards.end,
+            corridor.sought,
+            self._near,
+            self._near_from,
+            self._left_out,
+        )
+        if not math.isfinite(arrival):
             raise InfeasibleError(
                 "no leg between two sections is clear of V and of overpowering current"
             )
-        winner = best
-        places = [
-            _window(free, at, _WINDOW * width)
-            for free, at, width in zip(intervals, winner, step, strict=True)
-        ]
-        step = step * 2 * _WINDOW / (_LATER_POINTS - 1)
-    path = np.vstack([corridor.start, sections.points(winner), corridor.goal])
-    return _without_needless_points(corridor, sections, path)
+        return np.asarray(places[np.arange(len(places)), chain[1:-1]])
 
 
 def sampled_paths(corridor: Corridor, samples: int, rng: np.random.Generator) -> FloatArray:
@@ -131,8 +216,8 @@ def sampled_paths(corridor: Corridor, samples: int, rng: np.random.Generator) ->
     The paper samples whole passing edges and discards; a point in V can't be kept, so drawing
     from the free part gives the same chains sooner.
     """
-    gates = cut(corridor.channel, corridor.start, corridor.goal, math.inf)
-    intervals = free_intervals(gates, corridor.hazards)
+    gates = cut(corridor.channel, corridor.start, corridor.goal, math.inf, math.inf)
+    intervals = free_intervals(gates, corridor.hazards, corridor.sought)
     _check_open(corridor, gates, intervals)
     places = np.array([_draw(free, samples, rng) for free in intervals], dtype=float).reshape(
         len(intervals), samples
@@ -140,12 +225,10 @@ def sampled_paths(corridor: Corridor, samples: int, rng: np.random.Generator) ->
     chains = np.empty((samples, len(intervals) + 2, 2))
     chains[:, 0], chains[:, -1] = corridor.start, corridor.goal
     chains[:, 1:-1] = gates.points(places).swapaxes(0, 1)
-    clear = np.ones(samples, dtype=bool)
-    for i in range(chains.shape[1] - 1):
-        clear &= corridor.legs_clear(chains[:, i], chains[:, i + 1])
+    clear = np.array([corridor.legs_clear(chain).all() for chain in chains])
     if not clear.any():
         raise InfeasibleError(f"each of {samples} sampled chains crosses the soft no-go zone")
-    return chains[clear]
+    return np.asarray(chains[clear])
 
 
 def _check_open(corridor: Corridor, sections: Sections, intervals: list[FloatArray]) -> None:
@@ -183,19 +266,19 @@ def _skip_soft_ends(
     return sections.select(keep), [f for f, k in zip(intervals, keep, strict=True) if k]
 
 
-def _spread(free: FloatArray, count: int) -> FloatArray:
-    """Spread places evenly over intervals, both ends of each included."""
+def _spread(free: FloatArray) -> FloatArray:
+    """Spread the first pass's places over intervals by length, both ends of each included."""
     lengths = free[:, 1] - free[:, 0]
-    shares = np.maximum(2, np.round(count * lengths / lengths.sum()).astype(int))
-    return np.concatenate([np.linspace(a, b, n) for (a, b), n in zip(free, shares, strict=True)])
-
-
-def _window(free: FloatArray, at: float, half_width: float) -> FloatArray:
-    """Places around one, itself among them, inside the free interval that holds it."""
-    inside = (free[:, 0] - 1e-12 <= at) & (at <= free[:, 1] + 1e-12)
-    low, high = free[int(np.argmax(inside))]
-    grid = np.linspace(max(low, at - half_width), min(high, at + half_width), _LATER_POINTS - 1)
-    return np.sort(np.append(grid, at))
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = np.linspace(0.0, ends[-1], _COARSE_POINTS)
+    # Snap the nearest point to each end, so that a path can hug either side of an obstacle.
+    inner = np.searchsorted(along, ends[1:-1])
+    places = np.interp(along, ends, np.append(free[:, 0], free[-1, 1]))
+    index = np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(free) - 1)
+    places = free[index, 0] + along - ends[index]
+    places[np.maximum(inner - 1, 0)] = free[:-1, 1]
+    places[np.minimum(inner, _COARSE_POINTS - 1)] = free[1:, 0]
+    return np.asarray(places)
 
 
 def _draw(free: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
@@ -205,83 +288,13 @@ def _draw(free: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
     return np.asarray(free[chosen, 0] + rng.random(count) * lengths[chosen])
 
 
-def _padded(places: list[FloatArray]) -> FloatArray:
-    """Rows of places as one array (s, m), short rows filled with their last place."""
-    width = max((len(row) for row in places), default=0)
-    return np.array([np.pad(row, (0, width - len(row)), mode="edge") for row in places]).reshape(
-        len(places), width
-    )
-
-
-def _best_chain(corridor: Corridor, sections: Sections, places: FloatArray) -> FloatArray | None:
-    """Places (s,) of the quickest chain through places (s, m), by dynamic programming."""
-    if not len(places):
-        return np.empty(0) if _leg(corridor, corridor.start, corridor.goal) < math.inf else None
-    points = sections.points(places)
-    times = corridor.leg_times(points[:-1, :, None], points[1:, None])
-    arrival = _leg(corridor, corridor.start, points[0])
-    came_from = []
-    for here, there, leg_times in zip(points[:-1], points[1:], times, strict=True):
-        clear = corridor.legs_clear(here[:, None], there[None])
-        total = arrival[:, None] + np.where(clear, leg_times, np.inf)
-        came_from.append(total.argmin(axis=0))
-        arrival = total.min(axis=0)
-    total = arrival + _leg(corridor, points[-1], corridor.goal)
-    best = int(total.argmin())
-    if not math.isfinite(total[best]):
-        return None
-    chain = [best]
-    for back in reversed(came_from):
-        chain.append(int(back[chain[-1]]))
-    return np.asarray(places[np.arange(len(places)), chain[::-1]])
-
-
-def _leg(corridor: Corridor, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Time over legs a -> b, inf where V or the current is in the way."""
-    a, b = np.broadcast_arrays(a, b)
-    return np.where(corridor.legs_clear(a, b), corridor.leg_times(a, b), np.inf)
-
-
-def _without_needless_points(
-    corridor: Corridor, sections: Sections, path: FloatArray
-) -> FloatArray:
-    """Drop points that cost nothing to drop: straight water wants no waypoints.
-
-    A point goes if the leg past it takes no longer, keeps out of V and crosses the sections
-    dropped so far between their banks.
-    """
-    kept = [0]
-    last = len(path) - 1
-    times = corridor.leg_times(path[:-1], path[1:])
-    reach = np.concatenate([[0.0], np.cumsum(times)])
-    while kept[-1] < last:
-        here = kept[-1]
-        best = here + 1
-        for after in range(here + 2, last + 1):
-            if _shortcut(corridor, sections, path, reach, here, after):
-                best = after
-            elif after - best > _LOOK_AHEAD:
-                break
-        kept.append(best)
-    return path[kept]
-
-
-def _shortcut(
-    corridor: Corridor, sections: Sections, path: FloatArray, reach: FloatArray, i: int, j: int
-) -> bool:
-    """Whether the straight leg from point i to point j is as good as the path between them."""
-    a, b = path[i], path[j]
-    left, right = sections.left[i : j - 1], sections.right[i : j - 1]
-    d = b - a
-    across = right - left
-    turn = across[:, 0] * d[1] - across[:, 1] * d[0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = ((a[0] - left[:, 0]) * d[1] - (a[1] - left[:, 1]) * d[0]) / turn
-    if not ((place >= -_ON_BANK) & (place <= 1 + _ON_BANK)).all():
-        return False
-    pieces = np.linspace(0.0, 1.0, j - i + 1)[:, None]
-    points = a + pieces * d
-    time = corridor.leg_times(points[:-1], points[1:]).sum()
-    if time > reach[j] - reach[i] + _NEEDLESS * reach[-1]:
-        return False
-    return bool(corridor.legs_clear(a, b))
+def _without_needless_points(corridor: Corridor, path: FloatArray) -> FloatArray:
+    """Drop points that straight water does not want, where the legs past them keep out of V."""
+    line = shapely.LineString(path)
+    thinned = shapely.get_coordinates(line.simplify(_SLACK * corridor.vessel.turning_radius))
+    kept = np.flatnonzero((path[:, None] == thinned[None]).all(axis=2).any(axis=1))
+    keep = np.zeros(len(path), dtype=bool)
+    keep[kept] = True
+    for leg in np.flatnonzero(~corridor.legs_clear(path[kept])):
+        keep[kept[leg] : kept[leg + 1]] = True
+    return np.asarray(path[keep])

@@ -1,78 +1,128 @@
-"""Plane primitives: segments against capsules (all points within a distance of a segment)."""
+"""Plane primitives, compiled: segments against capsules (all points close to a segment).
+
+The same code runs without the compiler under NUMBA_DISABLE_JIT=1.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
 if TYPE_CHECKING:
-    from renew._types import FloatArray
+    from renew._types import BoolArray, FloatArray, IntArray
+
+# A slope below this is level: dividing by it would overflow.
+_LEVEL = 1e-300
 
 
+@njit(cache=True)
 def capsule_interval(
-    a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Interval [enter, leave] of s in [0, 1] where a + s (b - a) lies within radius of pq.
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    px: float,
+    py: float,
+    qx: float,
+    qy: float,
+    radius: float,
+) -> tuple[float, float]:
+    """Interval (enter, leave) of s in [0, 1] where a + s (b - a) lies within radius of pq.
 
-    All points broadcast as (..., 2) and the radius as (...). Empty intervals have enter > leave.
-    A capsule is convex, so there is one interval: the hull of those of its two discs and of the
-    rectangle between them.
+    Empty if enter > leave. A capsule is convex, so there is one interval: the hull of those of
+    its two discs and of the rectangle between them.
     """
-    d = b - a
-    enter, leave = _slab_interval(a, d, p, q, radius)
-    for centre in (p, q):
-        disc_enter, disc_leave = _disc_interval(a, d, centre, radius)
-        empty = disc_enter > disc_leave
-        enter = np.where(empty, enter, np.minimum(enter, disc_enter))
-        leave = np.where(empty, leave, np.maximum(leave, disc_leave))
-    enter, leave = np.maximum(enter, 0.0), np.minimum(leave, 1.0)
-    return enter, leave
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    enter, leave = math.inf, -math.inf
+    for cx, cy in ((px, py), (qx, qy)):
+        fx, fy = ax - cx, ay - cy
+        rest = fx * fx + fy * fy - radius * radius
+        if square == 0.0:
+            if rest <= 0.0:
+                return 0.0, 1.0
+            continue
+        along = fx * dx + fy * dy
+        root = along * along - square * rest
+        if root >= 0.0:
+            half = math.sqrt(root)
+            enter = min(enter, (-along - half) / square)
+            leave = max(leave, (-along + half) / square)
+    ux, uy = qx - px, qy - py
+    length = math.sqrt(ux * ux + uy * uy)
+    if length > 0.0:
+        ux, uy = ux / length, uy / length
+        fx, fy = ax - px, ay - py
+        low, high = _between(fx * ux + fy * uy, dx * ux + dy * uy, 0.0, length)
+        low_2, high_2 = _between(fy * ux - fx * uy, dy * ux - dx * uy, -radius, radius)
+        low, high = max(low, low_2), min(high, high_2)
+        if low <= high:
+            enter, leave = min(enter, low), max(leave, high)
+    return max(enter, 0.0), min(leave, 1.0)
 
 
-def _disc_interval(
-    a: FloatArray, d: FloatArray, centre: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Interval of s where a + s d lies in a disc; (inf, -inf) where nowhere."""
-    f = a - centre
-    dd = (d * d).sum(-1)
-    fd = (f * d).sum(-1)
-    root = fd**2 - dd * ((f * f).sum(-1) - radius**2)
-    hit = (root >= 0) & (dd > 0)
-    safe = np.where(dd > 0, dd, 1.0)
-    half = np.sqrt(np.where(hit, root, 0.0))
-    return np.where(hit, (-fd - half) / safe, np.inf), np.where(hit, (-fd + half) / safe, -np.inf)
-
-
-def _slab_interval(
-    a: FloatArray, d: FloatArray, p: FloatArray, q: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Interval of s where a + s d lies in the rectangle of half-width radius along pq."""
-    axis = q - p
-    length = np.sqrt((axis * axis).sum(-1))
-    unit = axis / np.where(length > 0, length, 1.0)[..., None]
-    f = a - p
-    along, along_d = (f * unit).sum(-1), (d * unit).sum(-1)
-    across = f[..., 1] * unit[..., 0] - f[..., 0] * unit[..., 1]
-    across_d = d[..., 1] * unit[..., 0] - d[..., 0] * unit[..., 1]
-    enter_1, leave_1 = _between(along, along_d, 0.0 * length, length)
-    enter_2, leave_2 = _between(across, across_d, -radius, radius)
-    enter, leave = np.maximum(enter_1, enter_2), np.minimum(leave_1, leave_2)
-    empty = (enter > leave) | (length == 0)
-    return np.where(empty, np.inf, enter), np.where(empty, -np.inf, leave)
-
-
-def _between(
-    value: FloatArray, slope: FloatArray, low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+@njit(cache=True)
+def _between(value: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """Interval of s where low <= value + s slope <= high; (inf, -inf) where nowhere."""
-    flat = np.abs(slope) < 1e-300
-    safe = np.where(flat, 1.0, slope)
-    first, second = (low - value) / safe, (high - value) / safe
-    within = (low <= value) & (value <= high)
-    enter = np.where(flat, np.where(within, -np.inf, np.inf), np.minimum(first, second))
-    leave = np.where(flat, np.where(within, np.inf, -np.inf), np.maximum(first, second))
-    return enter, leave
+    if abs(slope) < _LEVEL:
+        if low <= value <= high:
+            return -math.inf, math.inf
+        return math.inf, -math.inf
+    first, second = (low - value) / slope, (high - value) / slope
+    return min(first, second), max(first, second)
+
+
+@njit(cache=True)
+def leg_is_clear(
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    start: FloatArray,
+    end: FloatArray,
+    radius: FloatArray,
+    chosen: IntArray,
+    left_out: BoolArray,
+) -> bool:
+    """Whether the leg a -> b stays out of the chosen capsules, those left out aside.
+
+    A radius of 0 is no capsule; one below 0 is a bare edge, which the leg may not even touch.
+    """
+    for h in chosen:
+        if radius[h] == 0.0 or left_out[h]:
+            continue
+        enter, leave = capsule_interval(
+            ax,
+            ay,
+            bx,
+            by,
+            start[h, 0],
+            start[h, 1],
+            end[h, 0],
+            end[h, 1],
+            max(radius[h], 0.0),
+        )
+        if enter < leave or (radius[h] < 0.0 and enter == leave):
+            return False
+    return True
+
+
+@njit(cache=True)
+def legs_are_clear(
+    a: FloatArray, b: FloatArray, start: FloatArray, end: FloatArray, radius: FloatArray
+) -> BoolArray:
+    """Whether each leg a -> b (n, 2) stays out of all capsules: (n,)."""
+    every = np.arange(len(radius))
+    none_left_out = np.zeros(len(radius), dtype=np.bool_)
+    clear = np.empty(len(a), dtype=np.bool_)
+    for i in range(len(a)):
+        clear[i] = leg_is_clear(
+            a[i, 0], a[i, 1], b[i, 0], b[i, 1], start, end, radius, every, none_left_out
+        )
+    return clear
 
 
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
 from renew.geometry import capsule_interval
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from renew.channels import Channel
     from renew.padding import Hazards
 
-# Sections of a fan stand at most this far apart in angle, so that a path which wraps the round
-# end of a padded edge bends by little at each: its chords then stay within 0.3 % of the arc.
-_MOST_ANGLE = math.radians(9)
 # Free gaps shorter than this share of the section are no way through, only rounding.
 _SLIVER = 1e-9
 
@@ -48,15 +46,32 @@ class Sections:
         right = self.right.reshape(len(self.right), *extra, 2)
         return np.asarray(left + place[..., None] * (right - left))
 
+    def places(self, path: FloatArray) -> FloatArray:
+        """Places (s,) in [0, 1] where a path (n, 2) that crosses each section first does so."""
+        legs = np.diff(path, axis=0)
+        across = self.right - self.left
+        gap = path[:-1] - self.left[:, None]
+        turn = _cross(across[:, None], legs)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = _cross(gap, across[:, None]) / turn  # place on the leg
+            place = _cross(gap, legs) / turn  # place on the section
+        # Legs end on sections: the one that misses it least counts.
+        miss = np.maximum.reduce([-along, along - 1, -place, place - 1])
+        leg = np.nan_to_num(miss, nan=np.inf).argmin(axis=1)
+        return np.asarray(np.clip(place[np.arange(len(leg)), leg], 0.0, 1.0))
+
     def select(self, keep: BoolArray) -> Sections:
         """Return only some of the sections."""
         return Sections(self.left[keep], self.right[keep], self.passing[keep], self.fan[keep])
 
 
-def cut(channel: Channel, start: FloatArray, goal: FloatArray, spacing: float) -> Sections:
-    """Cut a channel into sections at most `spacing` metres apart on the bank that moves.
+def cut(
+    channel: Channel, start: FloatArray, goal: FloatArray, spacing: float, angle: float
+) -> Sections:
+    """Cut a channel into sections at most `spacing` metres and `angle` radians apart.
 
-    With an infinite spacing these are the passing edges alone.
+    The spacing holds on the bank that moves. Where both are infinite, these are the passing
+    edges alone.
     """
     lefts: list[FloatArray] = []
     rights: list[FloatArray] = []
@@ -66,7 +81,7 @@ def cut(channel: Channel, start: FloatArray, goal: FloatArray, spacing: float) -
     # The ends are fans too: the first gate shrinks to the start, the last one to the goal.
     banks = [(start, start), *gates, (goal, goal)]
     for fan, ((left, right), (next_left, next_right)) in enumerate(itertools.pairwise(banks)):
-        count = _steps(left, right, next_left, next_right, spacing)
+        count = _steps(left, right, next_left, next_right, spacing, angle)
         for step in range(1, count + 1):
             lefts.append(left + (next_left - left) * step / count)
             rights.append(right + (next_right - right) * step / count)
@@ -86,30 +101,58 @@ def _steps(
     next_left: FloatArray,
     next_right: FloatArray,
     spacing: float,
+    angle: float,
 ) -> int:
     """How many steps lead from one gate to the next."""
-    if math.isinf(spacing):
-        return 1
     moved = max(math.dist(left, next_left), math.dist(right, next_right))
     a, b = left - right, next_left - next_right
-    angle = abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
-    return max(1, math.ceil(moved / spacing), math.ceil(angle / _MOST_ANGLE))
+    turned = abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
+    return max(1, math.ceil(moved / spacing), math.ceil(turned / angle))
 
 
-def free_intervals(sections: Sections, hazards: Hazards) -> list[FloatArray]:
-    """Free part of each section: (i, 2) intervals in [0, 1], in order; (0, 2) where none."""
-    padded = hazards.padding > 0
-    start, end, padding = hazards.start[padded], hazards.end[padded], hazards.padding[padded]
-    enter, leave = capsule_interval(
-        sections.left[:, None], sections.right[:, None], start, end, padding
-    )
-    return [_complement(a[a < b], b[a < b]) for a, b in zip(enter, leave, strict=True)]
+def free_intervals(sections: Sections, hazards: Hazards, distance: FloatArray) -> list[FloatArray]:
+    """Parts of each section further than `distance` (e,) from the hazards' edges.
+
+    Arrays (i, 2) of intervals in [0, 1], in order; (0, 2) where V takes the whole section.
+    """
+    covered = _covered(sections.left, sections.right, hazards.start, hazards.end, distance)
+    return [_complement(pairs[pairs[:, 0] < pairs[:, 1]]) for pairs in covered]
 
 
-def _complement(enter: FloatArray, leave: FloatArray) -> FloatArray:
-    """Intervals (i, 2) of [0, 1] that none of the given ones covers."""
-    order = np.argsort(enter)
-    covered = np.maximum.accumulate(np.concatenate([[0.0], leave[order]]))
-    begin = np.concatenate([enter[order], [1.0]])
-    free = begin - covered > _SLIVER
-    return np.column_stack([covered[free], begin[free]])
+@njit(cache=True)
+def _covered(
+    left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, padding: FloatArray
+) -> FloatArray:
+    """Interval (s, h, 2) of each section inside each padded edge; enter > leave where none."""
+    intervals = np.ones((len(left), len(start), 2))
+    for i in range(len(left)):
+        for h in range(len(start)):
+            if padding[h] > 0.0:
+                intervals[i, h] = capsule_interval(
+                    left[i, 0],
+                    left[i, 1],
+                    right[i, 0],
+                    right[i, 1],
+                    start[h, 0],
+                    start[h, 1],
+                    end[h, 0],
+                    end[h, 1],
+                    padding[h],
+                )
+    return intervals
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product (...) of plane vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _complement(covered: FloatArray) -> FloatArray:
+    """Intervals (i, 2) of [0, 1] that none of the given ones (n, 2) covers."""
+    if not len(covered):
+        return np.array([[0.0, 1.0]])
+    covered = covered[np.argsort(covered[:, 0])]
+    behind = np.maximum.accumulate(np.append(0.0, covered[:, 1]))
+    ahead = np.append(covered[:, 0], 1.0)
+    free = ahead - behind > _SLIVER
+    return np.column_stack([behind[free], ahead[free]])

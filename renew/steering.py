@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from renew.errors import InfeasibleError
+from renew.geometry import legs_are_clear
 from renew.kinematics import corner_radius, course_changes, steer
 from renew.rounding import round_corners
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 # Corners are rounded with this much more than the least radius, so that the heading rate keeps
 # below ω while the current changes on the way round.
 _ROUNDING = 1.1
-# A corner rounded inwards may cut into V by this share of the radius: 2 mm for the paper's vessel.
-_MOST_CUT = 1e-3
 # Corners closer to a sharp one than this many of its disc's chords are in the way of its rounding.
 _CROWD = 1.5
 # The points of a path crowd where its sections meet, and a sharp corner has no room among them:
@@ -73,7 +72,8 @@ def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> 
     blame_first[[0, -1]] = False, True
     cut = radius * (1 / np.cos(turns / 2) - 1)
     inner = path[1:-1] + cut[:, None] * bisectors
-    intrudes = (cut > _MOST_CUT * radius) & ~corridor.legs_clear(path[1:-1], inner, edges=True)
+    h = corridor.hazards
+    intrudes = ~legs_are_clear(path[1:-1], inner, h.start, h.end, corridor.forbidden)
     return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
 
 
@@ -93,4 +93,4 @@ def _keeps_inside(path: FloatArray, corridor: Corridor) -> bool:
     channel = shapely.union_all(shapely.polygons(corridor.corners))
     line = shapely.LineString(path)
     apart = shapely.length(shapely.difference(line, shapely.buffer(channel, 1e-6)))
-    return bool(apart == 0 and corridor.legs_clear(path[:-1], path[1:]).all())
+    return bool(apart == 0 and corridor.legs_clear(path).all())

@@ -16,8 +16,10 @@ from scipy.integrate import solve_ivp
 from shapely import Polygon, box
 
 import renew
-from renew.geometry import capsule_interval, segment_distance
+from renew.fuel import ground_speed
+from renew.geometry import capsule_interval, legs_are_clear, segment_distance
 from renew.kinematics import steer, steerable
+from renew.viterbi import quickest_chain
 from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
@@ -139,12 +141,17 @@ def test_capsule_interval_matches_dense_distances(seed: int) -> None:
     a, b, p, q = rng.uniform(0, 10, (4, 2))
     if seed % 5 == 0:
         q = p
-    radius = np.asarray(rng.uniform(0.1, 4))
-    enter, leave = capsule_interval(a, b, p, q, radius)
+    if seed % 7 == 0:
+        b = a
+    radius = float(rng.uniform(0.1, 4))
+    numbers = (*np.concatenate([a, b, p, q]).tolist(), radius)
+    enter, leave = capsule_interval(*numbers)
     s = np.linspace(0, 1, 2001)
     inside = segment_distance(a + s[:, None] * (b - a), p, q) < radius
     expected = (s >= enter) & (s <= leave)
     assert (inside != expected).sum() <= 2
+    # The same without the compiler.
+    assert capsule_interval.py_func(*numbers) == pytest.approx((enter, leave))
 
 
 def test_turns_agree_with_a_stiff_integrator() -> None:
@@ -206,7 +213,48 @@ def test_padding_none_wraps_corners_that_can_still_be_steered() -> None:
     plan = renew.plan(chart, STILL, PAPER_VESSEL, (10, 50), (90, 50), padding="none")
     assert len(plan.routes) == 2
     for route in plan.routes:
-        assert route.clearance < 5e-3
+        assert route.clearance < 0.05
         assert not shapely.LineString(route.path).intersects(island.buffer(-1e-6))
         track = shapely.LineString(route.trajectory[:, 1:3])
         assert not track.intersects(island.buffer(-0.01))
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds)
+def test_quickest_chain_is_the_best_of_all_chains(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, count = 4, 5
+    points = np.cumsum(rng.uniform(0.5, 2, (rows, 1, 1)), axis=0) * [[[1.0, 0.0]]]
+    points = points + rng.normal(0, 1, (rows, count, 2)) * [0.1, 2.0]
+    points[[0, -1]] = points[[0, -1], :1]
+    velocity = rng.normal(0, 0.3, points.shape)
+    velocity[[0, -1]] = velocity[[0, -1], :1]
+    start, end = rng.uniform(0, 5, (2, 2, 2))
+    radius = rng.uniform(0.1, 0.6, 2)
+    near, near_from = np.tile([0, 1], rows - 1), np.arange(0, 2 * rows, 2)
+    left_out = np.zeros((rows - 1, 2), dtype=bool)
+    for crab in (False, True):
+        arguments = (points, velocity, 1.0, crab, start, end, radius, near, near_from, left_out)
+        arrival, chain = quickest_chain(*arguments)
+        best = math.inf
+        for choice in itertools.product(range(count), repeat=rows - 2):
+            total = 0.0
+            index = (0, *choice, 0)
+            for row, (i, j) in enumerate(itertools.pairwise(index)):
+                a, b = points[row, i], points[row + 1, j]
+                if not legs_are_clear(a[None], b[None], start, end, radius)[0]:
+                    total = math.inf
+                    break
+                tangent = (b - a) / np.linalg.norm(b - a)
+                speeds = ground_speed(
+                    np.stack([velocity[row, i], velocity[row + 1, j]]),
+                    tangent,
+                    1.0,
+                    "crab" if crab else "projected",
+                )
+                total += float(np.linalg.norm(b - a) * (1 / speeds).mean())
+            best = min(best, total)
+        assert arrival == pytest.approx(best)
+        without_compiler = quickest_chain.py_func(*arguments)
+        assert without_compiler[0] == pytest.approx(arrival)
+        assert without_compiler[1].tolist() == chain.tolist()
