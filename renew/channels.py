@@ -1,8 +1,9 @@
 """The k first homotopy classes between two points, each as a channel of triangles.
 
-A channel is a simple path in the dual graph of the triangulation. ``order="length"`` gives them
-by the length of the path through the midpoints of their passing edges, shortest first;
-``"depth-first"`` in the order in which the paper's depth-first search meets them.
+A channel is a simple path in the dual graph of the triangulation. ``order="fuel"`` gives them by
+the fuel along their midline, the path through the midpoints of their passing edges, in the mean
+current of each triangle, cheapest first; ``"length"`` by the midline's length; ``"depth-first"``
+in the order in which the paper's depth-first search meets them.
 
 Where islets have no letter in the words (see :mod:`renew.homotopy`), one word has many channels,
 and the shortest may be shut by its padding. So moves that were found shut can be taken out, and
@@ -31,8 +32,11 @@ if TYPE_CHECKING:
     from renew.homotopy import Rays, Word
     from renew.triangulation import Triangulation
 
-Order: TypeAlias = Literal["length", "depth-first"]
+Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 
+# A midline may lead against a current that the path itself avoids: it is taken to make at least
+# this share of the vessel's speed over ground.
+_LEAST_WAY = 0.1
 # The best-first search gives up after this many steps: at some 10 µs each, a few seconds. It is
 # reached only where fewer than k classes exist in a chart full of islands.
 _MOST_STEPS = 400_000
@@ -76,6 +80,9 @@ class Channel:
 class ChannelSearch:
     """Finds channels from start to goal, lazily, no two with the same word.
 
+    `drift` (t, 2) is the mean current of each triangle as a share of the vessel's speed through
+    water; order "length" does without.
+
     Raises
     ------
     ParameterError
@@ -91,6 +98,7 @@ class ChannelSearch:
         start: FloatArray,
         goal: FloatArray,
         order: Order = "length",
+        drift: FloatArray | None = None,
     ) -> None:
         if order not in get_args(Order):
             raise ParameterError(f"order = {order!r} is not one of {', '.join(get_args(Order))}")
@@ -108,11 +116,14 @@ class ChannelSearch:
         midpoints = (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1)) / 2
         self._midpoints: list[list[list[float]]] = midpoints.tolist()
         self._neighbours: list[list[int]] = triangulation.neighbours.tolist()
+        if drift is None or order != "fuel":
+            drift = np.zeros((len(corners), 2))
+        self._drift: list[list[float]] = drift.tolist()
         self._letters: dict[tuple[int, int, int], Word] = {}
 
     def channels(self, shut: set[Move] | frozenset[Move] = frozenset()) -> Iterator[Channel]:
         """Channels in order, but for those that make a move found shut."""
-        search = self._best_first if self._order == "length" else self._depth_first
+        search = self._depth_first if self._order == "depth-first" else self._best_first
         return search(shut)
 
     def _depth_first(self, shut: set[Move] | frozenset[Move]) -> Iterator[Channel]:
@@ -130,7 +141,7 @@ class ChannelSearch:
                 yield replace(channel, word=word)
 
     def _best_first(self, shut: set[Move] | frozenset[Move]) -> Iterator[Channel]:
-        """Channels by rising length of their midline.
+        """Channels by rising cost of their midline.
 
         A search over pairs of (triangle, word so far), as in h-signature-augmented graphs: each
         pair is expanded once, by the shortest row that reaches it, so that twins which part only
@@ -161,7 +172,8 @@ class ChannelSearch:
             for corner, after in enumerate(self._neighbours[step.triangle]):
                 if after < 0 or after in row or (before, step.triangle, after) in shut:
                     continue
-                cost = step.cost + math.dist(here, self._midpoints[step.triangle][corner])
+                there = self._midpoints[step.triangle][corner]
+                cost = step.cost + self._cost(step.triangle, here, there)
                 entry = self._neighbours[after].index(step.triangle)
                 bound = cost + self._remaining.get((after, entry), math.inf)
                 if math.isfinite(bound):
@@ -172,29 +184,39 @@ class ChannelSearch:
 
     @cached_property
     def _remaining(self) -> dict[tuple[int, int], float]:
-        """Length of the shortest midline from each (triangle, entered by edge) to the goal."""
+        """Least cost of a midline from each (triangle, entered by edge) to the goal."""
         remaining: dict[tuple[int, int], float] = {}
+        goal = self._goal.tolist()
         queue = [
-            (math.dist(self._midpoints[self._last][corner], self._goal), self._last, corner)
+            (self._cost(self._last, self._midpoints[self._last][corner], goal), self._last, corner)
             for corner in range(3)
             if self._neighbours[self._last][corner] >= 0
         ]
         heapq.heapify(queue)
         while queue:
-            length, triangle, entry = heapq.heappop(queue)
+            cost, triangle, entry = heapq.heappop(queue)
             if (triangle, entry) in remaining:
                 continue
-            remaining[triangle, entry] = length
+            remaining[triangle, entry] = cost
             # Whoever enters here comes from the neighbour, which it entered by another edge.
             before = self._neighbours[triangle][entry]
             for corner in range(3):
                 onwards = self._neighbours[before][corner]
                 if onwards not in {triangle, -1}:
-                    step = math.dist(
-                        self._midpoints[before][corner], self._midpoints[triangle][entry]
+                    step = self._cost(
+                        before, self._midpoints[before][corner], self._midpoints[triangle][entry]
                     )
-                    heapq.heappush(queue, (length + step, before, corner))
+                    heapq.heappush(queue, (cost + step, before, corner))
         return remaining
+
+    def _cost(self, triangle: int, a: Sequence[float], b: Sequence[float]) -> float:
+        """Time to cross a triangle from a to b at a speed through water of 1 (projected drift)."""
+        dx, dy = b[0] - a[0], b[1] - a[1]
+        length = math.hypot(dx, dy)
+        if length == 0.0:
+            return 0.0
+        u, v = self._drift[triangle]
+        return length / max(_LEAST_WAY, 1.0 + (u * dx + v * dy) / length)
 
     def _here(self, step: _Step) -> Sequence[float]:
         """Where a row of triangles stands: at the start, or on the last passing edge."""

@@ -27,12 +27,13 @@ _SEARCH_POINTS = 201
 
 @dataclass(frozen=True, slots=True)
 class CurrentStatistics:
-    """Mean and spread of a current over areas; every array has shape (n,).
+    """Mean and spread of a current over areas; every array but `mean` (n, 2) has shape (n,).
 
-    `speed` and `speed_std` are in m/s; `direction` (of the mean vector, towards) and
+    `mean`, `speed` and `speed_std` are in m/s; `direction` (of the mean vector, towards) and
     `direction_std` are in radians, anticlockwise from the x axis.
     """
 
+    mean: FloatArray
     speed: FloatArray
     direction: FloatArray
     speed_std: FloatArray
@@ -74,6 +75,7 @@ def sample_statistics(velocity: FloatArray) -> CurrentStatistics:
     turned = (turned + np.pi) % (2 * np.pi) - np.pi
     weight = speeds / np.maximum(speeds.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     return CurrentStatistics(
+        mean=mean,
         speed=speeds.mean(axis=1),
         direction=direction,
         speed_std=speeds.std(axis=1),

@@ -24,7 +24,7 @@ from renew.geometry import segment_distance
 if TYPE_CHECKING:
     from renew._types import FloatArray, IntArray
     from renew.channels import Channel
-    from renew.current import CurrentField, CurrentStatistics
+    from renew.current import CurrentStatistics
     from renew.triangulation import Triangulation
     from renew.vessel import Vessel
 
@@ -127,12 +127,15 @@ class Hazards:
 
 
 class Padder:
-    """Paddings on one triangulation in one current; what triangles share is worked out once."""
+    """Paddings on one triangulation, of whose triangles the current's statistics are given.
+
+    What channels share is worked out once.
+    """
 
     def __init__(
         self,
         triangulation: Triangulation,
-        current: CurrentField,
+        statistics: CurrentStatistics,
         vessel: Vessel,
         *,
         padding: Padding,
@@ -144,7 +147,7 @@ class Padder:
         self._padding: Padding = padding
         self._clearance, self._risk = clearance, risk
         self._edges = triangulation.constrained_edges
-        self._statistics: CurrentStatistics = current.statistics(triangulation.corners)
+        self._statistics = statistics
         rng = np.random.default_rng(seed)
         # The same draws for every triangle: its figures depend on itself alone.
         self._speed_draws, self._turn_draws = rng.standard_normal((2, _DRAWS))

@@ -62,7 +62,7 @@ def plan(
     samples: int = 500,
     drift: Drift = "projected",
     seed: int = 0,
-    order: Order = "length",
+    order: Order = "fuel",
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -94,8 +94,9 @@ def plan(
         Drift model of Eq. 4; see :mod:`renew.fuel`.
     seed : int
         Seed of all draws; the same seed gives the same plan.
-    order : {"length", "depth-first"}
-        Which k classes: the shortest, or the first of a depth-first search (paper).
+    order : {"fuel", "length", "depth-first"}
+        Which k classes: the cheapest or the shortest along their midlines, or the first of a
+        depth-first search (paper).
 
     Returns
     -------
@@ -122,8 +123,15 @@ def plan(
     start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     _check_ends(chart, field, vessel, start, goal)
     triangulation = triangulate(chart)
+    statistics = field.statistics(triangulation.corners)
     padder = Padder(
-        triangulation, field, vessel, padding=padding, clearance=clearance, risk=risk, seed=seed
+        triangulation,
+        statistics,
+        vessel,
+        padding=padding,
+        clearance=clearance,
+        risk=risk,
+        seed=seed,
     )
     search = _Search(
         chart=chart,
@@ -140,7 +148,9 @@ def plan(
         proves=padding == "adaptive",
         lower_bound=fuel_lower_bound(chart, field, vessel, start, goal),
     )
-    finder = ChannelSearch(triangulation, Rays.of(chart, distinct_by), start, goal, order)
+    rays = Rays.of(chart, distinct_by)
+    drifting = statistics.mean / vessel.speed
+    finder = ChannelSearch(triangulation, rays, start, goal, order, drifting)
     outcomes = _examine(finder, search, classes)
     routes = sorted((o for o in outcomes if isinstance(o, Route)), key=lambda route: route.fuel)
     rejected = tuple(o for o in outcomes if isinstance(o, Rejected))

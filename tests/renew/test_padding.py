@@ -53,7 +53,13 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
     chart, current, start, goal = random_scene(seed)
     mesh = triangulate(chart)
     padder = Padder(
-        mesh, current, PAPER_VESSEL, padding="adaptive", clearance=0.0, risk=risk, seed=0
+        mesh,
+        current.statistics(mesh.corners),
+        PAPER_VESSEL,
+        padding="adaptive",
+        clearance=0.0,
+        risk=risk,
+        seed=0,
     )
     channel = next(ChannelSearch(mesh, Rays.of(chart), start, goal).channels())
     hazards = padder.hazards(channel, start, goal)
@@ -101,7 +107,7 @@ def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
     for padding, clearance, expected in cases:
         padder = Padder(
             mesh,
-            renew.UniformCurrent(0.1, 0.0),
+            renew.UniformCurrent(0.1, 0.0).statistics(mesh.corners),
             PAPER_VESSEL,
             padding=padding,
             clearance=clearance,
@@ -117,8 +123,9 @@ def test_less_risk_means_more_padding() -> None:
     chart, current, start, goal = random_scene(3)
     mesh = triangulate(chart)
     channel = next(ChannelSearch(mesh, Rays.of(chart), start, goal).channels())
+    statistics = current.statistics(mesh.corners)
     widths = [
-        Padder(mesh, current, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
+        Padder(mesh, statistics, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
         .hazards(channel, start, goal)
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)
