@@ -114,7 +114,7 @@ def contingency(
     deviations[:, 0] = 0.0  # the field itself
     turns = fly_turns(points[near], course[near], field, vessel, deviations[near])
     if chart.no_go and near.any():
-        hits[near] = touching(turns, tree).sum(axis=1)
+        hits[near] = _touching(turns, tree).sum(axis=1)
     return Contingency(
         trials=2 * (1 + _DRAWS) * len(points),
         collisions=int(hits.sum()),
@@ -152,7 +152,7 @@ def fly_turns(
     return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], _TURN_STEPS + 1, 2)
 
 
-def touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:
+def _touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:
     """Whether each track (n, turns, steps, 2) touches a polygon of the tree: (n, turns)."""
     touched = np.zeros(turns.shape[0] * turns.shape[1], dtype=bool)
     lines = shapely.linestrings(turns.reshape(-1, *turns.shape[2:]))

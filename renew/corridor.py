@@ -17,7 +17,7 @@ import shapely
 
 from renew.errors import InfeasibleError
 from renew.geometry import legs_are_clear, segment_distance
-from renew.sections import Sections, cut, free_intervals
+from renew.sections import FreeParts, Sections, cut, free_parts
 from renew.viterbi import quickest_chain
 
 if TYPE_CHECKING:
@@ -111,22 +111,19 @@ def least_fuel_path(corridor: Corridor) -> FloatArray:
 
 
 def _first_path(
-    corridor: Corridor, sections: Sections, free: list[FloatArray]
+    corridor: Corridor, sections: Sections, free: FreeParts
 ) -> tuple[FloatArray, float]:
     """Quickest path (n, 2) through points all over the sections, and their spacing (m)."""
-    places = np.array([_spread(intervals) for intervals in free]).reshape(-1, _COARSE_POINTS)
-    best = _Chains(corridor, sections)(places)
+    best = _Chains(corridor, sections)(free.spread(_COARSE_POINTS))
     widths = np.linalg.norm(sections.right - sections.left, axis=1)
     path = np.vstack([corridor.start, sections.points(best), corridor.goal])
     return path, float(widths.max(initial=0.0)) / _COARSE_POINTS
 
 
-def _open_sections(
-    corridor: Corridor, spacing: float, angle: float
-) -> tuple[Sections, list[FloatArray]]:
+def _open_sections(corridor: Corridor, spacing: float, angle: float) -> tuple[Sections, FreeParts]:
     """Sections of a corridor and their free intervals, none of them shut."""
     sections = cut(corridor.channel, corridor.start, corridor.goal, spacing, angle)
-    free = free_intervals(sections, corridor.hazards, corridor.sought)
+    free = free_parts(sections, corridor.hazards, corridor.sought)
     sections, free = _skip_soft_ends(sections, free)
     _check_open(corridor, sections, free)
     return sections, free
@@ -135,14 +132,14 @@ def _open_sections(
 def _narrowed(
     corridor: Corridor,
     sections: Sections,
-    free: list[FloatArray],
+    free: FreeParts,
     path: FloatArray,
     step: float,
 ) -> FloatArray:
     """Places (s,) of the least-fuel chain near a first path, in ever narrower windows."""
     quickest = _Chains(corridor, sections)
     best = sections.places(path)
-    low, high = _intervals_around(free, best)
+    low, high = free.around(best)
     best = np.clip(best, low, high)
     half_window = _FIRST_WINDOW * step / np.linalg.norm(sections.right - sections.left, axis=1)
     grid = np.linspace(0.0, 1.0, _FINE_POINTS)
@@ -153,16 +150,6 @@ def _narrowed(
         best = quickest(np.column_stack([window, best]))
         half_window *= _SHRINK
     return best
-
-
-def _intervals_around(free: list[FloatArray], places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (s,) of the free interval that holds, or is nearest to, each place (s,)."""
-    chosen = [
-        pairs[np.argmin(np.maximum(pairs[:, 0] - at, at - pairs[:, 1]))]
-        for pairs, at in zip(free, places, strict=True)
-    ]
-    low, high = np.array(chosen).reshape(-1, 2).T
-    return low, high
 
 
 class _Chains:
@@ -217,26 +204,22 @@ def sampled_paths(corridor: Corridor, samples: int, rng: np.random.Generator) ->
     from the free part gives the same chains sooner.
     """
     gates = cut(corridor.channel, corridor.start, corridor.goal, math.inf, math.inf)
-    intervals = free_intervals(gates, corridor.hazards, corridor.sought)
-    _check_open(corridor, gates, intervals)
-    places = np.array([_draw(free, samples, rng) for free in intervals], dtype=float).reshape(
-        len(intervals), samples
-    )
-    chains = np.empty((samples, len(intervals) + 2, 2))
+    free = free_parts(gates, corridor.hazards, corridor.sought)
+    _check_open(corridor, gates, free)
+    chains = np.empty((samples, len(gates.left) + 2, 2))
     chains[:, 0], chains[:, -1] = corridor.start, corridor.goal
-    chains[:, 1:-1] = gates.points(places).swapaxes(0, 1)
+    chains[:, 1:-1] = gates.points(free.draw(samples, rng)).swapaxes(0, 1)
     clear = np.array([corridor.legs_clear(chain).all() for chain in chains])
     if not clear.any():
         raise InfeasibleError(f"each of {samples} sampled chains crosses the soft no-go zone")
     return np.asarray(chains[clear])
 
 
-def _check_open(corridor: Corridor, sections: Sections, intervals: list[FloatArray]) -> None:
+def _check_open(corridor: Corridor, sections: Sections, free: FreeParts) -> None:
     """Raise InfeasibleError where V takes a whole section: at the narrowest of them."""
-    shut = np.array([len(free) == 0 for free in intervals], dtype=bool)
-    if not shut.any():
+    if not free.shut.any():
         return
-    widths = np.where(shut, np.linalg.norm(sections.right - sections.left, axis=1), np.inf)
+    widths = np.where(free.shut, np.linalg.norm(sections.right - sections.left, axis=1), np.inf)
     narrowest = int(np.argmin(widths))
     left, right = sections.left[narrowest], sections.right[narrowest]
     middle = (left + right) / 2
@@ -250,42 +233,16 @@ def _check_open(corridor: Corridor, sections: Sections, intervals: list[FloatArr
     )
 
 
-def _skip_soft_ends(
-    sections: Sections, intervals: list[FloatArray]
-) -> tuple[Sections, list[FloatArray]]:
+def _skip_soft_ends(sections: Sections, free: FreeParts) -> tuple[Sections, FreeParts]:
     """Drop the sections before the first (after the last) passing edge that lie wholly in V.
 
     A start in V leaves it by the first section with a free part; the passing edges stay.
     """
-    keep = np.ones(len(intervals), dtype=bool)
-    for order in (range(len(intervals)), range(len(intervals) - 1, -1, -1)):
-        for i in order:
-            if sections.passing[i]:
-                break
-            keep[i] &= len(intervals[i]) > 0
-    return sections.select(keep), [f for f, k in zip(intervals, keep, strict=True) if k]
-
-
-def _spread(free: FloatArray) -> FloatArray:
-    """Spread the first pass's places over intervals by length, both ends of each included."""
-    lengths = free[:, 1] - free[:, 0]
-    ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    along = np.linspace(0.0, ends[-1], _COARSE_POINTS)
-    # Snap the nearest point to each end, so that a path can hug either side of an obstacle.
-    inner = np.searchsorted(along, ends[1:-1])
-    places = np.interp(along, ends, np.append(free[:, 0], free[-1, 1]))
-    index = np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(free) - 1)
-    places = free[index, 0] + along - ends[index]
-    places[np.maximum(inner - 1, 0)] = free[:-1, 1]
-    places[np.minimum(inner, _COARSE_POINTS - 1)] = free[1:, 0]
-    return np.asarray(places)
-
-
-def _draw(free: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """Draw places uniformly over the union of intervals."""
-    lengths = free[:, 1] - free[:, 0]
-    chosen = rng.choice(len(free), size=count, p=lengths / lengths.sum())
-    return np.asarray(free[chosen, 0] + rng.random(count) * lengths[chosen])
+    keep = ~free.shut
+    if len(keep):
+        keep |= (sections.fan > sections.fan[0]) & (sections.fan <= sections.fan[-1] - 1)
+        keep |= sections.passing
+    return sections.select(keep), free.select(keep)
 
 
 def _without_needless_points(corridor: Corridor, path: FloatArray) -> FloatArray:

@@ -125,6 +125,42 @@ def legs_are_clear(
     return clear
 
 
+@njit(cache=True)
+def tracks_touch(
+    tracks: FloatArray, start: FloatArray, end: FloatArray, radius: float
+) -> BoolArray:
+    """Whether each track (n, steps, 2) comes within radius of each segment (e, 2): (n, e)."""
+    touched = np.zeros((len(tracks), len(start)), dtype=np.bool_)
+    for i in range(len(tracks)):
+        xs, ys = tracks[i, :, 0], tracks[i, :, 1]
+        west, east = xs.min() - radius, xs.max() + radius
+        south, north = ys.min() - radius, ys.max() + radius
+        for h in range(len(start)):
+            if (
+                max(start[h, 0], end[h, 0]) < west
+                or min(start[h, 0], end[h, 0]) > east
+                or max(start[h, 1], end[h, 1]) < south
+                or min(start[h, 1], end[h, 1]) > north
+            ):
+                continue
+            for k in range(len(xs) - 1):
+                enter, leave = capsule_interval(
+                    xs[k],
+                    ys[k],
+                    xs[k + 1],
+                    ys[k + 1],
+                    start[h, 0],
+                    start[h, 1],
+                    end[h, 0],
+                    end[h, 1],
+                    radius,
+                )
+                if enter <= leave:
+                    touched[i, h] = True
+                    break
+    return touched
+
+
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
     """Distance (...) from points (..., 2) to segments pq (..., 2)."""
     axis = q - p

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from renew.contingency import MOST_DEVIATIONS, fly_turns, furthest_turn, stations, touching
+from renew.contingency import MOST_DEVIATIONS, fly_turns, furthest_turn, stations
+from renew.geometry import segment_distance, tracks_touch
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
@@ -42,18 +43,18 @@ def padding_shortfall(
     if not len(hazards.edge):
         return None
     margin = _MARGIN * vessel.turning_radius
-    edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
-    tree = shapely.STRtree(shapely.buffer(edges, margin, quad_segs=2))
     points, course = stations(path, _SPACING * vessel.turning_radius)
-    reach = furthest_turn(field, chart, vessel)
-    near = np.unique(tree.query(shapely.points(points), predicate="dwithin", distance=reach)[0])
-    near = near[~_in_soft_ends(points[near], ends, hazards)]
+    apart = segment_distance(points[:, None], hazards.start, hazards.end).min(axis=1)
+    near = apart <= furthest_turn(field, chart, vessel) + margin
+    near &= ~_in_soft_ends(points, ends, hazards)
     turns = fly_turns(points[near], course[near], field, vessel, _CORNERS)
-    tracks = turns[touching(turns, tree)]
-    if not len(tracks):
+    tracks = turns.reshape(-1, *turns.shape[2:])
+    touched = tracks_touch(tracks, hazards.start, hazards.end, margin)
+    if not touched.any():
         return None
-    track, edge = tree.query(shapely.linestrings(tracks), predicate="intersects")
-    return hazards.edge[edge], _depths(tracks, chart)[track] + 2 * margin
+    track, edge = np.nonzero(touched)
+    hit, back = np.unique(track, return_inverse=True)
+    return hazards.edge[edge], _depths(tracks[hit], chart)[back] + 2 * margin
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
@@ -71,5 +72,8 @@ def _in_soft_ends(
     """Whether points (n, 2) lie in the part of V around an end inside V."""
     inside = np.zeros(len(points), dtype=bool)
     for end in ends:
-        inside |= shapely.contains_xy(hazards.around(end).zone(), points)
+        around = hazards.around(end)
+        if len(around.edge):
+            apart = segment_distance(points[:, None], around.start, around.end)
+            inside |= (apart < around.padding).any(axis=1)
     return inside

@@ -110,49 +110,111 @@ def _steps(
     return max(1, math.ceil(moved / spacing), math.ceil(turned / angle))
 
 
-def free_intervals(sections: Sections, hazards: Hazards, distance: FloatArray) -> list[FloatArray]:
-    """Parts of each section further than `distance` (e,) from the hazards' edges.
+@dataclass(frozen=True, slots=True)
+class FreeParts:
+    """The parts of each section outside V: `count` (s,) intervals of [0, 1] in each row, in order.
 
-    Arrays (i, 2) of intervals in [0, 1], in order; (0, 2) where V takes the whole section.
+    `intervals` is (s, n, 2); what stands behind a row's count has no meaning.
     """
-    covered = _covered(sections.left, sections.right, hazards.start, hazards.end, distance)
-    return [_complement(pairs[pairs[:, 0] < pairs[:, 1]]) for pairs in covered]
+
+    intervals: FloatArray
+    count: IntArray
+
+    @property
+    def shut(self) -> BoolArray:
+        """Sections (s,) with no free part."""
+        return np.asarray(self.count == 0)
+
+    def select(self, keep: BoolArray) -> FreeParts:
+        """Return only those of some sections."""
+        return FreeParts(self.intervals[keep], self.count[keep])
+
+    def spread(self, points: int) -> FloatArray:
+        """Places (s, points), evenly over the free length, all ends of intervals included."""
+        return np.asarray(_spread(self.intervals, self.count, points))
+
+    def around(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ends (s,) of the interval that holds, or is nearest to, each place (s,)."""
+        low, high = self.intervals[..., 0], self.intervals[..., 1]
+        away = np.maximum(low - places[:, None], places[:, None] - high)
+        away[np.arange(away.shape[1]) >= self.count[:, None]] = np.inf
+        row, chosen = np.arange(len(places)), away.argmin(axis=1)
+        return low[row, chosen], high[row, chosen]
+
+    def draw(self, points: int, rng: np.random.Generator) -> FloatArray:
+        """Places (s, points), uniform over the free parts."""
+        within = np.arange(self.intervals.shape[1]) < self.count[:, None]
+        lengths = np.where(within, self.intervals[..., 1] - self.intervals[..., 0], 0.0)
+        ends = np.cumsum(lengths, axis=1)
+        along = rng.random((len(ends), points)) * ends[:, -1:]
+        chosen = np.minimum((along[..., None] >= ends[:, None]).sum(-1), self.count[:, None] - 1)
+        row = np.arange(len(ends))[:, None]
+        return np.asarray(self.intervals[row, chosen, 1] - (ends[row, chosen] - along))
+
+
+def free_parts(sections: Sections, hazards: Hazards, distance: FloatArray) -> FreeParts:
+    """Parts of each section that are further than `distance` (e,) from the hazards' edges."""
+    return FreeParts(*_free(sections.left, sections.right, hazards.start, hazards.end, distance))
 
 
 @njit(cache=True)
-def _covered(
-    left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, padding: FloatArray
-) -> FloatArray:
-    """Interval (s, h, 2) of each section inside each padded edge; enter > leave where none."""
-    intervals = np.ones((len(left), len(start), 2))
+def _free(
+    left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, distance: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Intervals (s, e + 1, 2) outside all capsules, and how many there are in each row."""
+    intervals = np.zeros((len(left), len(start) + 1, 2))
+    count = np.zeros(len(left), dtype=np.int64)
+    covered = np.empty((len(start), 2))
     for i in range(len(left)):
+        found = 0
         for h in range(len(start)):
-            if padding[h] > 0.0:
-                intervals[i, h] = capsule_interval(
-                    left[i, 0],
-                    left[i, 1],
-                    right[i, 0],
-                    right[i, 1],
-                    start[h, 0],
-                    start[h, 1],
-                    end[h, 0],
-                    end[h, 1],
-                    padding[h],
-                )
-    return intervals
+            enter, leave = capsule_interval(
+                left[i, 0],
+                left[i, 1],
+                right[i, 0],
+                right[i, 1],
+                start[h, 0],
+                start[h, 1],
+                end[h, 0],
+                end[h, 1],
+                distance[h],
+            )
+            if enter < leave:
+                covered[found] = enter, leave
+                found += 1
+        behind = 0.0
+        for h in np.argsort(covered[:found, 0]):
+            if covered[h, 0] - behind > _SLIVER:
+                intervals[i, count[i]] = behind, covered[h, 0]
+                count[i] += 1
+            behind = max(behind, covered[h, 1])
+        if 1.0 - behind > _SLIVER:
+            intervals[i, count[i]] = behind, 1.0
+            count[i] += 1
+    return intervals, count
+
+
+@njit(cache=True)
+def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
+    """Places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
+    places = np.zeros((len(count), points))
+    for i in range(len(count)):
+        total = 0.0
+        for k in range(count[i]):
+            total += intervals[i, k, 1] - intervals[i, k, 0]
+        first, behind = 0, 0.0
+        for k in range(count[i]):
+            low, high = intervals[i, k]
+            behind += high - low
+            # Each interval has its share of the points, two at the least while there are enough.
+            last = round(points * behind / total) if k < count[i] - 1 else points
+            last = min(max(last, first + 2), points - 2 * (count[i] - 1 - k))
+            for j in range(first, last):
+                places[i, j] = low + (high - low) * (j - first) / max(last - first - 1, 1)
+            first = max(last, first)
+    return places
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Cross product (...) of plane vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-def _complement(covered: FloatArray) -> FloatArray:
-    """Intervals (i, 2) of [0, 1] that none of the given ones (n, 2) covers."""
-    if not len(covered):
-        return np.array([[0.0, 1.0]])
-    covered = covered[np.argsort(covered[:, 0])]
-    behind = np.maximum.accumulate(np.append(0.0, covered[:, 1]))
-    ahead = np.append(covered[:, 0], 1.0)
-    free = ahead - behind > _SLIVER
-    return np.column_stack([behind[free], ahead[free]])

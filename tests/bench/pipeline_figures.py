@@ -1,0 +1,80 @@
+"""Figures of the pipeline: `palawan-season` from nothing and again, as a user runs it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyogrio
+import pyproj
+import shapely
+
+from tests.bench.figure import Figure, at_most
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def figures() -> Iterator[Figure]:
+    """Yield the pipeline's figures, one by one as they are measured."""
+    with tempfile.TemporaryDirectory() as folder:
+        seconds, peak = _run(Path(folder))
+        yield at_most("palawan-season, both seasons, k = 16: time", seconds, 60, " s", 1)
+        yield at_most("palawan-season: largest process", peak, 1.5, " GB")
+        seconds, _ = _run(Path(folder))
+        yield at_most("palawan-season, second run: time", seconds, 5, " s", 1)
+        yield from _of_results(Path(folder) / "palawan-season")
+
+
+def _run(folder: Path) -> tuple[float, float]:
+    """Run the scenario; wall time (s) and the largest process's memory (GB)."""
+    command = [sys.executable, "-m", "pipeline.cli", "run", "palawan-season", "--offline"]
+    begin = time.perf_counter()
+    child = subprocess.Popen(
+        [*command, "--output", str(folder)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {child.returncode}")
+    return time.perf_counter() - begin, usage.ru_maxrss / 1e6
+
+
+def _of_results(folder: Path) -> Iterator[Figure]:
+    """What the files say: collisions, land, lengths, sides."""
+    with (folder / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    collisions = sum(int(row["collisions"]) for row in rows)
+    trials = sum(int(row["trials"]) for row in rows)
+    yield Figure(
+        "palawan-season: collisions on the original land",
+        "0",
+        f"{collisions} of {trials}",
+        collisions == 0,
+    )
+    on_land = sum(float(row["land_m"]) for row in rows)
+    yield at_most("palawan-season: route on the original land", on_land, 0, " m", 1)
+    worst = 0.0
+    geod = pyproj.Geod(ellps="WGS84")
+    _, _, shapes, (lengths,) = pyogrio.raw.read(
+        folder / "routes.gpkg", layer="routes", columns=["length_m"]
+    )
+    for shape, length in zip(shapely.from_wkb(shapes), lengths, strict=True):
+        worst = max(worst, abs(geod.geometry_length(shape) / length - 1))
+    yield at_most("palawan-season: length attribute against its line", 100 * worst, 0.1, " %", 3)
+    for season in dict.fromkeys(row["season"] for row in rows):
+        found = [row for row in rows if row["season"] == season]
+        first = {row["side"]: row for row in reversed(found)}
+        text = "; ".join(f"{side} {float(row['fuel']):.1f}" for side, row in first.items() if side)
+        yield Figure(
+            f"palawan-season, {season}: least fuel on each side of Palawan",
+            "both sides",
+            text,
+            {"west", "east"} <= first.keys(),
+        )
