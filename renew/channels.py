@@ -182,6 +182,14 @@ class ChannelSearch:
                         queue, _Step(bound, next(serial), cost, after, entry, word, step)
                     )
 
+    def widest_gap(self) -> float:
+        """Width (m) of the narrowest passing edge on the way whose narrowest is the widest."""
+        dual = self._triangulation.dual
+        way = nx.maximum_spanning_tree(dual, weight="width")
+        row = nx.shortest_path(way, self._first, self._last)
+        widths = (dual.edges[edge]["width"] for edge in itertools.pairwise(row))
+        return min(widths, default=math.inf)
+
     @cached_property
     def _remaining(self) -> dict[tuple[int, int], float]:
         """Least cost of a midline from each (triangle, entered by edge) to the goal."""

@@ -23,7 +23,7 @@ from renew.geometry import segment_distance
 
 if TYPE_CHECKING:
     from renew._types import FloatArray, IntArray
-    from renew.channels import Channel
+    from renew.channels import Channel, Move
     from renew.current import CurrentStatistics
     from renew.triangulation import Triangulation
     from renew.vessel import Vessel
@@ -33,6 +33,9 @@ Padding: TypeAlias = Literal["adaptive", "none"] | float
 HEADING_SPREAD = math.radians(20)
 """Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
 Larger values change little, since a turn reaches furthest when begun along the edge."""
+
+LAYERS = 2
+"""A path may bulge out of its channel by so many triangles."""
 
 _DRAWS = 256
 
@@ -154,45 +157,48 @@ class Padder:
         self._heading_draws = rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, _DRAWS)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
-        self._known: dict[tuple[int, int, int], tuple[IntArray, FloatArray]] = {}
+        self._known: dict[tuple[int, Move], tuple[IntArray, FloatArray]] = {}
 
     def hazards(self, channel: Channel, start: FloatArray, goal: FloatArray) -> Hazards:
         """Constrained edges next to a channel, each with the largest padding it needs there.
 
         Next to means: within the furthest reach of a turn, which takes in all that touch the
-        channel by edge or vertex (the paper's rule) and those just beyond a narrow triangle.
+        channel by edge or vertex (the paper's rule) and those just beyond a narrow triangle. Edges
+        that are near the triangles beside the channel only are padded by what those need, since a
+        path may bulge into them; it is taken to cross them as it does the channel beside them.
         """
-        padding = np.full(len(self._edges), -1.0)
+        middle = channel.midline(start, goal)
+        moves = channel.moves
+        own, beside = np.full((2, len(self._edges)), -1.0)
         row = channel.triangles.tolist()
-        gates = [None, *zip(channel.left, channel.right, strict=True), None]
-        for i, triangle in enumerate(row):
-            key = (triangle, row[i - 1] if i else -1, row[i + 1] if i + 1 < len(row) else -1)
+        for triangle, place in self._triangulation.surroundings(row, LAYERS).items():
+            key = (triangle, moves[place])
             if key not in self._known:
-                before, after = gates[i], gates[i + 1]
-                enter = start if before is None else (before[0] + before[1]) / 2
-                leave = goal if after is None else (after[0] + after[1]) / 2
-                self._known[key] = self._triangle_paddings(triangle, enter, leave)
+                self._known[key] = self._paddings(triangle, middle[place], middle[place + 1])
             edges, needed = self._known[key]
+            padding = own if triangle == row[place] else beside
             padding[edges] = np.maximum(padding[edges], needed)
+        padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
         return Hazards(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
 
-    def _triangle_paddings(
+    def _paddings(
         self, triangle: int, enter: FloatArray, leave: FloatArray
     ) -> tuple[IntArray, FloatArray]:
         """Constrained edges next to a triangle, and the padding (m) each needs from it."""
-        if isinstance(self._padding, str):
-            furthest = self._furthest_reach(triangle) if self._padding == "adaptive" else 0.0
-        else:
-            furthest = self._padding
-        furthest = max(furthest, self._clearance)
+        furthest = max(self._furthest_padding(triangle), self._clearance)
         polygon = shapely.polygons(self._triangulation.corners[triangle])
         edges = np.sort(self._tree.query(polygon, predicate="dwithin", distance=furthest))
-        if self._padding == "adaptive":
-            needed = self._adaptive(triangle, self._edges[edges], enter, leave)
-        else:
-            needed = np.full(len(edges), 0.0 if self._padding == "none" else float(self._padding))
+        if self._padding != "adaptive":
+            return edges, np.full(len(edges), furthest)
+        needed = self._adaptive(triangle, self._edges[edges], enter, leave)
         return edges, np.maximum(needed, self._clearance)
+
+    def _furthest_padding(self, triangle: int) -> float:
+        """Upper bound on the padding that any edge needs from a triangle (m)."""
+        if self._padding == "adaptive":
+            return self._furthest_reach(triangle)
+        return 0.0 if self._padding == "none" else float(self._padding)
 
     def _furthest_reach(self, triangle: int) -> float:
         """Upper bound on any turn's reach in a triangle's current (m)."""

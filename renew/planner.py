@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 import shapely
 
-from renew.bounds import fuel_lower_bound
 from renew.channels import Channel, ChannelSearch, Move, Order
 from renew.corridor import Corridor, least_fuel_path, sampled_paths
 from renew.current import CurrentField, CurrentLike, as_field
@@ -26,9 +26,9 @@ from renew.errors import (
 from renew.fuel import Drift, check_drift, passage_times
 from renew.homotopy import Rays
 from renew.kinematics import steer, steerable
-from renew.padding import Padder, Padding, check_padding
+from renew.padding import LAYERS, Padder, Padding, check_padding
 from renew.proof import padding_shortfall
-from renew.route import Plan, Rejected, Route
+from renew.route import LeastFuel, Plan, Rejected, Route
 from renew.steering import steer_inside
 from renew.triangulation import Triangulation, triangulate
 
@@ -42,6 +42,8 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 
 # Rounds in which colliding turns may push the padding out before a class is given up.
 _MOST_REPAIRS = 8
+# Risks tried, where no class is left, to say which would leave one.
+_RISKS_TO_ADVISE = (0.1, 0.2, 0.3, 0.5)
 # Places found shut, per class asked for, after which the search for ways around them ends.
 _MOST_DETOURS = 8
 
@@ -124,15 +126,10 @@ def plan(
     _check_ends(chart, field, vessel, start, goal)
     triangulation = triangulate(chart)
     statistics = field.statistics(triangulation.corners)
-    padder = Padder(
-        triangulation,
-        statistics,
-        vessel,
-        padding=padding,
-        clearance=clearance,
-        risk=risk,
-        seed=seed,
+    padder = partial(
+        Padder, triangulation, statistics, vessel, padding=padding, clearance=clearance, seed=seed
     )
+    rays = Rays.of(chart, distinct_by)
     search = _Search(
         chart=chart,
         field=field,
@@ -140,22 +137,31 @@ def plan(
         start=start,
         goal=goal,
         triangulation=triangulation,
-        padder=padder,
+        padder=padder(risk=risk),
+        rays=rays,
         method=method,
         samples=samples,
         drift=drift,
         seed=seed,
         proves=padding == "adaptive",
-        lower_bound=fuel_lower_bound(chart, field, vessel, start, goal),
+        least=LeastFuel(chart, field, vessel, start, goal, drift),
     )
-    rays = Rays.of(chart, distinct_by)
     drifting = statistics.mean / vessel.speed
     finder = ChannelSearch(triangulation, rays, start, goal, order, drifting)
     outcomes = _examine(finder, search, classes)
     routes = sorted((o for o in outcomes if isinstance(o, Route)), key=lambda route: route.fuel)
     rejected = tuple(o for o in outcomes if isinstance(o, Rejected))
     if not routes:
-        raise UnreachableError(_no_class(rejected, risk))
+        advice = [f"the widest way through has a gap of {finder.widest_gap():.2f} m"]
+        if padding == "adaptive":
+            for larger in (r for r in _RISKS_TO_ADVISE if r > risk):
+                eased = replace(search, padder=padder(risk=larger))
+                if any(isinstance(o, Route) for o in _examine(finder, eased, classes)):
+                    advice.append(f"a risk of {larger:g} would leave a route")
+                    break
+            else:
+                advice.append("no larger risk would leave a route")
+        raise UnreachableError(_no_class(rejected, advice))
     chosen = min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
     return Plan(tuple(routes), rejected, chosen)
 
@@ -200,42 +206,44 @@ class _Search:
     goal: FloatArray
     triangulation: Triangulation
     padder: Padder
+    rays: Rays
     method: Method
     samples: int
     drift: Drift
     seed: int
     proves: bool
-    lower_bound: float
+    least: LeastFuel
 
     def route(self, channel: Channel) -> Route:
         """Best route of a class; its padding grows until every hard-over turn is clear.
 
         InfeasibleError says why there is none.
         """
-        corners = self.triangulation.corners[channel.triangles]
-        hazards = self.padder.hazards(channel, self.start, self.goal)
+        mesh = self.triangulation
+        row = channel.triangles.tolist()
+        region = np.array(list(mesh.surroundings(row, LAYERS)))
+        corridor = Corridor(
+            channel,
+            mesh.corners[region],
+            mesh.open_outline(region),
+            self.padder.hazards(channel, self.start, self.goal),
+            self.field,
+            self.vessel,
+            self.start,
+            self.goal,
+            self.drift,
+        )
+        ends = self.start, self.goal
         for _ in range(_MOST_REPAIRS):
-            corridor = Corridor(
-                channel,
-                corners,
-                hazards,
-                self.field,
-                self.vessel,
-                self.start,
-                self.goal,
-                self.drift,
-            )
             path, trajectory, harmonic_mean = self._best_path(corridor)
             shortfall = (
-                padding_shortfall(
-                    path, (self.start, self.goal), hazards, self.chart, self.field, self.vessel
-                )
+                padding_shortfall(path, ends, corridor.hazards, self.chart, self.field, self.vessel)
                 if self.proves
                 else None
             )
             if shortfall is None:
                 return self._finished(corridor, path, trajectory, harmonic_mean)
-            hazards = hazards.grown(*shortfall)
+            corridor = replace(corridor, hazards=corridor.hazards.grown(*shortfall))
         raise InfeasibleError(
             f"hard-over turns still touch land after {_MOST_REPAIRS} widenings of V"
         )
@@ -244,17 +252,24 @@ class _Search:
         """Least-fuel path of a corridor, its trajectory, and the figure that chooses its class."""
         if self.method == "sampled":
             return self._best_sample(corridor)
-        path = least_fuel_path(corridor)
-        try:
-            path, trajectory = steer_inside(path, corridor)
-        except InfeasibleError:
-            if self.drift == "crab":
-                raise
-            # Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no
-            # convex speed polar: such paths can't be steered. The crab model's path then can.
-            path = least_fuel_path(replace(corridor, drift="crab"))
-            path, trajectory = steer_inside(path, corridor)
-        return path, trajectory, self._fuel(path)
+        # Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no convex
+        # speed polar: such paths can't be steered. The crab model's path then can.
+        attempts = dict.fromkeys((self.drift, "crab"))
+        first: InfeasibleError | None = None
+        for drift, bulging in itertools.product(attempts, (True, False)):
+            attempt = replace(corridor, drift=drift)
+            try:
+                path = least_fuel_path(attempt, bulging=bulging)
+                if self.rays.word(path) != corridor.channel.word:
+                    continue
+                path, trajectory = steer_inside(path, attempt)
+            except InfeasibleError as error:
+                if error.move is not None:
+                    raise
+                first = first or error
+                continue
+            return path, trajectory, self._fuel(path)
+        raise first or InfeasibleError("its least-fuel path slips into another class")
 
     def _best_sample(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
         """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""
@@ -297,15 +312,24 @@ class _Search:
             length=float(line.length),
             clearance=float(apart),
             duration=float(times.sum()),
-            lower_bound=self.lower_bound,
+            least=self.least,
             homotopy=corridor.channel.name,
-            channel=corridor.corners,
+            channel=_crossed(corridor.corners, line),
             soft_no_go=hazards.zone(),
             padding_used=np.column_stack([hazards.start, hazards.end, hazards.padding]),
             harmonic_mean=harmonic_mean,
             starts_in_soft_no_go=len(hazards.around(self.start).edge) > 0,
             ends_in_soft_no_go=len(hazards.around(self.goal).edge) > 0,
         )
+
+
+def _crossed(corners: FloatArray, line: shapely.LineString) -> FloatArray:
+    """Those of the triangles (t, 3, 2) that a line crosses, in its order."""
+    triangles = shapely.polygons(corners)
+    inside = shapely.intersection(triangles, line)
+    crossed = np.flatnonzero(shapely.length(inside) > 0)
+    order = shapely.line_locate_point(line, shapely.centroid(inside[crossed])).argsort()
+    return np.asarray(corners[crossed[order]])
 
 
 def _check(classes: int, samples: int, method: str) -> None:
@@ -349,11 +373,11 @@ def _check_ends(
         )
 
 
-def _no_class(rejected: tuple[Rejected, ...], risk: float) -> str:
+def _no_class(rejected: tuple[Rejected, ...], advice: list[str]) -> str:
     """Message for a plan in which every class fell away."""
     reasons = "; ".join(f"class {r.homotopy}: {r.reason}" for r in rejected[:3])
     more = f" (and {len(rejected) - 3} more)" if len(rejected) > 3 else ""
     return (
-        f"all {len(rejected)} classes fell away: {reasons}{more}. Allow a larger risk than "
-        f"{risk:g}, a smaller padding or clearance, or more classes"
+        f"all {len(rejected)} classes fell away: {reasons}{more}. To find a route: "
+        f"{'; '.join(advice)}; or allow a smaller padding or clearance, or more classes"
     )

@@ -3,14 +3,47 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+from renew.bounds import fuel_lower_bound
 from renew.errors import UnreachableError
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from renew._types import FloatArray
+    from renew.chart import Chart
+    from renew.current import CurrentField
+    from renew.fuel import Drift
+    from renew.vessel import Vessel
+
+
+@dataclass(frozen=True)
+class LeastFuel:
+    """The fuel that no route between two points can stay below, of any class, however close."""
+
+    chart: Chart
+    current: CurrentField
+    vessel: Vessel
+    start: FloatArray
+    goal: FloatArray
+    drift: Drift
+
+    @cached_property
+    def bound(self) -> float:
+        """The proven lower bound (fuel units); see :mod:`renew.bounds`."""
+        return fuel_lower_bound(
+            self.chart, self.current, self.vessel, self.start, self.goal, self.drift
+        )
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the bound instead of what it is made from: a current may be any function."""
+        return {"bound": self.bound}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Take the bound back as worked out."""
+        self.__dict__.update(state)
 
 
 @dataclass(frozen=True)
@@ -25,7 +58,7 @@ class Route:
     length : metres.
     clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
     duration : time under way by the drift model (s).
-    lower_bound : no route of any class, whatever its clearance, needs less fuel than this.
+    least : the least fuel that any route can need; worked out when first asked for.
     homotopy : the class's name: islands whose ray is crossed, in order, as in "+2-1".
     channel : (t, 3, 2) metres, the class's triangles from start to goal.
     soft_no_go : the soft no-go zone V of this class.
@@ -41,7 +74,7 @@ class Route:
     length: float
     clearance: float
     duration: float
-    lower_bound: float
+    least: LeastFuel
     homotopy: str
     channel: FloatArray
     soft_no_go: BaseGeometry
@@ -57,8 +90,11 @@ class Route:
 
     @property
     def optimality_gap(self) -> float:
-        """Share by which the fuel exceeds the proven lower bound over all classes, at least 0."""
-        return self.fuel / self.lower_bound - 1
+        """Share by which the fuel exceeds the proven lower bound over all classes, at least 0.
+
+        The bound knows no padding and no turning circle: the gap holds what safety costs, too.
+        """
+        return max(0.0, self.fuel / self.least.bound - 1)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from renew.geometry import capsule_interval
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
     from renew.channels import Channel
-    from renew.padding import Hazards
 
 # Free gaps shorter than this share of the section are no way through, only rounding.
 _SLIVER = 1e-9
@@ -45,20 +44,6 @@ class Sections:
         left = self.left.reshape(len(self.left), *extra, 2)
         right = self.right.reshape(len(self.right), *extra, 2)
         return np.asarray(left + place[..., None] * (right - left))
-
-    def places(self, path: FloatArray) -> FloatArray:
-        """Places (s,) in [0, 1] where a path (n, 2) that crosses each section first does so."""
-        legs = np.diff(path, axis=0)
-        across = self.right - self.left
-        gap = path[:-1] - self.left[:, None]
-        turn = _cross(across[:, None], legs)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = _cross(gap, across[:, None]) / turn  # place on the leg
-            place = _cross(gap, legs) / turn  # place on the section
-        # Legs end on sections: the one that misses it least counts.
-        miss = np.maximum.reduce([-along, along - 1, -place, place - 1])
-        leg = np.nan_to_num(miss, nan=np.inf).argmin(axis=1)
-        return np.asarray(np.clip(place[np.arange(len(leg)), leg], 0.0, 1.0))
 
     def select(self, keep: BoolArray) -> Sections:
         """Return only some of the sections."""
@@ -152,9 +137,11 @@ class FreeParts:
         return np.asarray(self.intervals[row, chosen, 1] - (ends[row, chosen] - along))
 
 
-def free_parts(sections: Sections, hazards: Hazards, distance: FloatArray) -> FreeParts:
-    """Parts of each section that are further than `distance` (e,) from the hazards' edges."""
-    return FreeParts(*_free(sections.left, sections.right, hazards.start, hazards.end, distance))
+def free_parts(
+    sections: Sections, start: FloatArray, end: FloatArray, distance: FloatArray
+) -> FreeParts:
+    """Parts of each section further than `distance` (b,) from barriers `start` to `end` (b, 2)."""
+    return FreeParts(*_free(sections.left, sections.right, start, end, distance))
 
 
 @njit(cache=True)
@@ -213,8 +200,3 @@ def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
                 places[i, j] = low + (high - low) * (j - first) / max(last - first - 1, 1)
             first = max(last, first)
     return places
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product (...) of plane vectors (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -52,7 +52,7 @@ def _steered(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArr
             keep = ~_crowding(path, sharp, radius)
             corners = np.pad(keep, 1, constant_values=True)
             path = round_corners(path[corners], sharp[keep], radius[keep])
-        if not _keeps_inside(path, corridor):
+        if not corridor.legs_clear(path).all():
             raise InfeasibleError(
                 "the corridor is too narrow to round its corners with a turning radius of "
                 f"{radius.max():.2f} m"
@@ -72,8 +72,7 @@ def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> 
     blame_first[[0, -1]] = False, True
     cut = radius * (1 / np.cos(turns / 2) - 1)
     inner = path[1:-1] + cut[:, None] * bisectors
-    h = corridor.hazards
-    intrudes = ~legs_are_clear(path[1:-1], inner, h.start, h.end, corridor.forbidden)
+    intrudes = ~legs_are_clear(path[1:-1], inner, *corridor.barriers, corridor.forbidden)
     return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
 
 
@@ -86,11 +85,3 @@ def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArr
     along = np.cumsum(lengths)[:-1]
     near = np.abs(along[:, None] - along[sharp]) <= _CROWD * chord[sharp]
     return np.asarray(near.any(axis=1) & ~sharp)
-
-
-def _keeps_inside(path: FloatArray, corridor: Corridor) -> bool:
-    """Whether a path stays in its channel and out of V."""
-    channel = shapely.union_all(shapely.polygons(corridor.corners))
-    line = shapely.LineString(path)
-    apart = shapely.length(shapely.difference(line, shapely.buffer(channel, 1e-6)))
-    return bool(apart == 0 and corridor.legs_clear(path).all())

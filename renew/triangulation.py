@@ -66,6 +66,31 @@ class Triangulation:
             graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
         return graph
 
+    def surroundings(self, row: list[int], layers: int) -> dict[int, int]:
+        """Triangles at most so many edges away from a row, each with the place it is nearest to.
+
+        The row's own come first, in their order.
+        """
+        nearest = {triangle: place for place, triangle in enumerate(row)}
+        outermost = row
+        for _ in range(layers):
+            found: dict[int, int] = {}
+            for triangle in outermost:
+                for beside in self.neighbours[triangle].tolist():
+                    if beside >= 0 and beside not in nearest:
+                        found.setdefault(beside, nearest[triangle])
+            nearest |= found
+            outermost = list(found)
+        return nearest
+
+    def open_outline(self, triangles: IntArray) -> FloatArray:
+        """Outer edges (w, 2, 2) of some triangles, but for constrained ones, in metres."""
+        inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last for "none", -1
+        inside[triangles] = True
+        outer = ~inside[self.neighbours[triangles]] & ~self.hazardous[triangles]
+        row, corner = np.nonzero(outer)
+        return self.vertices[self.edge_vertices(triangles[row], corner)]
+
     def edge_vertices(self, triangle: IntArray | int, corner: IntArray | int) -> IntArray:
         """Vertices (..., 2) of the edge opposite a corner, in the triangle's own sense."""
         corner = np.asarray(corner)

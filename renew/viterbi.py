@@ -1,4 +1,4 @@
-"""The quickest chain through rows of points: a Viterbi pass, compiled.
+"""The quickest chain through rows of points, and shortcuts along a chain: compiled.
 
 A state's cost is its arrival time. Each row of points is joined to the next by straight legs; a
 leg's time is its length times the mean slowness at its ends (trapezoidal rule: rows stand close).
@@ -33,6 +33,74 @@ def slowness(cx: float, cy: float, tx: float, ty: float, speed: float, crab: boo
     else:
         ground += speed
     return 1.0 / ground if ground > 0.0 else math.inf
+
+
+@njit(cache=True)
+def leg_time(
+    a: FloatArray,
+    b: FloatArray,
+    velocity_a: FloatArray,
+    velocity_b: FloatArray,
+    speed: float,
+    crab: bool,  # noqa: FBT001
+) -> float:
+    """Time (s) over a straight leg a -> b (2,) by the trapezoidal rule; inf where impassable."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return 0.0
+    tx, ty = dx / length, dy / length
+    here = slowness(velocity_a[0], velocity_a[1], tx, ty, speed, crab)
+    there = slowness(velocity_b[0], velocity_b[1], tx, ty, speed, crab)
+    return length * (here + there) / 2
+
+
+@njit(cache=True)
+def without_detours(
+    path: FloatArray,
+    velocity: FloatArray,
+    speed: float,
+    crab: bool,  # noqa: FBT001
+    start: FloatArray,
+    end: FloatArray,
+    radius: FloatArray,
+    longest: float,
+) -> BoolArray:
+    """Points (n,) of a path to keep so that no short shortcut past one is clear and no slower.
+
+    Shortcuts up to `longest` metres are tried, in one pass along the path.
+    """
+    every = np.arange(len(radius))
+    left_out = np.zeros(len(radius), dtype=np.bool_)
+    kept = np.zeros(len(path), dtype=np.int64)
+    count = 1
+    for new in range(1, len(path)):
+        while count >= 2:
+            a, b = kept[count - 2], kept[count - 1]
+            dx, dy = path[new, 0] - path[a, 0], path[new, 1] - path[a, 1]
+            if dx * dx + dy * dy > longest * longest:
+                break
+            direct = leg_time(path[a], path[new], velocity[a], velocity[new], speed, crab)
+            via = leg_time(path[a], path[b], velocity[a], velocity[b], speed, crab)
+            via += leg_time(path[b], path[new], velocity[b], velocity[new], speed, crab)
+            if direct > via or not leg_is_clear(
+                path[a, 0],
+                path[a, 1],
+                path[new, 0],
+                path[new, 1],
+                start,
+                end,
+                radius,
+                every,
+                left_out,
+            ):
+                break
+            count -= 1
+        kept[count] = new
+        count += 1
+    keep = np.zeros(len(path), dtype=np.bool_)
+    keep[kept[:count]] = True
+    return keep
 
 
 @njit(cache=True)
@@ -74,16 +142,14 @@ def quickest_chain(
                 if not arrival[row, i] < arrival[row + 1, j]:
                     continue
                 ax, ay = points[row, i]
-                dx, dy = bx - ax, by - ay
-                length = math.sqrt(dx * dx + dy * dy)
-                total = arrival[row, i]
-                if length > 0.0:
-                    tx, ty = dx / length, dy / length
-                    here = slowness(velocity[row, i, 0], velocity[row, i, 1], tx, ty, speed, crab)
-                    there = slowness(
-                        velocity[row + 1, j, 0], velocity[row + 1, j, 1], tx, ty, speed, crab
-                    )
-                    total += length * (here + there) / 2
+                total = arrival[row, i] + leg_time(
+                    points[row, i],
+                    points[row + 1, j],
+                    velocity[row, i],
+                    velocity[row + 1, j],
+                    speed,
+                    crab,
+                )
                 if total < arrival[row + 1, j] and leg_is_clear(
                     ax, ay, bx, by, start, end, radius, chosen, left_out[row]
                 ):

