@@ -63,7 +63,7 @@ class Channel:
 
     @property
     def name(self) -> str:
-        """The class's name, such as "+2-1"."""
+        """The class's name, such as "s2.p1"."""
         return homotopy.name(self.word)
 
     @property

@@ -84,5 +84,8 @@ def append(word: Word, letters: Word) -> Word:
 
 
 def name(word: Word) -> str:
-    """Spell a word, as in "+2-1"; "e" for the empty one."""
-    return "".join(f"{letter:+d}" for letter in word) or IDENTITY
+    """Spell a word, as in "s2.p1"; "e" for the empty one.
+
+    Who crosses an island's ray towards +x leaves the island to starboard (s), else to port (p).
+    """
+    return ".".join(f"{'s' if letter > 0 else 'p'}{abs(letter)}" for letter in word) or IDENTITY

@@ -59,7 +59,8 @@ class Route:
     clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
     duration : time under way by the drift model (s).
     least : the least fuel that any route can need; worked out when first asked for.
-    homotopy : the class's name: islands whose ray is crossed, in order, as in "+2-1".
+    homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
+        second to starboard and then the first to port; the largest island is 1.
     channel : (t, 3, 2) metres, the class's triangles from start to goal.
     soft_no_go : the soft no-go zone V of this class.
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).

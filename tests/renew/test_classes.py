@@ -140,7 +140,7 @@ def test_channels_of_rayless_islets_are_one_class() -> None:
     chart = chart_of([*islets, box(35, 60, 60, 85)])
     assert len(list(channels_of(chart)[1].channels())) > 8
     names = [c.name for c in channels_of(chart, smallest=5.0)[1].channels()]
-    assert sorted(names) == ["+1", "e"]
+    assert sorted(names) == ["e", "s1"]
 
 
 def test_a_move_found_shut_gives_the_next_channel_of_the_class() -> None:
@@ -174,6 +174,7 @@ def test_words_name_classes_and_nothing_else() -> None:
     around = np.vstack([above, [[50.0, 10.0], [5.0, 50.0]]])
     assert rays.word(around)
     assert name(()) == "e"
+    assert name((2, -1)) == "s2.p1"
     assert append((1, -2), (2, -1, 3)) == (3,)
 
 
