@@ -15,7 +15,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
@@ -149,13 +149,14 @@ class ChannelSearch:
         that would use a triangle twice.
         """
         serial = itertools.count()
-        queue = [_Step(0.0, next(serial), 0.0, self._first, -1, (), None)]
+        first = _Step(0.0, self._first, -1, (), 1 << self._first, None)
+        queue = [(0.0, next(serial), first)]
         seen: set[tuple[int, int, Word]] = set()
         yielded: set[Word] = set()
         for _ in range(_MOST_STEPS):
             if not queue:
                 return
-            step = heapq.heappop(queue)
+            _, _, step = heapq.heappop(queue)
             state = (step.triangle, step.entry, step.word)
             if state in seen:
                 continue
@@ -167,20 +168,21 @@ class ChannelSearch:
                     yielded.add(word)
                     yield self._channel(step.row(), word)
                 continue
-            row = set(step.row())
             here = self._here(step)
             for corner, after in enumerate(self._neighbours[step.triangle]):
-                if after < 0 or after in row or (before, step.triangle, after) in shut:
+                if after < 0 or step.visited >> after & 1:
+                    continue
+                if (before, step.triangle, after) in shut:
+                    continue
+                entry = self._neighbours[after].index(step.triangle)
+                if (after, entry) not in self._remaining:
                     continue
                 there = self._midpoints[step.triangle][corner]
                 cost = step.cost + self._cost(step.triangle, here, there)
-                entry = self._neighbours[after].index(step.triangle)
-                bound = cost + self._remaining.get((after, entry), math.inf)
-                if math.isfinite(bound):
-                    word = homotopy.append(step.word, self._crossed(step, corner))
-                    heapq.heappush(
-                        queue, _Step(bound, next(serial), cost, after, entry, word, step)
-                    )
+                word = homotopy.append(step.word, self._crossed(step, corner))
+                onwards = _Step(cost, after, entry, word, step.visited | 1 << after, step)
+                bound = cost + self._remaining[after, entry]
+                heapq.heappush(queue, (bound, next(serial), onwards))
 
     def widest_gap(self) -> float:
         """Width (m) of the narrowest passing edge on the way whose narrowest is the widest."""
@@ -255,17 +257,19 @@ class ChannelSearch:
         return Channel(triangles, ends[:, 1], ends[:, 0], word)
 
 
-@dataclass(order=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class _Step:
-    """A row of triangles so far: the last one, how it was entered, and what lies before."""
+    """A row of triangles so far: its cost, the last one, how it was entered, what lies before.
 
-    bound: float
-    serial: int
-    cost: float = field(compare=False)
-    triangle: int = field(compare=False)
-    entry: int = field(compare=False)
-    word: Word = field(compare=False)
-    before: _Step | None = field(compare=False)
+    `visited` has the bit of each triangle in the row.
+    """
+
+    cost: float
+    triangle: int
+    entry: int
+    word: Word
+    visited: int
+    before: _Step | None
 
     def row(self) -> list[int]:
         """Triangles from the first to this one."""

@@ -44,8 +44,8 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 _MOST_REPAIRS = 8
 # Risks tried, where no class is left, to say which would leave one.
 _RISKS_TO_ADVISE = (0.1, 0.2, 0.3, 0.5)
-# Places found shut, per class asked for, after which the search for ways around them ends.
-_MOST_DETOURS = 8
+# Rounds of the search for ways around places found shut.
+_MOST_ROUNDS = 64
 
 
 def plan(
@@ -175,9 +175,11 @@ def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route
     outcomes: dict[Word, Route | Rejected] = {}
     fell: dict[Word, Rejected] = {}
     shut: set[Move] = set()
-    for _ in range(_MOST_DETOURS * classes):
-        for channel in itertools.islice(finder.channels(shut), classes):
-            if channel.word in outcomes:
+    for _ in range(_MOST_ROUNDS):
+        found = list(itertools.islice(finder.channels(shut), classes))
+        known = len(shut)
+        for channel in found:
+            if channel.word in outcomes or not shut.isdisjoint(channel.moves):
                 continue
             try:
                 outcomes[channel.word] = search.route(channel)
@@ -186,13 +188,13 @@ def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route
                 rejected = Rejected(channel.name, str(error), corners)
                 if error.move is None:
                     outcomes[channel.word] = rejected
-                    continue
-                shut.add(error.move)
-                fell.setdefault(channel.word, rejected)
-                break
-        else:
+                else:
+                    shut.add(error.move)
+                    fell.setdefault(channel.word, rejected)
+        if len(shut) == known:
             break
-    return [*outcomes.values(), *(r for word, r in fell.items() if word not in outcomes)]
+    kept = {channel.word: outcomes[channel.word] for channel in found if channel.word in outcomes}
+    return [*kept.values(), *(r for word, r in fell.items() if word not in kept)]
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,12 @@ def padding_shortfall(
         return None
     margin = _MARGIN * vessel.turning_radius
     points, course = stations(path, _SPACING * vessel.turning_radius)
-    apart = segment_distance(points[:, None], hazards.start, hazards.end).min(axis=1)
-    near = apart <= furthest_turn(field, chart, vessel) + margin
-    near &= ~_in_soft_ends(points, ends, hazards)
+    # Only turns within reach of land can touch it: most of a long way needs no flying.
+    edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
+    reach = furthest_turn(field, chart, vessel) + margin
+    tree = shapely.STRtree(shapely.points(points))
+    near = np.unique(tree.query(edges, predicate="dwithin", distance=reach)[1])
+    near = near[~_in_soft_ends(points[near], ends, hazards)]
     turns = fly_turns(points[near], course[near], field, vessel, _CORNERS)
     tracks = turns.reshape(-1, *turns.shape[2:])
     touched = tracks_touch(tracks, hazards.start, hazards.end, margin)

@@ -1,0 +1,82 @@
+# RENEW: `make help` lists what there is.
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
+
+# A Python that fits: PYTHON=... where it is given, else the first of the usual names that runs, is 3.11 to 3.13 and can
+# make an environment. The probe prints its real path, so that an active .venv is never made from itself.
+PYTHON ?= python3.11 python3.12 python3.13 python3
+PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
+
+.PHONY: help setup test lint types pytest format test-slow bench lock wheel clean $(SCENARIOS)
+
+help:  ## this list
+	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
+	@sed -n 's/^\([a-z-]*\):.*## /\1\n/p' $(MAKEFILE_LIST) | while read -r name && read -r text; do \
+	  printf '  make %-18s %s\n' "$$name" "$$text"; done
+
+setup: $(READY)  ## make .venv from requirements.lock, by uv where it is there, else by venv and pip
+
+$(READY): pyproject.toml requirements.lock
+	@for name in $(PYTHON); do python=$$("$$name" -c '$(PROBE)' 2>/dev/null) && break; done; \
+	if [ -z "$$python" ]; then \
+	  echo "make setup: found no Python 3.11, 3.12 or 3.13 with venv as $(PYTHON); install one, or name it: make setup PYTHON=/path/to/python3.11" >&2; \
+	  exit 2; fi; \
+	set -e; rm -rf $(VENV); \
+	if command -v uv >/dev/null 2>&1; then \
+	  echo "Setting up $(VENV) with uv and $$python"; \
+	  uv venv --quiet --python "$$python" $(VENV); \
+	  uv pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock; \
+	  uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .; \
+	else \
+	  echo "Setting up $(VENV) with pip and $$python (about a minute; uv would take seconds)"; \
+	  "$$python" -m venv $(VENV); \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --require-hashes --requirement requirements.lock; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-deps --no-build-isolation --editable .; \
+	fi; \
+	touch $@
+
+test: $(READY)  ## the gate: style, types, import rules, tests; all of them, though one may fail
+	@$(MAKE) --no-print-directory --keep-going lint types pytest
+
+lint: $(READY)  ## ruff: rules and format
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(READY)  ## mypy, strict
+	$(BIN)/mypy
+
+pytest: $(READY)  ## the quick tests, the import rules and the documents' examples
+	$(BIN)/python -m pytest -q -n 2
+
+test-slow: $(READY)  ## the slow tests
+	$(BIN)/python -m pytest -q -m slow
+
+format: $(READY)  ## let ruff mend what it can
+	$(BIN)/ruff check --fix --exit-zero
+	$(BIN)/ruff format
+
+bench: $(READY)  ## the figures to reach, as a table
+	$(BIN)/python -m tests.bench
+
+wheel: $(READY)  ## build dist/*.whl
+	$(BIN)/python -m hatchling build -t wheel
+
+lock:  ## resolve requirements.lock anew (needs uv)
+	uv pip compile --quiet --no-config --universal --fork-strategy fewest --generate-hashes \
+	  --python-version 3.11 --group dev \
+	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
+	  $(UPGRADE) --output-file requirements.lock pyproject.toml
+
+clean:  ## remove .venv, caches and packages (not outputs/)
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# A scenario of the catalogue by its name: `make palawan-season`.
+$(SCENARIOS): $(READY)
+	$(BIN)/renew run $@

@@ -1,0 +1,195 @@
+"""What can be run, as data: scenarios, vessels, sources and tables of the catalogue."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from pipeline.errors import RequestError
+from pipeline.faults import model_faults, near_miss, shown
+from pipeline.scenario import Name, NotNegative, Positive, Strictly, VesselSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Section = Literal["scenarios", "vessels", "sources"]
+EXAMPLE = "`renew show palawan-season` prints one to begin from"
+SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
+
+
+class Licence(Strictly):
+    """The line a licence asks for, and where the data came from."""
+
+    credit: str
+    licence: str
+    url: str = ""
+
+
+class SourceBase(Strictly):
+    """What every source's entry says."""
+
+    schema_version: Literal[1]
+    name: Name
+    title: str
+
+
+class OsmLandSpec(SourceBase):
+    """Land polygons of OpenStreetMap out of the `roaring-landmask` package."""
+
+    adapter: Literal["osm-land"]
+
+
+class TableSeason(Licence):
+    """One season of an embedded table: its key in the `season` column, and its time."""
+
+    valid: str
+
+
+class EmbeddedTableSpec(SourceBase):
+    """A table of currents in `catalog/currents`: season, lon, lat, u, v."""
+
+    adapter: Literal["embedded-table"]
+    table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
+    seasons: dict[str, TableSeason]
+
+
+class CopernicusSpec(SourceBase, Licence):
+    """A dataset of the Copernicus Marine Service, monthly means."""
+
+    adapter: Literal["copernicus"]
+    product: str
+    doi: str
+    dataset: str
+    version: str
+    eastward: str = "uo"
+    northward: str = "vo"
+    cell_deg: Positive
+    depth_m: NotNegative | None = None
+    step: Literal["month"]
+    speed_limit_m_s: Positive
+    deadline_s: Positive = 900.0
+    attempts: Annotated[int, Field(ge=1)] = 3
+
+
+SourceSpec = Annotated[
+    OsmLandSpec | EmbeddedTableSpec | CopernicusSpec, Field(discriminator="adapter")
+]
+_SOURCE: TypeAdapter[OsmLandSpec | EmbeddedTableSpec | CopernicusSpec] = TypeAdapter(SourceSpec)
+
+
+@cache
+def root() -> Path:
+    """Find the catalogue: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent
+    for place in (package / "catalog", package.parent / "catalog"):
+        if (place / "scenarios").is_dir():
+            return place
+    raise RequestError(
+        [f"no catalogue in {package} or beside it: the installation is incomplete; repeat it"]
+    )
+
+
+def names(section: Section) -> tuple[str, ...]:
+    """Names of a section's entries, sorted."""
+    return tuple(sorted(path.stem for path in (root() / section).glob("*.toml")))
+
+
+def entry(section: Section, name: str) -> dict[str, Any]:
+    """Read an entry as it stands."""
+    return read_toml(root() / section / f"{name}.toml")
+
+
+def table(name: str) -> Path:
+    """Path of an embedded current table."""
+    return root() / "currents" / name
+
+
+def source(name: str) -> OsmLandSpec | EmbeddedTableSpec | CopernicusSpec:
+    """Read a source's entry."""
+    if name not in names("sources"):
+        raise RequestError([f"unknown source {name!r}: {near_miss(name, names('sources'))}"])
+    data = entry("sources", name)
+    try:
+        return _SOURCE.validate_python(data)
+    except ValidationError as error:
+        lines = model_faults(error, SourceBase, data)
+        raise RequestError([f"source {name!r}: {line}" for line in lines]) from None
+
+
+def vessel(name: str) -> VesselSpec:
+    """Read a vessel's entry."""
+    if name not in names("vessels"):
+        raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
+    data = vessel_table(name)
+    try:
+        return VesselSpec.model_validate(data)
+    except ValidationError as error:
+        lines = model_faults(error, VesselSpec, data)
+        raise RequestError([f"vessel {name!r}: {line}" for line in lines]) from None
+
+
+def vessel_table(name: str) -> dict[str, Any]:
+    """Read a vessel's entry as a scenario would give it inline."""
+    data = entry("vessels", name)
+    data.pop("schema_version", None)
+    return data
+
+
+def scenario_path(asked: str) -> Path:
+    """Find the file of a scenario: a path that exists, else a name in the catalogue.
+
+    Raises
+    ------
+    RequestError
+        Neither; a directory; the message says what may have been meant.
+    """
+    path = Path(asked).expanduser()
+    named = root() / "scenarios" / f"{asked}.toml"
+    if asked in names("scenarios"):
+        return named
+    if path.is_dir():
+        raise RequestError(
+            [f"{asked!r} is a directory, not a scenario; name the .toml file inside it"]
+        )
+    if path.is_file():
+        return path
+    what = "no file of that name" if path.suffix or len(path.parts) > 1 else "no file, and no entry"
+    raise RequestError(
+        [f"no scenario {asked!r} ({what}): {near_miss(Path(asked).stem, names('scenarios'))}"]
+    )
+
+
+def entry_path(asked: str) -> Path:
+    """Find the file of any entry, scenarios first, or of a scenario by its path."""
+    for section in SECTIONS:
+        if asked in names(section):
+            return root() / section / f"{asked}.toml"
+    if Path(asked).expanduser().exists():
+        return scenario_path(asked)
+    known = [name for section in SECTIONS for name in names(section)]
+    raise RequestError([f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}"])
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; whatever else it is, is refused in one line."""
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise RequestError(
+            [f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"]
+        ) from None
+    except OSError as error:
+        raise RequestError([f"{path} can't be read: {error.strerror}; check the path"]) from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RequestError([f"{path} is not TOML: {error}; {EXAMPLE}"]) from None
+
+
+def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:
+    """Say that a name stands for nothing in the catalogue."""
+    return f"{key} = {shown(value)} is no {kind} of the catalogue: {near_miss(str(value), known)}"

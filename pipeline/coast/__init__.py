@@ -1,0 +1,1 @@
+"""How a coast of a hundred thousand vertices becomes some hundred, with no land uncovered."""

@@ -1,0 +1,305 @@
+"""The seven layers of a run in lon/lat: what each is called, and its columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from pipeline.formats.legs import legs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import numpy.typing as npt
+    from shapely.geometry.base import BaseGeometry
+
+    from pipeline.formats.result import RankedRoute, RunResult
+
+# A straight line of the plane departs from the straight line in degrees by s²/8R·tan(latitude):
+# 0.1 m at 2 km and 10 degrees, 0.2 m at 70 degrees.
+_STEP_M = 2_000.0
+# The edges of zones say where not to go to no better than the chart's accuracy.
+_ZONE_STEP_M = 10_000.0
+# At true scale turns are flown every few metres; all of them would make a file of a gigabyte.
+_MOST_TURNS = 2_000
+
+
+@dataclass(frozen=True)
+class Table:
+    """A layer's content: geometries and columns of one length, the columns in order."""
+
+    geometry: npt.NDArray[np.object_]
+    columns: Mapping[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of the file: its name, how it presents itself, and what fills it."""
+
+    name: str
+    title: str
+    description: str
+    geometry_type: str
+    table: Callable[[RunResult], Table]
+
+
+def _routes(result: RunResult) -> Table:
+    """Describe the routes, one line each."""
+    ranked = result.routes
+    metrics = [r.metrics for r in ranked]
+    return Table(
+        _to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], _STEP_M),
+        {
+            **_route_key(ranked),
+            "homotopy": _text([m.homotopy for m in metrics]),
+            "side": _text([m.side for m in metrics]),
+            "fuel": _real([m.fuel for m in metrics]),
+            "fuel_per_distance": _real([m.fuel_per_distance for m in metrics]),
+            "length_m": _real([m.length_m for m in metrics]),
+            "clearance_m": _real([m.clearance_m for m in metrics]),
+            "duration_s": _real([m.duration_s for m in metrics]),
+            "optimality_gap": _real([m.optimality_gap for m in metrics]),
+            "trials": _integer([m.trials for m in metrics]),
+            "collisions": _integer([m.collisions for m in metrics]),
+        },
+    )
+
+
+def _waypoints(result: RunResult) -> Table:
+    """Describe the routes' vertices, each with the leg that leaves it; the goal has none."""
+    ranked = result.routes
+    tables = [legs(r, result) for r in ranked]
+    counts = [len(t.lonlat) for t in tables]
+    return Table(
+        shapely.points(_stack([t.lonlat for t in tables])),
+        {
+            **_route_key(ranked, counts),
+            "sequence": _integer(np.concatenate([[0], *(np.arange(1, n + 1) for n in counts)])[1:]),
+            "course_deg": _joined([t.course_deg for t in tables]),
+            "leg_length_m": _joined([t.length_m for t in tables]),
+            "time_s": _joined([t.time_s for t in tables]),
+            "speed_over_ground_m_s": _joined([t.speed_m_s for t in tables]),
+        },
+    )
+
+
+def _channels(result: RunResult) -> Table:
+    """Outline the channels of triangles, of the classes planned and of those that fell away."""
+    rows: list[tuple[str, int, str, str, npt.NDArray[np.float64]]] = []
+    for entry in result.plans:
+        if entry.plan is None:
+            continue
+        rows += [
+            (entry.season, r.rank, r.metrics.homotopy, "", r.route.channel)
+            for r in result.season_routes(entry.season)
+        ]
+        # Rank 0: no route, so no place among the routes.
+        rows += [(entry.season, 0, r.homotopy, r.reason, r.channel) for r in entry.plan.rejected]
+    outlines = [_outline(triangles) for *_, triangles in rows]
+    return Table(
+        _to_lonlat(result, outlines, _ZONE_STEP_M),
+        {
+            "season": _text([row[0] for row in rows]),
+            "rank": _integer([row[1] for row in rows]),
+            "homotopy": _text([row[2] for row in rows]),
+            "rejected_because": _text([row[3] for row in rows]),
+            "triangles": _integer([len(row[4]) for row in rows]),
+        },
+    )
+
+
+def _no_go(result: RunResult) -> Table:
+    """Show the hard no-go zone, the same in every season."""
+    polygons = result.simplified.polygons
+    return Table(
+        _multi(polygons),
+        {"vertices": _integer([len(shapely.get_coordinates(p)) for p in polygons])},
+    )
+
+
+def _soft_no_go(result: RunResult) -> Table:
+    """Show each route's own soft no-go zone and the padding that made it."""
+    ranked = result.routes
+    scale = result.scene.projection.scale
+    paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
+    return Table(
+        _to_lonlat(result, [r.route.soft_no_go for r in ranked], _ZONE_STEP_M),
+        {
+            **_route_key(ranked),
+            "homotopy": _text([r.metrics.homotopy for r in ranked]),
+            "padding_min_m": _real([p.min(initial=np.inf) for p in paddings]),
+            "padding_max_m": _real([p.max(initial=-np.inf) for p in paddings]),
+        },
+    )
+
+
+def _currents(result: RunResult) -> Table:
+    """Give the current where the source gives it, towards east and north."""
+    seasons = [entry.season for entry in result.plans]
+    samples = [result.current_samples(season) for season in seasons]
+    velocity = _stack([v for _, v in samples])
+    u, v = velocity[:, 0], velocity[:, 1]
+    return Table(
+        shapely.points(_stack([lonlat for lonlat, _ in samples])),
+        {
+            "season": _text(
+                [s for s, (at, _) in zip(seasons, samples, strict=True) for _ in range(len(at))]
+            ),
+            "u": _real(u),
+            "v": _real(v),
+            "speed": _real(np.hypot(u, v)),
+            "direction": _real(np.degrees(np.arctan2(u, v)) % 360),
+        },
+    )
+
+
+def _contingency(result: RunResult) -> Table:
+    """Show where hard-over turns were flown, and which of them met land."""
+    ranked = result.routes
+    reports = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
+    shown = [_shown(np.asarray(report.collided, dtype=bool)) for report in reports]
+    points = [np.asarray(r.points)[keep] for r, keep in zip(reports, shown, strict=True)]
+    collided = [np.asarray(r.collided)[keep] for r, keep in zip(reports, shown, strict=True)]
+    return Table(
+        shapely.points(result.scene.projection.to_lonlat(_stack(points))),
+        {
+            **_route_key(ranked, [len(p) for p in points]),
+            "collided": np.concatenate([np.empty(0, dtype=bool), *collided]),
+        },
+    )
+
+
+def _shown(collided: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Choose the points to show: all that met land, and of the others evenly so many."""
+    harmless = np.flatnonzero(~collided)
+    step = max(1, math.ceil(len(harmless) / _MOST_TURNS))
+    return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
+
+
+LAYERS = (
+    Layer(
+        "routes",
+        "Routes",
+        "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
+        "clearance_m are true metres, fuel and fuel_per_distance in the planner's scaled units, "
+        "optimality_gap a share of the fuel, collisions out of trials hard-over turns.",
+        "LineString",
+        _routes,
+    ),
+    Layer(
+        "waypoints",
+        "Waypoints",
+        "Vertices of the routes with the leg that leaves each: course in degrees true, length in "
+        "metres, time since departure in seconds, speed over ground in m/s.",
+        "Point",
+        _waypoints,
+    ),
+    Layer(
+        "channels",
+        "Channels",
+        "The channel of triangles of each class; rank 0 and a reason where it fell away.",
+        "MultiPolygon",
+        _channels,
+    ),
+    Layer(
+        "no_go",
+        "Hard no-go zone",
+        "Land as the planner sees it: simplified, and covering all of the source's land.",
+        "MultiPolygon",
+        _no_go,
+    ),
+    Layer(
+        "soft_no_go",
+        "Soft no-go zones",
+        "Water that each route keeps out of, so that a hard-over turn can't reach the hard no-go "
+        "zone; padding in true metres.",
+        "MultiPolygon",
+        _soft_no_go,
+    ),
+    Layer(
+        "currents",
+        "Currents",
+        "Surface current: u towards east, v towards north and speed in m/s, direction in degrees "
+        "true towards which it sets.",
+        "Point",
+        _currents,
+    ),
+    Layer(
+        "contingency",
+        "Contingency manoeuvres",
+        "Where hard-over turns were flown along each route, and whether one met land: every point "
+        "where one did, and of the others at most 2000 a route.",
+        "Point",
+        _contingency,
+    ),
+)
+
+
+def _route_key(
+    ranked: tuple[RankedRoute, ...], repeats: list[int] | None = None
+) -> dict[str, npt.NDArray[Any]]:
+    """Columns season and rank, each route's repeated as often as it has features."""
+    counts = [1] * len(ranked) if repeats is None else repeats
+    return {
+        "season": _text([r.season for r, n in zip(ranked, counts, strict=True) for _ in range(n)]),
+        "rank": _integer([r.rank for r, n in zip(ranked, counts, strict=True) for _ in range(n)]),
+    }
+
+
+def _to_lonlat(
+    result: RunResult, geometries: list[BaseGeometry], step_m: float
+) -> npt.NDArray[np.object_]:
+    """Take planar geometries to lon/lat, cut to steps of `step_m` true metres.
+
+    Areas become MultiPolygons.
+    """
+    array = np.empty(len(geometries), dtype=object)
+    array[:] = geometries
+    lonlat = result.scene.projection.geometry_to_lonlat(array, densify_m=step_m)
+    areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
+    return _multi(lonlat) if areas else lonlat
+
+
+def _outline(triangles: npt.NDArray[np.float64]) -> BaseGeometry:
+    """Merge triangles (n, 3, 2) to one area."""
+    return shapely.union_all(shapely.polygons(np.asarray(triangles, dtype=float)))
+
+
+def _multi(areas: Any) -> npt.NDArray[np.object_]:  # noqa: ANN401 - any sequence of geometries
+    """Make MultiPolygons of polygons; what else a union leaves has no area."""
+    multis = np.empty(len(areas), dtype=object)
+    for index, area in enumerate(areas):
+        parts = [p for p in shapely.get_parts(area) if isinstance(p, shapely.Polygon)]
+        multis[index] = shapely.MultiPolygon(parts)
+    return multis
+
+
+def _text(values: list[str]) -> npt.NDArray[np.object_]:
+    """Column of strings."""
+    return np.array(values, dtype=object)
+
+
+def _integer(values: npt.ArrayLike) -> npt.NDArray[np.int64]:
+    """Column of whole numbers."""
+    return np.array(values, dtype=np.int64)
+
+
+def _real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Column of numbers; what is not finite becomes NaN, which is written as NULL."""
+    column = np.array(values, dtype=np.float64)
+    column[~np.isfinite(column)] = np.nan
+    return column
+
+
+def _joined(columns: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Columns one after the other."""
+    return _real(np.concatenate([np.empty(0), *columns]))
+
+
+def _stack(points: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Points (n, 2) one after the other."""
+    return np.concatenate([np.empty((0, 2)), *points])

@@ -1,0 +1,41 @@
+"""The colours of maps, by what they stand for."""
+
+from __future__ import annotations
+
+COLOURS = {
+    "water": "#eef4f8",
+    "land": "#c9a97c",
+    "coast": "#8d6c42",
+    "soft": "#6b7078",
+    "grid": "#c3d0d9",
+    "ink": "#26323c",
+    "frame": "#5c6b77",
+    "halo": "#fdfefe",
+    "best": "#c2185b",
+    "other": "#4d5f8f",
+    "speed0": "#a9c6d9",
+    "speed1": "#7dacce",
+    "speed2": "#4a8fbe",
+    "speed3": "#2070a6",
+    "speed4": "#0b4878",
+}
+"""Role -> colour on a light ground; each colour stands for one role only."""
+
+DARK = {
+    "water": "#14222e",
+    "land": "#6d5a3e",
+    "coast": "#b39365",
+    "soft": "#a9b2bb",
+    "grid": "#2c3e4c",
+    "ink": "#dbe4eb",
+    "frame": "#7f909d",
+    "halo": "#10171d",
+    "best": "#ff6a9e",
+    "other": "#9db0e0",
+    "speed0": "#2f536b",
+    "speed1": "#3b7596",
+    "speed2": "#4f9cc2",
+    "speed3": "#7cc2e4",
+    "speed4": "#bfe6fb",
+}
+"""The same roles on a dark ground."""

@@ -1,0 +1,333 @@
+"""`report.html`: one page that works offline and asks for nothing outside.
+
+Figures (numbers) are gathered here, pictures in `figures`, words in `phrases`, and the page's form
+stands in `templates/`; Jinja2 escapes whatever comes from a scenario or a source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.formats import phrases
+from pipeline.formats.manifest import versions
+from pipeline.formats.palette import COLOURS, DARK
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from markupsafe import Markup
+
+    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.model import Credit, RouteMetrics, SeasonPlan, Simplified
+    from pipeline.scenario import PlannerOptions, PublishedRow, VesselSpec
+
+_FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A route in a season's table.
+
+    `excess` is its fuel above the best's, as a share; `bar_percent` the same on the scale of the
+    season's dearest route.
+    """
+
+    metrics: RouteMetrics
+    excess: float
+    bar_percent: float
+
+
+@dataclass(frozen=True)
+class RejectedGroup:
+    """Classes that fell away for one reason."""
+
+    reason: str
+    homotopies: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """A season that was planned on another current than the preferred one."""
+
+    season: str
+    asked: str
+    current: str
+    valid: str
+
+
+@dataclass(frozen=True)
+class SeasonPart:
+    """What the page says of a season; `best` is None where `failure` says why."""
+
+    title: str
+    anchor: str
+    failure: str
+    current: str
+    valid: str
+    best: RouteMetrics | None
+    verdict: tuple[str, ...]
+    remarks: tuple[str, ...]
+    rows: tuple[Row, ...]
+    rejected: tuple[RejectedGroup, ...]
+    picture: Markup
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A season's best route, or a published one; figures that there are not are None.
+
+    `fuel` and `length` are in the scaled units of whoever planned it, `length_m` and
+    `clearance_m` true metres.
+    """
+
+    season: str
+    whose: str
+    is_ours: bool
+    scale: float
+    side: str
+    fuel_per_distance: float | None
+    fuel: float | None
+    length: float | None
+    length_m: float | None
+    clearance_m: float | None
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that the template shows, in words and numbers."""
+
+    title: str
+    name: str
+    summary: str
+    created: str
+    scale: float
+    is_planar: bool
+    vessel: VesselSpec
+    planner: PlannerOptions
+    stand_ins: tuple[StandIn, ...]
+    notes: tuple[str, ...]
+    seasons: tuple[SeasonPart, ...]
+    speed_labels: tuple[str, ...]
+    comparison: tuple[Comparison, ...]
+    comparison_origin: str
+    polygons: int
+    accuracy_m: float
+    simplified: Simplified
+    credits: tuple[Credit, ...]
+    versions: tuple[tuple[str, str], ...]
+    timings: tuple[tuple[str, float], ...]
+
+
+def write_report(result: RunResult, path: Path) -> None:
+    """Write the page to a new file at `path`."""
+    path.write_text(render(gather(result)), encoding="utf-8")
+
+
+def render(report: Report) -> str:
+    """Fill the template in; everything but the pictures is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("pipeline.formats"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update({name: getattr(phrases, name) for name in _FILTERS})
+    template = environment.get_template("report.html.jinja")
+    return template.render(report=report, light=COLOURS, dark=DARK)
+
+
+def gather(result: RunResult) -> Report:
+    """Gather all that the page shows."""
+    from pipeline.formats.arrows import speed_scale
+
+    scenario = result.scenario
+    return Report(
+        title=scenario.title or scenario.name,
+        name=scenario.name,
+        summary=scenario.description,
+        created=result.created.strftime("%Y-%m-%d %H:%M UTC"),
+        scale=scenario.scale,
+        is_planar=scenario.is_planar,
+        vessel=scenario.vessel,
+        planner=scenario.planner,
+        stand_ins=_stand_ins(result),
+        notes=_other_notes(result),
+        seasons=tuple(_season(result, entry, i) for i, entry in enumerate(result.plans, start=1)),
+        speed_labels=speed_scale(result).labels,
+        comparison=_comparison(result),
+        comparison_origin=scenario.published.origin if scenario.published else "",
+        polygons=len(result.fetched.land.polygons),
+        accuracy_m=result.fetched.land.accuracy_m,
+        simplified=result.simplified,
+        credits=result.credits,
+        versions=tuple(versions().items()),
+        timings=tuple(result.timings.items()),
+    )
+
+
+def _valid(result: RunResult, season: str) -> str:
+    """Say which time the season's current stands for; empty where the source doesn't."""
+    valid = next((grid.valid for grid in result.fetched.currents if grid.season == season), "")
+    return f"valid {valid.replace('/', ' to ')}" if valid else ""
+
+
+def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
+    """Seasons whose current is not the preferred one."""
+    asked = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
+    return tuple(
+        StandIn(
+            season=result.season_title(grid.season),
+            asked=asked.get(grid.season, ""),
+            current=grid.credit.name,
+            valid=_valid(result, grid.season),
+        )
+        for grid in result.fetched.currents
+        if result.is_stand_in(grid.season)
+    )
+
+
+def _other_notes(result: RunResult) -> tuple[str, ...]:
+    """What came up on the way, but for the names of the stand-ins, which are told already."""
+    names = [credit.name for credit in result.current_credits]
+    return tuple(note for note in result.fetched.notes if not any(name in note for name in names))
+
+
+def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
+    """Gather a season's part."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures import season_svg
+
+    ranked = result.season_routes(entry.season)
+    metrics = [r.metrics for r in ranked]
+    anchor = f"season-{number}"
+    title = result.season_title(entry.season)
+    picture = season_svg(
+        result, entry.season, identity=anchor, label=f"Map of {title}: {_spoken(metrics)}"
+    )
+    return SeasonPart(
+        title=title,
+        anchor=anchor,
+        failure=entry.failure,
+        current=_current(result, entry.season),
+        valid=_valid(result, entry.season),
+        best=metrics[0] if metrics else None,
+        verdict=phrases.verdict(metrics, result.scene.vessel.speed) if metrics else (),
+        remarks=_remarks(ranked[0]) if ranked else (),
+        rows=_rows(metrics),
+        rejected=_rejected(entry),
+        # What season_svg returns holds no text of anybody's but its label, which it escapes.
+        picture=Markup(picture),  # noqa: S704
+    )
+
+
+def _spoken(metrics: list[RouteMetrics]) -> str:
+    """Describe a map for who can't see it."""
+    if not metrics:
+        return "land and currents; no route was found"
+    side = f", {metrics[0].side} about," if metrics[0].side else ""
+    return (
+        f"the best route{side} of {phrases.distance(metrics[0].length_m)} and "
+        f"{len(metrics) - 1} other candidates among land and currents"
+    )
+
+
+def _current(result: RunResult, season: str) -> str:
+    """Name the season's current."""
+    for grid in result.fetched.currents:
+        if grid.season == season:
+            return grid.credit.name
+    return "given as figures in the scenario" if season in result.scene.currents else "none found"
+
+
+def _rows(metrics: list[RouteMetrics]) -> tuple[Row, ...]:
+    """Set each route's fuel beside the best's."""
+    excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
+    largest = max([abs(e) for e in excesses], default=0.0)
+    return tuple(
+        Row(row, excess, 100 * abs(excess) / largest if largest > 0 else 0.0)
+        for row, excess in zip(metrics, excesses, strict=True)
+    )
+
+
+def _rejected(entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
+    """Group the classes that fell away by reason, in the order of first appearance."""
+    groups: dict[str, list[str]] = {}
+    for rejected in entry.plan.rejected if entry.plan else ():
+        groups.setdefault(rejected.reason, []).append(rejected.homotopy)
+    return tuple(RejectedGroup(reason, tuple(names)) for reason, names in groups.items())
+
+
+def _remarks(best: RankedRoute) -> tuple[str, ...]:
+    """Say what the reader must know of the best route's ends and of land below it."""
+    remarks = []
+    ends = [
+        name
+        for name, inside in (
+            ("start", best.route.starts_in_soft_no_go),
+            ("goal", best.route.ends_in_soft_no_go),
+        )
+        if inside
+    ]
+    if ends:
+        remarks.append(
+            f"The {' and the '.join(ends)} lie{'s' if len(ends) == 1 else ''} in the soft no-go "
+            "zone, as harbours do: within it a hard-over turn is not proven safe."
+        )
+    if best.metrics.land_m > 0:
+        remarks.append(f"{phrases.distance(best.metrics.land_m)} of the route lies over land.")
+    return tuple(remarks)
+
+
+def _comparison(result: RunResult) -> tuple[Comparison, ...]:
+    """Set each season's best route beside the published ones of that season."""
+    published = result.scenario.published
+    if published is None:
+        return ()
+    rows = []
+    named = {entry.season for entry in result.plans}
+    for entry in result.plans:
+        for ranked in result.season_routes(entry.season)[:1]:
+            metrics = ranked.metrics
+            rows.append(
+                Comparison(
+                    season=result.season_title(entry.season),
+                    whose="This run",
+                    is_ours=True,
+                    scale=result.scenario.scale,
+                    side=metrics.side,
+                    fuel_per_distance=metrics.fuel_per_distance,
+                    fuel=metrics.fuel,
+                    length=metrics.length,
+                    length_m=metrics.length_m,
+                    clearance_m=metrics.clearance_m,
+                )
+            )
+        rows += [
+            Comparison(
+                season=result.season_title(row.season) if row.season in named else row.season,
+                whose=row.label,
+                is_ours=False,
+                scale=published.scale,
+                side=row.side,
+                fuel_per_distance=_published_ratio(row),
+                fuel=row.fuel,
+                length=row.length,
+                length_m=None if row.length is None else row.length * published.scale,
+                clearance_m=None if row.clearance is None else row.clearance * published.scale,
+            )
+            for row in published.rows
+            if row.season == entry.season or (not row.season and entry is result.plans[0])
+        ]
+    return tuple(rows)
+
+
+def _published_ratio(row: PublishedRow) -> float | None:
+    """F/D as published, or from fuel and length."""
+    if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
+        return row.fuel / row.length
+    return row.fuel_per_distance

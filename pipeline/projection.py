@@ -1,0 +1,331 @@
+"""The one way from lon/lat to the planner's plane: conformal, centred on the region.
+
+In a conformal plane a turning circle stays a circle and a heading is off by one angle only, the
+meridian convergence. The form follows the region's shape (Snyder, *Map Projections: A Working
+Manual*, USGS PP 1395, 1987): distortion grows away from a line or point of the plane, which lies
+in the region's middle.
+
+| region | projection |
+|---|---|
+| reaches beyond 85 degrees, or wide and centred beyond 75 | polar stereographic |
+| taller than wide, or no wider than 1000 km | transverse Mercator on its central meridian |
+| wide, centred within 10 degrees of the equator | Mercator |
+| wide, elsewhere | Lambert conformal conic, parallels at 1/6 and 5/6 of its height |
+
+The scale factor is balanced, so that lengths are as much too short somewhere as they are too long
+elsewhere. Regions across 180 degrees are given in continuous longitudes (170 to 190); whatever
+comes back is continuous too, within 180 degrees of the region's centre.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar, cast
+
+import numpy as np
+import pyproj
+import shapely
+
+from pipeline.errors import RequestError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+    FloatArray = npt.NDArray[np.float64]
+
+# A geometry, or an array of them: comes back as what it was.
+GeometryT = TypeVar("GeometryT", bound="BaseGeometry | npt.NDArray[np.object_]")
+
+_GEOD = pyproj.Geod(ellps="WGS84")
+_LONLAT = "OGC:CRS84"
+
+# Latitudes (degrees) and width (metres) at which the table above turns from one row to the next.
+_POLAR_REACH_DEG = 85.0
+_POLAR_CENTRE_DEG = 75.0
+_EQUATORIAL_CENTRE_DEG = 10.0
+_SMALL_WIDTH_M = 1_000_000.0
+_METRES_PER_DEGREE = math.pi / 180 * _GEOD.a
+
+# Half a step of the central difference: 11 m, where rounding (1e-10 of it) and curvature (1e-11)
+# are both far below what a heading needs.
+_STEP_DEG = 1e-4
+# A CRS that turns some angle by more than this is refused: directions are promised to 0.1 degrees.
+_LARGEST_ANGULAR_DISTORTION_DEG = 0.1
+# Points per side of the region at which scale and distortion are looked at.
+_SAMPLES = 9
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Lon/lat degrees (WGS 84) to planar metres divided by `scale`, and back.
+
+    Attributes
+    ----------
+    crs
+        What pyproj makes the plane from: a PROJ string, WKT or authority code.
+    scale
+        True metres to a planar unit: 1 is the true scale, 1000 is 1:1000.
+    central_longitude
+        Longitudes come back within 180 degrees of it.
+    """
+
+    crs: str
+    scale: float = 1.0
+    central_longitude: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a scale that is not a positive number."""
+        if not (math.isfinite(self.scale) and self.scale > 0):
+            raise RequestError([f"scale is {self.scale:g}, must be above 0: 1 is the true scale"])
+
+    @classmethod
+    def for_region(cls, region: Polygon, scale: float = 1.0, crs: str | None = None) -> Projection:
+        """Choose the projection for a region.
+
+        Parameters
+        ----------
+        region
+            Lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
+        scale
+            True metres to a planar metre.
+        crs
+            Any conformal projected CRS in place of the chosen one (an EPSG code, PROJ string, WKT).
+
+        Raises
+        ------
+        RequestError
+            A region that is not on the globe; a CRS that is unknown, not a plane, or not conformal.
+        """
+        west, south, east, north = region.bounds
+        if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):
+            fault = (
+                f"region ({west:g} to {east:g} E, {south:g} to {north:g} N) is not on the globe: "
+                "keep latitudes in -90 to 90 and longitudes within one turn"
+            )
+            raise RequestError([fault])
+        centre = (west + east) / 2
+        if crs is not None:
+            chosen = cls(_checked(crs, region), scale, centre)
+        elif (polar := _polar_latitude(region)) is not None:
+            chosen = cls._balanced("stere", centre, polar, 0.0, region, scale)
+        elif _is_narrow(region):
+            chosen = cls._balanced("tmerc", centre, (south + north) / 2, 0.0, region, scale)
+        elif abs(south + north) / 2 < _EQUATORIAL_CENTRE_DEG:
+            # Mercator has no latitude of origin: the northing of the centre is taken off.
+            plain = cls(_proj4("merc", centre, 0.0))
+            northing = float(plain.to_plane(np.array([centre, (south + north) / 2]))[1])
+            chosen = cls._balanced("merc", centre, 0.0, -northing, region, scale)
+        else:
+            sixth = (north - south) / 6
+            parallels = f" +lat_1={south + sixth!r} +lat_2={north - sixth!r}"
+            proj4 = _proj4("lcc", centre, (south + north) / 2) + parallels
+            chosen = cls(proj4, scale, centre)
+        return chosen
+
+    @classmethod
+    def at(cls, longitude: float, latitude: float, scale: float = 1.0) -> Projection:
+        """A plane whose origin is the given point (degrees), true to scale there."""
+        return cls(_proj4("tmerc", longitude, latitude), scale, longitude)
+
+    @classmethod
+    def _balanced(
+        cls,
+        name: str,
+        longitude: float,
+        latitude: float,
+        northing: float,
+        region: Polygon,
+        scale: float,
+    ) -> Projection:
+        """Balance the scale factor: the geometric mean of its extremes over the region is 1."""
+        factors = cls(_proj4(name, longitude, latitude)).point_scale(_samples(region))
+        factor = 1 / math.sqrt(float(factors.min() * factors.max()))
+        proj4 = _proj4(name, longitude, latitude) + f" +k_0={factor!r} +y_0={northing * factor!r}"
+        return cls(proj4, scale, longitude)
+
+    @property
+    def crs_wkt(self) -> str:
+        """The plane in true metres as WKT; planar coordinates are these divided by `scale`."""
+        return pyproj.CRS.from_user_input(self.crs).to_wkt()
+
+    def to_plane(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Project lon/lat (..., 2) in degrees to scaled planar metres (..., 2)."""
+        points = np.asarray(lonlat, dtype=np.float64)
+        x, y = _transformer(self.crs).transform(points[..., 0], points[..., 1])
+        planar: FloatArray = np.stack([x, y], axis=-1) * (_unit_m(self.crs) / self.scale)
+        if not np.isfinite(planar).all():
+            bad = points[~np.isfinite(planar).all(axis=-1)].reshape(-1, 2)[0]
+            fault = (
+                f"point {bad[0]:g} E {bad[1]:g} N has no place in the projection {self.crs!r}: "
+                "give coordinates in degrees, and a region that holds them"
+            )
+            raise RequestError([fault])
+        return planar
+
+    def to_lonlat(self, xy: npt.ArrayLike) -> FloatArray:
+        """Take scaled planar metres (..., 2) back to lon/lat degrees (..., 2)."""
+        points = np.asarray(xy, dtype=np.float64) * (self.scale / _unit_m(self.crs))
+        lon, lat = _transformer(self.crs).transform(
+            points[..., 0], points[..., 1], direction="INVERSE"
+        )
+        # Continuous across 180 degrees: a route must not jump from end to end of the map.
+        turns = np.round((np.asarray(lon) - self.central_longitude) / 360)
+        return np.stack([lon - 360 * turns, lat], axis=-1)
+
+    def geometry_to_plane(self, geometry: GeometryT, densify_m: float = 0.0) -> GeometryT:
+        """Project a geometry or an array of them, z dropped.
+
+        With `densify_m` an edge longer than that (true metres, about) is cut first: a long line
+        that is straight in lon/lat is bent in the plane.
+        """
+        if densify_m > 0:
+            longest_deg = densify_m / _METRES_PER_DEGREE
+            geometry = cast("GeometryT", shapely.segmentize(geometry, longest_deg))
+        return cast("GeometryT", shapely.transform(geometry, self.to_plane))
+
+    def geometry_to_lonlat(self, geometry: GeometryT, densify_m: float = 0.0) -> GeometryT:
+        """Take planar geometries to lon/lat degrees; edges over `densify_m` true metres are cut."""
+        if densify_m > 0:
+            geometry = cast("GeometryT", shapely.segmentize(geometry, densify_m / self.scale))
+        return cast("GeometryT", shapely.transform(geometry, self.to_lonlat))
+
+    def rotate_to_plane(self, lonlat: npt.ArrayLike, uv: npt.ArrayLike) -> FloatArray:
+        """Turn (east, north) vectors (..., 2) at lon/lat into the plane's axes; speeds are kept."""
+        return _rotate(np.asarray(uv, dtype=np.float64), self._turn_rad(lonlat))
+
+    def rotate_to_lonlat(self, lonlat: npt.ArrayLike, xy: npt.ArrayLike) -> FloatArray:
+        """Turn vectors along the plane's axes (..., 2) at lon/lat into (east, north)."""
+        return _rotate(np.asarray(xy, dtype=np.float64), -self._turn_rad(lonlat))
+
+    def convergence(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Meridian convergence (...) in degrees: the plane's y axis clockwise of true north."""
+        return np.degrees(self._turn_rad(lonlat))
+
+    def point_scale(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Planar metres (before `scale`) to a true metre at lon/lat (...)."""
+        jacobian = self._jacobian(lonlat)
+        scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
+        return scale
+
+    def geodesic_length_m(self, xy: npt.ArrayLike) -> float:
+        """Length of a planar path (n, 2) in true metres, geodesic from vertex to vertex."""
+        lonlat = self.to_lonlat(xy)
+        return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
+
+    def angular_distortion(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Largest turn (...) in degrees that the plane gives to any angle; 0 where conformal."""
+        singular = np.linalg.svd(self._jacobian(lonlat), compute_uv=False)
+        large, small = singular[..., 0], singular[..., 1]
+        distortion: FloatArray = np.degrees(2 * np.arcsin((large - small) / (large + small)))
+        return distortion
+
+    def __dask_tokenize__(self) -> tuple[str, str, float, float]:
+        """What the artefact store names a projection by."""
+        return type(self).__name__, self.crs, self.scale, self.central_longitude
+
+    def _turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Angle (...) by which the plane turns directions, anticlockwise, in radians."""
+        jacobian = self._jacobian(lonlat)
+        # The mean of what east and north are turned by; one and the same where conformal.
+        across = jacobian[..., 1, 0] - jacobian[..., 0, 1]
+        along = jacobian[..., 0, 0] + jacobian[..., 1, 1]
+        turn: FloatArray = np.arctan2(across, along)
+        return turn
+
+    def _jacobian(self, lonlat: npt.ArrayLike) -> FloatArray:
+        """Planar metres (before `scale`) to a true metre: (..., 2, 2), columns east and north."""
+        points = np.asarray(lonlat, dtype=np.float64)
+        # At a pole east has no meaning: its neighbourhood gives that of the central meridian.
+        limit = 90 - 2 * _STEP_DEG
+        latitude = np.clip(points[..., 1], -limit, limit)
+        points = np.stack([points[..., 0], latitude], axis=-1)
+        sine = np.sin(np.radians(latitude))
+        root = np.sqrt(1 - _GEOD.es * sine**2)
+        metres_east = np.radians(2 * _STEP_DEG) * _GEOD.a / root * np.cos(np.radians(latitude))
+        metres_north = np.radians(2 * _STEP_DEG) * _GEOD.a * (1 - _GEOD.es) / root**3
+        columns = [
+            (self.to_plane(points + step) - self.to_plane(points - step)) * self.scale
+            for step in (np.array([_STEP_DEG, 0.0]), np.array([0.0, _STEP_DEG]))
+        ]
+        east = columns[0] / metres_east[..., None]
+        north = columns[1] / metres_north[..., None]
+        return np.stack([east, north], axis=-1)
+
+
+def _proj4(name: str, longitude: float, latitude: float) -> str:
+    """Return a PROJ string in metres on WGS 84."""
+    origin = "" if name == "merc" else f" +lat_0={latitude!r}"
+    return f"+proj={name} +lon_0={longitude!r}{origin} +datum=WGS84 +units=m +no_defs"
+
+
+def _polar_latitude(region: Polygon) -> float | None:
+    """Latitude of the pole to centre on (degrees), or None where no polar plane is wanted."""
+    _, south, _, north = region.bounds
+    centre = (south + north) / 2
+    reaches = max(abs(south), abs(north)) > _POLAR_REACH_DEG
+    if reaches or (abs(centre) > _POLAR_CENTRE_DEG and not _is_narrow(region)):
+        return math.copysign(90.0, centre)
+    return None
+
+
+def _is_narrow(region: Polygon) -> bool:
+    """Say whether the region is taller than wide, or narrower than 1000 km."""
+    west, south, east, north = region.bounds
+    width = (east - west) * math.cos(math.radians((south + north) / 2)) * _METRES_PER_DEGREE
+    return bool(width <= max(_SMALL_WIDTH_M, (north - south) * _METRES_PER_DEGREE))
+
+
+def _samples(region: Polygon) -> FloatArray:
+    """Lon/lat points (n, 2) over the region's bounds, edges included."""
+    west, south, east, north = region.bounds
+    grid = np.meshgrid(np.linspace(west, east, _SAMPLES), np.linspace(south, north, _SAMPLES))
+    return np.stack(grid, axis=-1).reshape(-1, 2)
+
+
+def _checked(crs: str, region: Polygon) -> str:
+    """Return `crs` where it is a conformal plane for the region; else refuse it."""
+    try:
+        parsed = pyproj.CRS.from_user_input(crs)
+    except pyproj.exceptions.CRSError as error:
+        raise RequestError(
+            [f"crs {crs!r} is not known to pyproj ({error}); try 'EPSG:32651', or leave it out"]
+        ) from error
+    if not parsed.is_projected:
+        raise RequestError(
+            [f"crs {crs!r} ({parsed.name}) is not a plane; leave it out to have one chosen"]
+        )
+    distortion = float(Projection(crs).angular_distortion(_samples(region)).max())
+    if distortion > _LARGEST_ANGULAR_DISTORTION_DEG:
+        fault = (
+            f"crs {crs!r} ({parsed.name}) turns angles by up to {distortion:.2g} degrees in the "
+            f"region, more than {_LARGEST_ANGULAR_DISTORTION_DEG:g}: turning circles need a "
+            "conformal one (leave crs out to have one chosen)"
+        )
+        raise RequestError([fault])
+    return crs
+
+
+def _rotate(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+    """Rotate vectors (..., 2) anticlockwise by angle (...) in radians."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x = cosine * vectors[..., 0] - sine * vectors[..., 1]
+    y = sine * vectors[..., 0] + cosine * vectors[..., 1]
+    return np.stack([x, y], axis=-1)
+
+
+# pyproj's Transformer keeps one context a thread, so that sharing it among threads is safe; making
+# one takes some 10 ms, and it is no part of a Projection's value (equality, hash, pickle).
+@lru_cache(maxsize=32)
+def _transformer(crs: str) -> pyproj.Transformer:
+    """Lon/lat to the plane of `crs` in its own units."""
+    return pyproj.Transformer.from_crs(_LONLAT, crs, always_xy=True)
+
+
+@lru_cache(maxsize=32)
+def _unit_m(crs: str) -> float:
+    """Metres to one unit of the plane's axes."""
+    return float(pyproj.CRS.from_user_input(crs).axis_info[0].unit_conversion_factor)

@@ -1,0 +1,353 @@
+"""The scenario: one frozen model of what can be asked for, and nothing else is accepted.
+
+Two kinds share it. A *chart* scenario has a `region` in lon/lat, takes its land and its currents
+from sources, and is planned at a `scale`. A *plane* scenario gives extent, obstacles and current
+as figures in metres.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    Strict,
+    model_validator,
+)
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
+
+    import renew
+
+SCHEMA_VERSION = 1
+
+
+class Strictly(BaseModel):
+    """Frozen; unknown keys are refused, and so are numbers that are not finite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# A name becomes a folder and a file's name: nothing that a file system or a shell could take amiss.
+# Each description is the remedy that a fault's line ends in.
+Name = Annotated[
+    str,
+    Field(
+        pattern=r"^[a-z0-9]([a-z0-9_-]{0,62}[a-z0-9])?$",
+        description="use up to 64 lower-case letters, digits, '-' and '_'",
+    ),
+]
+Number = Annotated[float, Strict()]
+Whole = Annotated[int, Strict()]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Longitude = Annotated[Number, Field(ge=-180, le=360)]
+Latitude = Annotated[Number, Field(ge=-90, le=90)]
+LonLat = tuple[Longitude, Latitude]
+Point = tuple[Number, Number]
+
+
+def _whole_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Refuse a ring that crosses itself or has no area."""
+    import shapely
+
+    ring = shapely.Polygon(corners)
+    if not ring.is_valid or ring.area == 0:
+        reason = shapely.is_valid_reason(ring) if not ring.is_valid else "it has no area"
+        raise ValueError(f"is no simple ring: {spoken_reason(reason)}")
+    return corners
+
+
+def spoken_reason(reason: str) -> str:
+    """Say a reason of GEOS in words: "Self-intersection[1 9]" is "it crosses itself at 1, 9"."""
+    kind, _, where = reason.partition("[")
+    place = ", ".join(f"{float(number):g}" for number in where.rstrip("]").split())
+    words = "it crosses itself" if "intersection" in kind.lower() else kind
+    return f"{words} at {place}" if place else words
+
+
+WholeRing = AfterValidator(_whole_polygon)
+Corners = Annotated[tuple[Point, ...], Field(min_length=3), WholeRing]
+
+
+class Region(Strictly):
+    """The waters of a chart scenario, lon/lat degrees: a box, or a polygon.
+
+    Across 180 degrees longitudes go on (170 to 190).
+    """
+
+    bbox: tuple[Longitude, Latitude, Longitude, Latitude] | None = Field(
+        default=None, description="give [west, south, east, north] in degrees"
+    )
+    polygon: Annotated[tuple[LonLat, ...], Field(min_length=3), WholeRing] | None = Field(
+        default=None, description="list its corners in their order round the edge"
+    )
+    crs: str | None = Field(
+        default=None, description="leave it out to have a conformal plane chosen"
+    )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        if (self.bbox is None) == (self.polygon is None):
+            raise ValueError("must have either 'bbox' or 'polygon'; give one of the two")
+        if self.bbox is not None:
+            west, south, east, north = self.bbox
+            if not (west < east and south < north):
+                raise ValueError(
+                    f"has bbox {list(self.bbox)}, which is empty: west must be below east and "
+                    "south below north; across 180 degrees go on counting (170 to 190)"
+                )
+        return self
+
+    @property
+    def shape(self) -> Polygon:
+        """The region as a polygon, lon/lat degrees."""
+        import shapely
+
+        if self.bbox is not None:
+            return shapely.box(*self.bbox)
+        return shapely.Polygon(self.polygon)
+
+
+class Plane(Strictly):
+    """The waters of a plane scenario, in metres, and where its figures come from."""
+
+    extent: tuple[Number, Number, Number, Number] = Field(
+        description="give [xmin, ymin, xmax, ymax] in metres"
+    )
+    obstacles: tuple[Corners, ...] = Field(
+        default=(), description="list each obstacle's corners in their order round the edge"
+    )
+    credit: str = "Figures of the scenario"
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        xmin, ymin, xmax, ymax = self.extent
+        if not (xmin < xmax and ymin < ymax):
+            raise ValueError(
+                f"has extent {list(self.extent)}, which is empty: give [xmin, ymin, xmax, ymax]"
+            )
+        return self
+
+    @property
+    def shape(self) -> Polygon:
+        """The extent as a polygon, metres."""
+        import shapely
+
+        return shapely.box(*self.extent)
+
+
+class ChartSpec(Strictly):
+    """Which land, and how it becomes the planner's no-go zone (true metres)."""
+
+    source: str = Field(default="osm-land", description="`renew list` names the sources")
+    margin_m: NotNegative = Field(
+        default=60.0, description="give the metres added to every coast, such as its accuracy"
+    )
+    join_gap_m: NotNegative = Field(
+        default=0.0, description="give the widest gap in metres that is closed, or 0"
+    )
+    tolerance_m: NotNegative = Field(
+        default=100.0, description="give the metres that the coast may be simplified by, or 0"
+    )
+    vertex_budget: Whole = Field(
+        default=250, ge=8, description="give the number of vertices aimed at, some hundred"
+    )
+
+
+class VesselSpec(Strictly):
+    """A vessel's figures, and where they come from."""
+
+    name: Name = "vessel"
+    title: str = ""
+    origin: str = ""
+    length_m: Positive = Field(description="give the length overall in metres")
+    speed_m_s: Positive = Field(description="give the speed through water in m/s")
+    turn_rate_deg_s: Positive = Field(description="give the hard-over turn rate in degrees/s")
+    fuel_coefficient: Positive = Field(
+        default=1.0, description="fuel a second is this × speed^exponent"
+    )
+    fuel_exponent: Positive = Field(
+        default=2.0, description="fuel a second is coefficient × speed^this"
+    )
+
+    def vessel(self) -> renew.Vessel:
+        """Build the planner's own vessel."""
+        import math
+
+        import renew
+
+        return renew.Vessel(
+            speed=self.speed_m_s,
+            turn_rate=math.radians(self.turn_rate_deg_s),
+            length=self.length_m,
+            fuel_coefficient=self.fuel_coefficient,
+            fuel_exponent=self.fuel_exponent,
+        )
+
+
+class Gyre(Strictly):
+    """Gyres that fill a plane scenario's extent; see `renew.GyreCurrent`."""
+
+    amplitude: Number = Field(description="give the strongest current in m/s")
+    columns: Whole = Field(default=1, ge=1, description="give the number of gyres along x")
+    rows: Whole = Field(default=1, ge=1, description="give the number of gyres along y")
+
+
+class Uniform(Strictly):
+    """One current everywhere in a plane scenario, m/s along x and y."""
+
+    u: Number = 0.0
+    v: Number = 0.0
+
+
+class Season(Strictly):
+    """One set of currents to plan in: from sources in order of preference, or as figures."""
+
+    name: Name
+    title: str = ""
+    valid: str = Field(
+        default="", pattern=r"^(\d{4}-(0[1-9]|1[0-2]))?$", description="give a month as 'YYYY-MM'"
+    )
+    currents: tuple[str, ...] = Field(default=(), description="`renew list` names the sources")
+    gyre: Gyre | None = None
+    uniform: Uniform | None = None
+
+    @model_validator(mode="after")
+    def _one_current(self) -> Self:
+        given = [bool(self.currents), self.gyre is not None, self.uniform is not None]
+        if sum(given) != 1:
+            raise ValueError(
+                f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
+                "'currents', 'gyre' and 'uniform'"
+            )
+        if self.currents and not self.valid:
+            raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
+        return self
+
+
+class PlannerOptions(Strictly):
+    """What `renew.plan` is told; metres are the planner's own (scaled)."""
+
+    classes: Whole = Field(
+        default=16, ge=1, description="give the number of route classes to examine, such as 16"
+    )
+    risk: Number = Field(
+        default=0.05,
+        gt=0,
+        lt=1,
+        description="give the share of turns that may exceed the padding, such as 0.05",
+    )
+    padding: Literal["adaptive", "none"] | NotNegative = Field(
+        default="adaptive", description="give 'adaptive', 'none' or metres"
+    )
+    clearance: NotNegative = Field(
+        default=0.0, description="give the least padding in metres, or 0"
+    )
+    distinct_by: NotNegative = Field(
+        default=0.0, description="give the smallest island in metres that makes a choice, or 0"
+    )
+    method: Literal["optimal", "sampled"] = Field(
+        default="optimal", description="give 'optimal' or 'sampled'"
+    )
+    samples: Whole = Field(default=500, ge=1, description="give the chains a class, such as 500")
+    drift: Literal["projected", "crab"] = Field(
+        default="projected", description="give 'projected' or 'crab'"
+    )
+    seed: Whole = Field(default=0, ge=0, description="give a whole number, 0 or more")
+    order: Literal["fuel", "length", "depth-first"] = Field(
+        default="fuel", description="give 'fuel', 'length' or 'depth-first'"
+    )
+
+
+class PublishedRow(Strictly):
+    """One published result, in the publication's own units."""
+
+    label: str
+    season: str = ""
+    fuel: Positive | None = None
+    clearance: Positive | None = None
+    length: Positive | None = None
+    fuel_per_distance: Positive | None = None
+    side: str = ""
+
+
+class Published(Strictly):
+    """Published figures that the report sets beside ours; `scale` is the publication's own."""
+
+    origin: str
+    scale: Positive = 1.0
+    rows: tuple[PublishedRow, ...]
+
+
+class Scenario(Strictly):
+    """What `renew run` runs; read it with :func:`pipeline.catalogue.load_scenario`."""
+
+    schema_version: Literal[1] = Field(description="write schema_version = 1")
+    name: Name
+    title: str = ""
+    description: str = ""
+    region: Region | None = None
+    plane: Plane | None = None
+    chart: ChartSpec = ChartSpec()
+    vessel: VesselSpec
+    scale: Positive = Field(
+        default=1.0, description="give true metres to a planar metre: 1 is the true scale"
+    )
+    start: Point = Field(description="give [lon, lat] in degrees, or [x, y] in metres in a plane")
+    goal: Point = Field(description="give [lon, lat] in degrees, or [x, y] in metres in a plane")
+    seasons: tuple[Season, ...] = Field(min_length=1, description="add a [[seasons]] table")
+    planner: PlannerOptions = PlannerOptions()
+    published: Published | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        faults = []
+        if (self.region is None) == (self.plane is None):
+            faults.append("must have either [region] or [plane]; give one of the two")
+        names = [season.name for season in self.seasons]
+        faults += [
+            f"has {names.count(name)} seasons called {name!r}; rename all but one"
+            for name in dict.fromkeys(names)
+            if names.count(name) > 1
+        ]
+        for season in self.seasons:
+            if self.region is not None and not season.currents:
+                faults.append(
+                    f"season {season.name!r} gives its current as figures, which belong to a "
+                    "[plane]; name sources in 'currents'"
+                )
+            if self.plane is not None and season.currents:
+                faults.append(
+                    f"season {season.name!r} names sources, which need a [region]; give its "
+                    "current as 'gyre' or 'uniform'"
+                )
+            if self.plane is not None and season.gyre and self.plane.extent[:2] != (0, 0):
+                faults.append(
+                    f"season {season.name!r} is a gyre, but the plane's extent begins at "
+                    f"{list(self.plane.extent[:2])}; begin it at [0, 0]"
+                )
+        if faults:
+            raise ValueError(FAULT_SEPARATOR.join(faults))
+        return self
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the waters are given in metres."""
+        return self.plane is not None
+
+    @property
+    def waters(self) -> Polygon:
+        """Region in lon/lat degrees, or extent in metres."""
+        place = self.region if self.region is not None else self.plane
+        if place is None:  # the validator saw to it
+            raise ValueError("scenario without region and plane")
+        return place.shape
+
+
+# Several faults of one validator travel in one ValueError.
+FAULT_SEPARATOR = "\n"

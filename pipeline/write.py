@@ -1,0 +1,219 @@
+"""The last stage: all files of a run appear together, or the earlier ones stay as they were.
+
+Everything is written into a hidden folder beside the target, on the same disk. Only when all of
+it is complete do the files take their places, one atomic rename each, the manifest last; should
+one rename fail, those before it are taken back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+import time
+import unicodedata
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import StageError
+from pipeline.formats.result import RunResult
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from pipeline.model import Evaluation, Fetched, Scene, SeasonPlan, Simplified
+    from pipeline.scenario import Scenario
+
+    Format = Callable[[RunResult, Path], None]
+
+MANIFEST = "manifest.json"
+_LONGEST_NAME = 80
+# A folder of a run that was killed; no run takes a day to write.
+_LEFTOVER_AGE_S = 24 * 3600.0
+_ELSEWHERE = "or choose another place with --output"
+_REMEDIES = {
+    errno.ENOSPC: "the disk is full: free some space",
+    errno.EDQUOT: "the disk quota is used up: free some space",
+    errno.EFBIG: "a file would be larger than the system allows: raise the limit (ulimit -f)",
+    errno.EACCES: "no permission: change the folder's owner or mode",
+    errno.EPERM: "no permission: change the folder's owner or mode",
+    errno.EROFS: "the file system is read-only: mount it for writing",
+    errno.EEXIST: "a file stands where a folder should: move it away",
+    errno.ENOTDIR: "a file stands where a folder should: move it away",
+    errno.EISDIR: "a folder stands where a file should: move it away",
+    errno.ENAMETOOLONG: "the path is too long: choose a shorter one",
+}
+
+
+def write(
+    scenario: Scenario,
+    fetched: Fetched,
+    simplified: Simplified,
+    scene: Scene,
+    plans: Sequence[SeasonPlan],
+    evaluation: Evaluation,
+    directory: Path,
+    timings: Mapping[str, float],
+) -> tuple[Path, ...]:
+    """Write all output files of a run into `directory`, which is made where it is missing.
+
+    Parameters
+    ----------
+    directory
+        The run's own folder; see `output_directory`.
+    timings
+        Seconds each earlier stage took.
+
+    Returns
+    -------
+    tuple of Path
+        The files, the manifest last.
+
+    Raises
+    ------
+    StageError
+        The files can't be written; the message names the place and the remedy, and the earlier
+        files are whole.
+    """
+    result = RunResult(
+        scenario,
+        fetched,
+        simplified,
+        scene,
+        tuple(plans),
+        evaluation,
+        dict(timings),
+        datetime.now(UTC),
+    )
+    from pipeline.formats.manifest import write_manifest
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        _refuse_open_database(directory)
+        _sweep(directory)
+        with _workshop(directory) as workshop:
+            fresh = []
+            for name, writer in _formats().items():
+                writer(result, workshop / name)
+                fresh.append(workshop / name)
+            write_manifest(result, workshop / MANIFEST, fresh)
+            fresh.append(workshop / MANIFEST)
+            _put_in_place(fresh, directory, workshop)
+    except OSError as error:
+        remedy = _REMEDIES.get(error.errno or 0) or f"{error.strerror or error}: see to it"
+        raise StageError(
+            f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
+        ) from error
+    return tuple(directory / path.name for path in fresh)
+
+
+def output_directory(root: Path, name: str) -> Path:
+    """Where the files of the scenario called `name` belong: one folder straight below `root`."""
+    return root / safe_name(name)
+
+
+def safe_name(name: str) -> str:
+    """Turn any text into a file name that every system takes, different for different texts.
+
+    Letters, digits, `.`, `_` and `-` stay, of any script; what had to change is told apart by a
+    short hash. The result is at most 80 characters and 240 bytes.
+    """
+    normal = unicodedata.normalize("NFC", name)
+    plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
+    if plain and plain == name and len(plain.encode()) <= 240:
+        return plain
+    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    short = plain.encode()[:64].decode(errors="ignore").strip("-.")
+    return f"{short}-{digest}" if short else digest
+
+
+def _formats() -> dict[str, Format]:
+    """The files of a run by name; what a format needs is imported only now."""
+    from pipeline.formats.geopackage import write_geopackage
+    from pipeline.formats.metrics import write_metrics
+    from pipeline.formats.report import write_report
+
+    return {
+        "routes.gpkg": write_geopackage,
+        "metrics.csv": write_metrics,
+        "report.html": write_report,
+    }
+
+
+def _refuse_open_database(directory: Path) -> None:
+    """Refuse to slip a new GeoPackage under another program's journal.
+
+    QGIS keeps changes beside the file until it closes it; SQLite would play them back into the
+    new one.
+    """
+    for journal in directory.glob("*.gpkg-wal"):
+        if journal.stat().st_size:
+            package = directory / journal.name.removesuffix("-wal")
+            raise StageError(
+                f"write: {package} is open in another program ({journal.name} lies beside it): "
+                "close it there, or choose another place with --output"
+            )
+
+
+def _sweep(directory: Path) -> None:
+    """Remove what killed runs left behind, a day after."""
+    for leftover in directory.parent.glob(f".{directory.name}.*.partial"):
+        with contextlib.suppress(OSError):
+            if time.time() - leftover.stat().st_mtime > _LEFTOVER_AGE_S:
+                shutil.rmtree(leftover)
+
+
+@contextlib.contextmanager
+def _workshop(directory: Path) -> Iterator[Path]:
+    """Make a hidden folder beside the target, on the same disk; it is gone at the end."""
+    place = tempfile.mkdtemp(prefix=f".{directory.name}.", suffix=".partial", dir=directory.parent)
+    try:
+        yield Path(place)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _put_in_place(fresh: Sequence[Path], directory: Path, workshop: Path) -> None:
+    """Move complete files into the directory; on failure put back those that had been there."""
+    for path in fresh:
+        _flush(path)
+    kept = workshop / "earlier"
+    kept.mkdir()
+    for path in fresh:
+        if (directory / path.name).exists():
+            _keep(directory / path.name, kept / path.name)
+    moved: list[str] = []
+    try:
+        for path in fresh:
+            path.replace(directory / path.name)
+            moved.append(path.name)
+    except BaseException:
+        for name in moved:
+            if (kept / name).exists():
+                (kept / name).replace(directory / name)
+            else:
+                (directory / name).unlink()
+        raise
+
+
+def _keep(earlier: Path, copy: Path) -> None:
+    """Give an earlier file a second name, so that its first is never without a file."""
+    try:
+        os.link(earlier, copy)
+    except OSError as error:
+        if earlier.is_dir():
+            raise IsADirectoryError(
+                errno.EISDIR, os.strerror(errno.EISDIR), str(earlier)
+            ) from error
+        shutil.copy2(earlier, copy)
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file is on the disk, so that its new name can't outlive its content."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,67 @@
+"""What every test has: no network, no screen, a hypothesis profile, and the shared folder."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Before any test imports pyplot: no screen.
+os.environ["MPLBACKEND"] = "Agg"
+
+# No deadline: the first call of a compiled kernel or a loaded machine is no bug.
+# In CI the examples are the same each time, so that a red run is the change's doing.
+hypothesis.settings.register_profile("default", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
+hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+def _is_local(address: object) -> bool:
+    """Whether a socket address stays on this machine: a Unix socket, loopback, or a name for it."""
+    if not isinstance(address, tuple):
+        return True
+    host = str(address[0])
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        return host in {"", "localhost", socket.gethostname()}
+
+
+@pytest.fixture(autouse=True)
+def _no_network(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refuse connections that leave the machine, unless the test is marked `network`."""
+    if request.node.get_closest_marker("network") is None:
+        connect = socket.socket.connect
+
+        def guarded(self: socket.socket, address: Any) -> None:  # noqa: ANN401  # as the socket module has it
+            if not _is_local(address):
+                pytest.fail(
+                    f"a test reached for {address!r}; mark it `network` or serve it locally"
+                )
+            connect(self, address)
+
+        monkeypatch.setattr(socket.socket, "connect", guarded)
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """Give the project's root."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Give the folder `../shared` of published figures and charts; skip where it is absent."""
+    folder = ROOT.parent / "shared"
+    if not (folder / "facts").is_dir():
+        pytest.skip(
+            "needs ../shared (figures and charts kept beside the project), which is not here"
+        )
+    return folder

@@ -1,0 +1,28 @@
+"""What the pipeline's tests share: land that takes seconds to fetch is fetched once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.artefact import Store
+from pipeline.fetch import fetch
+from pipeline.reading import load_scenario
+from pipeline.scenario import Scenario
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# Waters across the middle of Palawan: the island cuts the box from edge to edge.
+ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
+
+
+@pytest.fixture(scope="session")
+def across_outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give an output folder whose store holds the land in ACROSS_BOX."""
+    output = tmp_path_factory.mktemp("across") / "outputs"
+    table = load_scenario("palawan-season").model_dump(mode="json")
+    table["region"]["bbox"] = ACROSS_BOX
+    fetch(Scenario.model_validate(table), Store(output / ".artefacts"), offline=True)
+    return output

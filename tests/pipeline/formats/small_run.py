@@ -1,0 +1,203 @@
+"""A small run, really planned: two islands east of Palawan, two seasons, made up currents."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.formats.result import RunResult
+from pipeline.model import (
+    Credit,
+    CurrentGrid,
+    Evaluation,
+    Fetched,
+    Land,
+    RouteKey,
+    RouteMetrics,
+    Scene,
+    SeasonPlan,
+    Simplified,
+)
+from pipeline.project import project
+from pipeline.scenario import Scenario
+
+LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
+STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")
+PREFERRED = Credit("Better source", "current", "Figures made up with more care", "CC BY 4.0")
+REASON = "summer: better-source needs an account"
+NOTES = (REASON, "summer: planned on Test table, valid 2020-06-17")
+SPACING = 4.0
+
+
+def scenario(**changes: object) -> Scenario:
+    """A chart scenario at 1:1000; `changes` replace whole keys."""
+    content: dict[str, object] = {
+        "schema_version": 1,
+        "name": "small-run",
+        "title": "Two islands",
+        "description": "North or south about?",
+        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
+        "vessel": {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0},
+        "scale": 1000.0,
+        "start": [119.1, 9.5],
+        "goal": [120.1, 9.5],
+        "seasons": [
+            {"name": "summer", "title": "July 2024", "valid": "2024-07", "currents": ["table"]},
+            {"name": "winter", "title": "December", "valid": "2024-12", "currents": ["table"]},
+        ],
+        "planner": {"classes": 4},
+        "published": {
+            "origin": "Some paper, at 1:5000",
+            "scale": 5000.0,
+            "rows": [
+                {"label": "Theirs", "season": "winter", "fuel": 20.0, "length": 22.5, "side": "n"}
+            ],
+        },
+    }
+    return Scenario.model_validate({**content, **changes})
+
+
+def planar_scenario() -> Scenario:
+    """A scenario in metres: one obstacle in one gyre."""
+    return scenario(
+        region=None,
+        plane={
+            "extent": [0.0, 0.0, 100.0, 100.0],
+            "obstacles": [[[40.0, 40.0], [60.0, 40.0], [60.0, 60.0], [40.0, 60.0]]],
+        },
+        scale=1.0,
+        start=[10.0, 10.0],
+        goal=[90.0, 90.0],
+        seasons=[{"name": "gyre", "gyre": {"amplitude": 0.5}}],
+        published=None,
+    )
+
+
+def fetched(asked: Scenario) -> Fetched:
+    """Land of two islands; a current to the east in summer, a shear in winter, with a gap."""
+    if asked.plane is not None:
+        lonlat = [
+            shapely.Polygon(np.array(corners) / 111_000.0) for corners in asked.plane.obstacles
+        ]
+        return Fetched(Land(tuple(lonlat), LAND, 0.0), ())
+    islands = (
+        shapely.Polygon(
+            [(119.4, 9.35), (119.6, 9.38), (119.62, 9.6), (119.45, 9.66), (119.38, 9.5)]
+        ),
+        shapely.Polygon([(119.8, 9.5), (119.9, 9.52), (119.88, 9.7), (119.78, 9.68)]),
+    )
+    lon, lat = np.linspace(118.8, 120.4, 9), np.linspace(8.8, 10.2, 8)
+    north = np.broadcast_to((lat[:, None] - 9.5) / 0.7, (8, 9))
+    gap = np.zeros((8, 9), dtype=bool)
+    gap[3:5, 3:5] = True
+    grids = tuple(
+        CurrentGrid(
+            season,
+            lon,
+            lat,
+            np.where(gap, np.nan, u),
+            np.where(gap, np.nan, v),
+            valid,
+            credit,
+        )
+        for season, valid, credit, u, v in (
+            ("summer", "2020-06-17", STAND_IN, 0.3 + 0.1 * north, 0.05 * north),
+            ("winter", "2024-01", PREFERRED, -0.4 * north, 0.1 + 0.0 * north),
+        )
+        if season in {spec.name for spec in asked.seasons}
+    )
+    return Fetched(Land(islands, LAND, 60.0), grids, NOTES)
+
+
+def metrics(
+    asked: Scenario,
+    scene: Scene,
+    season: str,
+    rank: int,
+    route: renew.Route,
+    found: renew.Contingency,
+) -> RouteMetrics:
+    """A route's figures, as simply as they can be had."""
+    line, land = shapely.LineString(route.path), shapely.union_all(scene.land)
+    middle = shapely.line_interpolate_point(line, 0.5, normalized=True)
+    return RouteMetrics(
+        season=season,
+        rank=rank,
+        homotopy=route.homotopy,
+        fuel=route.fuel,
+        fuel_per_distance=route.fuel_per_distance,
+        length=route.length,
+        length_m=scene.projection.geodesic_length_m(
+            shapely.get_coordinates(line.segmentize(route.length / 500))
+        ),
+        clearance_m=float(shapely.distance(line, land)) * asked.scale,
+        duration_s=route.duration * asked.scale,
+        optimality_gap=route.optimality_gap,
+        trials=found.trials,
+        collisions=found.collisions,
+        land_m=float(shapely.intersection(line, land).length) * asked.scale,
+        side="north" if middle.y > land.centroid.y else "south",
+    )
+
+
+@cache
+def parts(*, planar: bool = False) -> RunResult:
+    """Run the scenario once a test session."""
+    asked = planar_scenario() if planar else scenario()
+    got = fetched(asked)
+    simplified = Simplified(
+        polygons=tuple(polygon.buffer(0.002, quad_segs=1) for polygon in got.land.polygons),
+        original_vertices=sum(len(shapely.get_coordinates(p)) for p in got.land.polygons),
+        vertices=24,
+        tolerance_m=100.0,
+        joined_gap_m=500.0,
+        margin_m=60.0,
+    )
+    scene = project(asked, got, simplified)
+    plans, rows, contingencies = [], [], {}
+    for spec in asked.seasons:
+        plan = renew.plan(
+            scene.chart,
+            scene.currents[spec.name],
+            scene.vessel,
+            scene.start,
+            scene.goal,
+            classes=asked.planner.classes,
+        )
+        plans.append(SeasonPlan(spec.name, plan, "", 1.5))
+        original = renew.Chart(scene.chart.extent, scene.land)
+        for rank, route in enumerate(plan.routes, start=1):
+            found = renew.contingency(
+                route, original, scene.currents[spec.name], scene.vessel, spacing=SPACING
+            )
+            rows.append(metrics(asked, scene, spec.name, rank, route, found))
+            contingencies[spec.name, rank] = found
+    return RunResult(
+        scenario=asked,
+        fetched=got,
+        simplified=simplified,
+        scene=scene,
+        plans=tuple(plans),
+        evaluation=Evaluation(tuple(rows), contingencies),
+        timings={"fetch": 0.25, "plan": 1.0},
+        created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
+    )
+
+
+def with_a_failed_season(result: RunResult) -> RunResult:
+    """The same run, had winter not been planned."""
+    failed = SeasonPlan("winter", None, "no water joins start and goal <b>at all</b>", 0.5)
+    kept: dict[RouteKey, renew.Contingency] = {
+        key: found for key, found in result.evaluation.contingency.items() if key[0] != "winter"
+    }
+    rows = tuple(row for row in result.evaluation.routes if row.season != "winter")
+    return replace(
+        result,
+        plans=tuple(failed if entry.season == "winter" else entry for entry in result.plans),
+        evaluation=Evaluation(rows, kept),
+    )

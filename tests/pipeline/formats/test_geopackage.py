@@ -1,0 +1,257 @@
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import geopandas
+import numpy as np
+import pyogrio
+import pyproj
+import pytest
+import shapely
+
+from pipeline.formats.geopackage import write_geopackage
+from pipeline.model import Evaluation, SeasonPlan
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.result import RunResult
+
+GEOD = pyproj.Geod(ellps="WGS84")
+LAYERS = {
+    "routes": "LineString",
+    "waypoints": "Point",
+    "channels": "MultiPolygon",
+    "no_go": "MultiPolygon",
+    "soft_no_go": "MultiPolygon",
+    "currents": "Point",
+    "contingency": "Point",
+}
+ROUTE_COLUMNS = {
+    *("season", "rank", "homotopy", "side", "fuel", "fuel_per_distance", "length_m"),
+    *("clearance_m", "duration_s", "optimality_gap", "trials", "collisions"),
+}
+
+
+def query(path: Path, sql: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute(sql).fetchall()
+
+
+def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
+    """A layer with its CRS taken off: areas and lengths are compared in degrees here."""
+    return geopandas.read_file(path, layer=name).set_crs(None, allow_override=True)
+
+
+def test_is_a_geopackage_1_3_with_the_seven_layers(package: Path) -> None:
+    assert query(package, "PRAGMA application_id") == [(int.from_bytes(b"GPKG", "big"),)]
+    assert query(package, "PRAGMA user_version") == [(10300,)]
+    assert query(package, "PRAGMA integrity_check") == [("ok",)]
+    assert query(package, "PRAGMA foreign_key_check") == []
+    assert dict(pyogrio.list_layers(package).tolist()) == LAYERS
+
+
+def test_every_layer_presents_itself_and_lies_in_lon_lat(package: Path) -> None:
+    contents = query(package, "SELECT table_name, identifier, description FROM gpkg_contents")
+    assert {name for name, _, _ in contents} == set(LAYERS)
+    assert all(title and title != name and len(text) > 20 for name, title, text in contents)
+    columns = query(package, "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns")
+    assert set(columns) == {(name, "geom", 4326) for name in LAYERS}
+    for name in LAYERS:
+        info = query(package, f"PRAGMA table_info({name})")
+        assert [row[1] for row in info if row[5]] == ["fid"]
+        assert layer(package, name).is_valid.all()
+
+
+def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
+    routes = layer(package, "routes")
+    assert set(routes.columns) - {"geometry"} == ROUTE_COLUMNS
+    assert len(routes) == len(result.evaluation.routes) > 2
+    for row, metrics in zip(routes.itertuples(), result.evaluation.routes, strict=True):
+        for column in ROUTE_COLUMNS:
+            assert getattr(row, column) == getattr(metrics, column), column
+
+
+def test_routes_measure_what_they_say(package: Path) -> None:
+    for row in layer(package, "routes").itertuples():
+        assert GEOD.geometry_length(row.geometry) == pytest.approx(row.length_m, rel=1e-3)
+
+
+def test_a_route_drawn_in_degrees_is_the_route_planned(package: Path, result: RunResult) -> None:
+    """Points all along a planar path lie within a metre of the line in the file."""
+    for row, ranked in zip(layer(package, "routes").itertuples(), result.routes, strict=True):
+        length = ranked.route.length
+        path = shapely.segmentize(shapely.LineString(ranked.route.path), length / 3000)
+        lonlat = result.scene.projection.to_lonlat(shapely.get_coordinates(path))
+        off = shapely.distance(shapely.points(lonlat), row.geometry)
+        assert off.max() * 111_000 < 1.0
+
+
+def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> None:
+    """Sail each leg by its course and length: it ends at the next waypoint, in the time given."""
+    waypoints = layer(package, "waypoints")
+    for ranked in result.routes:
+        chosen = (waypoints.season == ranked.season) & (waypoints["rank"] == ranked.rank)
+        mine = waypoints[chosen]
+        assert mine.sequence.tolist() == list(range(1, len(ranked.route.path) + 1))
+        x, y = mine.geometry.x.to_numpy(), mine.geometry.y.to_numpy()
+        legs = mine.iloc[:-1]
+        lon, lat, _ = GEOD.fwd(x[:-1], y[:-1], legs.course_deg, legs.leg_length_m)
+        _, _, off = GEOD.inv(lon, lat, x[1:], y[1:])
+        assert np.max(off) < 0.01
+        times = mine.time_s.to_numpy()
+        assert times[0] == 0
+        assert times[-1] == pytest.approx(ranked.metrics.duration_s)
+        sailed = np.diff(times) * legs.speed_over_ground_m_s.to_numpy()
+        assert sailed == pytest.approx(legs.leg_length_m.to_numpy())
+        assert mine.course_deg.isna().tolist() == [False] * len(legs) + [True]
+
+
+def test_a_following_current_makes_the_leg_faster(package: Path) -> None:
+    """Summer sets east at 0.2 to 0.4 m/s: whoever steers east makes more than through water."""
+    waypoints = layer(package, "waypoints")
+    east = waypoints[(waypoints.season == "summer") & waypoints.course_deg.between(60, 120)]
+    assert len(east) > 0
+    assert (east.speed_over_ground_m_s > 1.05).all()
+
+
+def test_currents_are_the_sources_own(package: Path, result: RunResult) -> None:
+    currents = layer(package, "currents")
+    for grid in result.fetched.currents:
+        mine = currents[currents.season == grid.season]
+        assert len(mine) == np.isfinite(grid.u).sum() < grid.u.size
+        for row in mine.itertuples():
+            j = np.argmin(abs(grid.lat - row.geometry.y))
+            i = np.argmin(abs(grid.lon - row.geometry.x))
+            assert (row.u, row.v) == (grid.u[j, i], grid.v[j, i])
+            # Towards `direction`, clockwise from north, at `speed`.
+            bearing = np.radians(row.direction)
+            assert row.speed * np.sin(bearing) == pytest.approx(row.u, abs=1e-12)
+            assert row.speed * np.cos(bearing) == pytest.approx(row.v, abs=1e-12)
+
+
+def test_a_current_given_as_figures_is_sampled(planar_result: RunResult, tmp_path: Path) -> None:
+    write_geopackage(planar_result, tmp_path / "routes.gpkg")
+    currents = layer(tmp_path / "routes.gpkg", "currents")
+    assert currents.speed.max() == pytest.approx(0.5, rel=0.01)
+    # One clockwise gyre of 0.5 m/s: north along its left edge, south along its right one.
+    x, y = currents.geometry.x, currents.geometry.y
+    half_way_up = abs(y - y.mean()) < 1e-9
+    for edge, v in ((x.min(), 0.5), (x.max(), -0.5)):
+        there = currents[half_way_up & (abs(x - edge) < 1e-9)]
+        assert there.v.tolist() == pytest.approx([v])
+        assert there.u.tolist() == pytest.approx([0.0], abs=1e-9)
+
+
+def test_zones_and_channels_fit_the_routes(package: Path, result: RunResult) -> None:
+    routes, soft = layer(package, "routes"), layer(package, "soft_no_go")
+    channels, no_go = layer(package, "channels"), layer(package, "no_go")
+    assert no_go.area.sum() == pytest.approx(sum(p.area for p in result.simplified.polygons))
+    assert no_go.vertices.tolist() == [
+        len(shapely.get_coordinates(p)) for p in result.simplified.polygons
+    ]
+    planned = channels[channels["rank"] > 0]
+    assert (channels[channels["rank"] == 0].rejected_because != "").all()
+    for route, zone, channel in zip(routes.geometry, soft.geometry, planned.geometry, strict=True):
+        assert not route.intersects(no_go.union_all())
+        assert route.intersection(zone).length < 1e-3 * route.length
+        assert route.difference(channel.buffer(1e-4)).is_empty
+    assert (soft.padding_min_m <= soft.padding_max_m).all()
+    # Padding of the paper's vehicle is some metres, at 1:1000 some kilometres.
+    assert soft.padding_max_m.between(1_000, 20_000).all()
+
+
+def test_contingency_points_are_the_trials(package: Path, result: RunResult) -> None:
+    points = layer(package, "contingency")
+    for (season, rank), found in result.evaluation.contingency.items():
+        mine = points[(points.season == season) & (points["rank"] == rank)]
+        assert len(mine) == len(found.points)
+        assert mine.collided.sum() == found.collided.sum()
+        back = result.scene.projection.to_plane(shapely.get_coordinates(mine.geometry))
+        assert back == pytest.approx(found.points, abs=1e-6)
+
+
+def test_of_very_many_turns_those_that_matter_are_shown(result: RunResult, tmp_path: Path) -> None:
+    found = result.evaluation.contingency["summer", 1]
+    points = np.linspace(found.points[0], found.points[-1], 9_001)
+    collided = np.zeros(len(points), dtype=bool)
+    collided[[7, 8, 9, 4_321, 9_000]] = True
+    many = replace(found, points=points, collided=collided)
+    contingency = {**result.evaluation.contingency, ("summer", 1): many}
+    path = tmp_path / "routes.gpkg"
+    evaluation = replace(result.evaluation, contingency=contingency)
+    write_geopackage(replace(result, evaluation=evaluation), path)
+    shown = layer(path, "contingency")
+    shown = shown[(shown.season == "summer") & (shown["rank"] == 1)]
+    assert shown.collided.sum() == 5
+    assert 1_000 < (~shown.collided).sum() <= 2_000
+    gaps = np.hypot(np.diff(shown.geometry.x), np.diff(shown.geometry.y))
+    assert gaps.max() < 6 * 1.2 / len(points)
+
+
+def test_sources_travel_inside_the_file(package: Path, result: RunResult) -> None:
+    rows = query(
+        package,
+        "SELECT mime_type, metadata, reference_scope FROM gpkg_metadata"
+        " JOIN gpkg_metadata_reference ON md_file_id = id",
+    )
+    assert [(mime, scope) for mime, _, scope in rows] == [("application/json", "geopackage")]
+    content = json.loads(rows[0][1])
+    assert content["land_source"]["text"] == small_run.LAND.text
+    assert [s["name"] for s in content["current_sources"]] == ["Test table", "Better source"]
+    assert content["notes"] == list(result.fetched.notes)
+
+
+def test_a_failed_season_leaves_the_other_one(result: RunResult, tmp_path: Path) -> None:
+    write_geopackage(small_run.with_a_failed_season(result), tmp_path / "routes.gpkg")
+    assert set(layer(tmp_path / "routes.gpkg", "routes").season) == {"summer"}
+
+
+def test_without_any_route_the_layers_are_there_and_empty(
+    result: RunResult, tmp_path: Path
+) -> None:
+    path = tmp_path / "routes.gpkg"
+    plans = tuple(SeasonPlan(entry.season, None, "no way", 0.0) for entry in result.plans)
+    write_geopackage(replace(result, plans=plans, evaluation=Evaluation((), {})), path)
+    assert dict(pyogrio.list_layers(path).tolist()) == LAYERS
+    routes = layer(path, "routes")
+    assert len(routes) == 0
+    assert set(routes.columns) >= ROUTE_COLUMNS
+    assert len(layer(path, "no_go")) == 2
+
+
+def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -> None:
+    rows = tuple(
+        replace(row, optimality_gap=float("nan"), clearance_m=float("inf"))
+        for row in result.evaluation.routes
+    )
+    path = tmp_path / "routes.gpkg"
+    evaluation = Evaluation(rows, result.evaluation.contingency)
+    write_geopackage(replace(result, evaluation=evaluation), path)
+    found = query(path, "SELECT DISTINCT optimality_gap, clearance_m FROM routes")
+    assert found == [(None, None)]
+
+
+def test_gdals_own_checker_finds_nothing(package: Path) -> None:
+    pythons = [p for p in (sys.executable, shutil.which("python3", path="/usr/bin")) if p]
+    command = ("-W", "ignore", "-m", "osgeo_utils.samples.validate_gpkg")
+    probe = ("-c", "import osgeo_utils.samples.validate_gpkg")
+    able = [
+        python
+        for python in pythons
+        if not subprocess.run([python, *probe], capture_output=True, check=False).returncode
+    ]
+    if not able:
+        pytest.skip("GDAL's Python samples are not installed (Debian: python3-gdal)")
+    checked = subprocess.run(
+        [able[0], *command, "--extra", str(package)], capture_output=True, text=True, check=False
+    )
+    assert checked.returncode == 0, checked.stdout + checked.stderr

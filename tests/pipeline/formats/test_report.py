@@ -1,0 +1,209 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.formats import phrases
+from pipeline.formats.report import gather, render
+from pipeline.model import Credit
+from tests.pipeline.formats import small_run
+from tests.pipeline.formats.page import Page
+
+if TYPE_CHECKING:
+    from pipeline.formats.result import RunResult
+
+HOSTILE = (
+    '<script>alert("1")</script>"\'><img src=x onerror=alert(1)> ../../etc \N{ROCKET} \u202eevil'
+)
+
+
+def rows_of(page: Page, caption: str) -> list[list[str]]:
+    """Cells of the table in the region that a heading's id names."""
+    region = next(
+        e
+        for e in page.elements
+        if e.attributes.get("aria-labelledby") == caption and e.tag == "div"
+    )
+    return [[cell.words for cell in row.children] for row in region.all("tr")]
+
+
+def test_the_page_is_whole(page: Page) -> None:
+    assert page.unbalanced == []
+    assert [e.tag for e in page.root.children] == ["html"]
+    ids = [e.attributes["id"] for e in page.elements if "id" in e.attributes]
+    assert len(ids) == len(set(ids))
+    named = [
+        e.attributes[a] for e in page.elements for a in ("aria-labelledby",) if a in e.attributes
+    ]
+    assert set(named) <= set(ids)
+    assert [e.words for e in page.all("h1")] == ["Two islands"]
+
+
+def test_the_page_asks_for_nothing(page: Page) -> None:
+    assert page.all("script") == []
+    assert page.all("iframe") + page.all("img") + page.all("object") == []
+    for element in page.elements:
+        for name, value in element.attributes.items():
+            assert not name.startswith("on"), (element.tag, name)
+            if name in {"src", "srcset", "action", "data", "poster", "background"}:
+                pytest.fail(f"{element.tag} {name}={value}")
+            if name in {"href", "xlink:href"} and element.tag != "a":
+                assert value.startswith(("#", "data:")), (element.tag, value)
+    assert [e.attributes["href"] for e in page.all("link")] == ["data:,"]
+    style = "".join(e.text for e in page.all("style"))
+    assert "url(" not in style
+    assert "@import" not in style
+    policy = next(e for e in page.all("meta") if "http-equiv" in e.attributes)
+    assert policy.attributes["content"].startswith("default-src 'none';")
+    links = {e.attributes["href"] for e in page.all("a")}
+    assert links == {small_run.LAND.url}
+
+
+def test_every_class_stands_in_its_seasons_table(page: Page, result: RunResult) -> None:
+    for number, entry in enumerate(result.plans, start=1):
+        header, *rows = rows_of(page, f"season-{number}-title")
+        metrics = [m for m in result.evaluation.routes if m.season == entry.season]
+        assert len(rows) == len(metrics)
+        for cells, m in zip(rows, metrics, strict=True):
+            row = dict(zip(header, cells, strict=True))
+            assert row["Rank"] == str(m.rank)
+            assert row["Side"] == m.side
+            assert float(row["Fuel"]) == pytest.approx(m.fuel, rel=5e-4)
+            assert row["Length, true"] == phrases.distance(m.length_m)
+            assert float(row["Length, scaled m"]) == pytest.approx(m.length, rel=5e-4)
+            assert float(row["F/D"]) == pytest.approx(m.fuel / m.length, rel=5e-3)
+            assert row["Time"] == f"{m.duration_s / 3600:.1f} h"
+            assert row["Clear of land"] == phrases.distance(m.clearance_m)
+            assert row["Turns that met land"] == f"{m.collisions} of {m.trials}"
+            assert row["Gap"] == f"{100 * m.optimality_gap:.1f} %"
+            assert row["Class"] == m.homotopy
+            if m.rank > 1:
+                excess = 100 * (m.fuel / metrics[0].fuel - 1)
+                assert row["Above the best"] == f"+{excess:.1f} %"
+
+
+def test_the_answer_comes_first(page: Page, result: RunResult) -> None:
+    """A season on a stand-in does not bear the title of what was asked for."""
+    cards = page.with_class("card")
+    assert [c.all("h2")[0].words for c in cards] == ["Summer", "Winter (December)"]
+    for card, entry in zip(cards, result.plans, strict=True):
+        best = next(m for m in result.evaluation.routes if m.season == entry.season)
+        assert f"Go {best.side} about" in card.words
+        assert phrases.number(best.fuel) in card.words
+
+
+def test_a_picture_a_season_each_with_ids_of_its_own(page: Page) -> None:
+    maps = page.with_class("map")
+    assert len(maps) == 2
+    assert all("best route" in m.attributes["aria-label"] for m in maps)
+    assert all(len(m.all("path")) > 20 for m in maps)
+
+
+def test_published_figures_stand_beside_ours(page: Page, result: RunResult) -> None:
+    header, *rows = rows_of(page, "published-title")
+    table = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [row["Planned by"] for row in table] == ["This run", "This run", "Theirs"]
+    theirs = table[-1]
+    assert theirs["Season"] == "Winter (December)"
+    assert float(theirs["F/D"]) == pytest.approx(20 / 22.5, abs=1e-3)
+    assert theirs["Length, true"] == "112.5 km"
+    assert theirs["Clear of land, true"] == "–"
+    best = next(m for m in result.evaluation.routes if m.season == "winter")
+    assert table[1]["Fuel"] == phrases.number(best.fuel)
+    assert "Some paper, at 1:5000" in page.root.text
+
+
+def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
+    [notice] = page.with_class("notice")
+    assert notice.all("h2")[0].words == "Planned on stand-in currents"
+    assert "Summer, asked for July 2024: Test table, valid 2020-06-17" in notice.words
+    assert "Winter" not in notice.words
+    assert [item.words for item in notice.all("li")] == [small_run.REASON]
+    assert page.html.index('class="notice"') < page.html.index('class="cards"')
+
+
+def test_other_notes_raise_no_alarm(result: RunResult) -> None:
+    def page_with(*notes: str) -> Page:
+        fetched = replace(result.fetched, notes=notes)
+        return Page(render(gather(replace(result, fetched=fetched))))
+
+    assert page_with().with_class("notice") == []
+    [notice] = page_with("islets were merged").with_class("mild")
+    assert notice.words == "Worth knowing islets were merged"
+
+
+def test_sources_are_credited(page: Page) -> None:
+    for credit in (small_run.LAND, small_run.STAND_IN, small_run.PREFERRED):
+        assert credit.text in page.root.text
+        assert credit.licence in page.root.text
+    assert "2020-06-17" in page.root.text
+
+
+def test_classes_that_fell_away_give_their_reasons(result: RunResult) -> None:
+    [entry, *others] = result.plans
+    assert entry.plan is not None
+    from renew import Rejected
+
+    channel = entry.plan.routes[0].channel
+    gone = tuple(
+        Rejected(name, reason, channel)
+        for name, reason in (("+7", "too narrow <b>"), ("-8", "too narrow <b>"), ("+9", "a twin"))
+    )
+    plan = replace(entry.plan, rejected=gone)
+    changed = replace(result, plans=(replace(entry, plan=plan), *others))
+    page = Page(render(gather(changed)))
+    [details] = page.all("details")
+    assert details.all("summary")[0].words == "3 classes fell away, and why"
+    assert [[c.words for c in row.children] for row in details.all("tr")[1:]] == [
+        ["+7 -8", "too narrow <b>"],
+        ["+9", "a twin"],
+    ]
+
+
+def test_a_failed_season_says_why(result: RunResult) -> None:
+    page = Page(render(gather(small_run.with_a_failed_season(result))))
+    [card] = page.with_class("failed")
+    assert "No route" in card.words
+    assert "no water joins start and goal <b>at all</b>" in card.words
+    assert len(page.with_class("classes")) == 1
+    assert page.unbalanced == []
+
+
+def test_a_plane_speaks_of_metres(planar_result: RunResult) -> None:
+    page = Page(render(gather(planar_result)))
+    assert "in metres as given" in page.root.text
+    assert "given as figures in the scenario" in page.root.text
+    assert "Scaled metres are" not in page.root.text
+
+
+def test_hostile_names_stay_text(result: RunResult) -> None:
+    scenario = result.scenario.model_copy(
+        update={
+            "title": HOSTILE,
+            "description": HOSTILE * 3,
+            "seasons": tuple(
+                s.model_copy(update={"title": HOSTILE}) for s in result.scenario.seasons
+            ),
+            "vessel": result.scenario.vessel.model_copy(update={"title": HOSTILE}),
+        }
+    )
+    credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(1)")
+    land = replace(result.fetched.land, credit=credit)
+    fetched = replace(result.fetched, land=land, notes=(HOSTILE,))
+    page = Page(render(gather(replace(result, scenario=scenario, fetched=fetched))))
+    assert [e.words for e in page.all("h1")] == [" ".join(HOSTILE.split())]
+    assert page.all("script") == page.all("img") == page.all("a") == []
+    assert not any(name.startswith("on") for e in page.elements for name in e.attributes)
+    assert page.unbalanced == []
+
+
+def test_the_page_is_light_and_serves_every_ground(page: Page) -> None:
+    assert len(page.html.encode()) < 300_000
+    style = page.all("style")[0].text
+    for query in ("prefers-color-scheme: dark", "print", "max-width"):
+        assert re.search(rf"@media[^{{]*{query}", style)
+    used = set(re.findall(r"var\((--[a-z0-9-]+)", page.html))
+    assert used <= set(re.findall(r"(--[a-z0-9-]+):", style))

@@ -1,0 +1,251 @@
+"""What bad input gets: a one-line error with value and remedy, exit 2, and nothing written."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import TYPE_CHECKING
+
+import pytest
+import shapely
+from typer.testing import CliRunner
+
+from pipeline.cli import app
+from pipeline.sources import osm
+from tests.pipeline.conftest import ACROSS_BOX
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# Small waters across the middle of Palawan: the island cuts the box from edge to edge.
+ACROSS = """
+schema_version = 1
+name = "across"
+vessel = "paper-asv"
+scale = 1000
+start = [118.40, 10.20]
+goal = [118.60, 10.30]
+[region]
+bbox = [118.3, 9.3, 119.2, 10.4]
+[chart]
+join_gap_m = 0
+tolerance_m = 500
+[[seasons]]
+name = "summer"
+valid = "2024-07"
+currents = ["embedded-palawan"]
+[planner]
+classes = 2
+"""
+PLANE = """
+schema_version = 1
+name = "plain"
+vessel = "paper-asv"
+start = [10, 50]
+goal = [90, 50]
+[plane]
+extent = [0, 0, 100, 100]
+obstacles = [[[40, 30], [60, 30], [60, 70], [40, 70]]]
+[[seasons]]
+name = "still"
+uniform = { u = 0.1 }
+[planner]
+classes = 2
+"""
+
+
+def run(folder: Path, text: str, output: Path | None = None) -> tuple[int, list[str]]:
+    """Exit code and error lines of `renew run` on a scenario's text."""
+    path = folder / "scenario.toml"
+    path.write_text(text, encoding="utf-8")
+    return run_at(folder, str(path), output)
+
+
+def run_at(folder: Path, asked: str, output: Path | None = None) -> tuple[int, list[str]]:
+    """Exit code and error lines of `renew run`; looks at what it left."""
+    output = output or folder / "outputs"
+    arguments = ["run", asked, "--output", str(output)]
+    before = set(output.glob("[!.]*"))
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    if result.exit_code == 2:
+        assert set(output.glob("[!.]*")) == before, "a wrong request must leave no results"
+        assert result.stdout == ""
+    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    return result.exit_code, lines
+
+
+def only(code_and_lines: tuple[int, list[str]]) -> str:
+    """The one error line of a refused request."""
+    code, lines = code_and_lines
+    assert code == 2
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def with_line(text: str, old: str, new: str) -> str:
+    """Replace what is there exactly once."""
+    assert text.count(old) == 1
+    return text.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("classes = 2", "clases = 2", ["planner.clases", "did you mean 'classes'"]),
+        ("classes = 2", "classes = 0", ["planner.classes = 0", "below 1", "such as 16"]),
+        ("classes = 2", "risk = 0", ["planner.risk = 0", "not above 0", "0.05"]),
+        ("classes = 2", "risk = 1", ["planner.risk = 1", "not below 1", "0.05"]),
+        ("classes = 2", "risk = nan", ["planner.risk", "not finite", "0.05"]),
+        ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "no number", "0.05"]),
+        ("classes = 2", "padding = -1", ["planner.padding = -1", "'adaptive', 'none' or metres"]),
+        ("scale = 1000", "scale = 0", ["scale = 0", "not above 0", "1 is the true scale"]),
+        ("scale = 1000", "colour = 1", ["unknown key colour", "start"]),
+        (
+            "schema_version = 1",
+            "schema_version = 9",
+            ["schema_version = 9", "write schema_version"],
+        ),
+        ("paper-asv", "paper-avs", ["vessel", "paper-avs", "did you mean 'paper-asv'"]),
+        ("embedded-palawan", "embeded-palawan", ["seasons[0].currents[0]", "'embedded-palawan'"]),
+        ('"summer"', '"sumer"', ["no season 'sumer'", "did you mean 'summer'"]),
+        ('"2024-07"', '"July"', ['seasons[0].valid = "July"', "YYYY-MM"]),
+        ("goal = [118.60, 10.30]", "", ["goal is missing", "[lon, lat]"]),
+        ("goal = [118.60, 10.30]", "goal = [10.3, 118.6]", ["no place on earth", "[longitude"]),
+        (
+            "goal = [118.60, 10.30]",
+            "goal = [118.6, 12]",
+            ["goal = [118.6, 12.0]", "177 km outside the region", "move it inside"],
+        ),
+        (
+            "bbox = [118.3, 9.3, 119.2, 10.4]",
+            "polygon = [[118.3, 9.3], [119.2, 10.4], [119.2, 9.3], [118.3, 10.4]]",
+            ["region.polygon", "crosses itself at 118.75, 9.85", "order round the edge"],
+        ),
+        (
+            "bbox = [118.3, 9.3, 119.2, 10.4]",
+            "bbox = [119.2, 9.3, 118.3, 10.4]",
+            ["region has bbox", "west must be below east"],
+        ),
+        (
+            "bbox = [118.3, 9.3, 119.2, 10.4]",
+            "bbox = [118.3, 3.5, 123.9, 10.4]",
+            ["no figures south of 6.75 (the region reaches 3.5) nor east of 123.25", "shrink"],
+        ),
+    ],
+)
+def test_one_fault_gets_one_line_with_value_and_remedy(
+    tmp_path: Path, old: str, new: str, said: list[str]
+) -> None:
+    line = only(run(tmp_path, with_line(ACROSS, old, new)))
+    for words in said:
+        assert words in line
+
+
+def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+    text = with_line(ACROSS, "classes = 2", "clases = 2\nrisk = 2\nseed = -1")
+    text = with_line(text, "paper-asv", "titanic")
+    text = with_line(text, "[118.40, 10.20]", "[100, 10.20]")
+    code, lines = run(tmp_path, text)
+    assert code == 2
+    for words in ("clases", "risk = 2", "seed = -1", "titanic", "start = [100.0, 10.2] lies 2"):
+        assert sum(words in line for line in lines) == 1, words
+    assert len(lines) == 5
+
+
+def test_start_on_land_says_how_far_and_where_water_is(
+    tmp_path: Path, across_outputs: Path
+) -> None:
+    text = with_line(ACROSS, "[118.40, 10.20]", "[118.70, 9.85]")
+    line = only(run(tmp_path, text, across_outputs))
+    assert "start = [118.7, 9.85] lies on land" in line
+    found = re.search(r"([\d.]+) km from the nearest water at \[([\d.]+), ([\d.]+)\]", line)
+    assert found is not None
+    away_km, lon, lat = (float(number) for number in found.groups())
+    # The suggested place is water on the original chart, and a start from there is accepted.
+    land = shapely.union_all(osm.land(shapely.box(*ACROSS_BOX)).polygons)
+    assert not land.intersects(shapely.Point(lon, lat))
+    # On a sphere, with the latitude's cosine: not how the pipeline measures.
+    degrees = land.boundary.distance(shapely.Point(118.70, 9.85))
+    assert degrees * 111.2 * 0.98 <= away_km + 0.1
+    assert away_km < 40
+    mended = with_line(text, "[118.70, 9.85]", f"[{lon}, {lat}]")
+    code, lines = run(tmp_path, with_line(mended, "across", "mended"), across_outputs)
+    assert not any("start" in line and "land" in line for line in lines), (code, lines)
+
+
+def test_both_ends_on_land_are_told_together(tmp_path: Path, across_outputs: Path) -> None:
+    text = with_line(ACROSS, "[118.40, 10.20]", "[118.70, 9.85]")
+    text = with_line(text, "[118.60, 10.30]", "[118.72, 9.86]")
+    code, lines = run(tmp_path, text, across_outputs)
+    assert code == 2
+    assert ["start" in line for line in lines] == [True, False]
+    assert ["goal" in line for line in lines] == [False, True]
+
+
+def test_goal_in_another_basin(tmp_path: Path, across_outputs: Path) -> None:
+    text = with_line(ACROSS, "[118.60, 10.30]", "[119.10, 9.40]")
+    line = only(run(tmp_path, text, across_outputs))
+    assert "goal = [119.1, 9.4] lies in another basin than start = [118.4, 10.2]" in line
+    assert re.search(r"within [\d.]+ km of it, at \[118\.\d+, 9\.\d+\]; move the goal there", line)
+
+
+def test_current_at_the_start_outruns_the_vessel(tmp_path: Path) -> None:
+    line = only(run(tmp_path, with_line(PLANE, "u = 0.1", "u = 1.5")))
+    assert "1.5 m/s" in line
+    assert "1 m/s" in line
+    assert "faster vessel or another start" in line
+
+
+def test_obstacles_that_leave_no_water(tmp_path: Path) -> None:
+    everything = "[[0, 0], [100, 0], [100, 100], [0, 100]]"
+    old = "[[40, 30], [60, 30], [60, 70], [40, 70]]"
+    assert "no water is left" in only(run(tmp_path, with_line(PLANE, old, everything)))
+
+
+def test_one_season_that_fails_leaves_the_other_written_and_exit_1(tmp_path: Path) -> None:
+    seasons = "uniform = { u = 0.1 }\n[[seasons]]\nname = 'storm'\nuniform = { v = 2.0 }"
+    code, lines = run(tmp_path, with_line(PLANE, "uniform = { u = 0.1 }", seasons))
+    assert code == 1
+    assert len(lines) == 1
+    assert "'storm'" in lines[0]
+    assert "2 m/s" in lines[0]
+    assert (tmp_path / "outputs" / "plain" / "metrics.csv").read_text().count("still") >= 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"start: [1, 2]\n", ["not TOML", "renew show palawan-season"]),
+        (b"\xff\xfe\x00", ["not text", "TOML"]),
+        (b"", ["no scenario", "renew show palawan-season"]),
+        (b"[project]\nname = 'x'\n", ["no scenario", "renew show palawan-season"]),
+    ],
+)
+def test_what_is_no_scenario(tmp_path: Path, content: bytes, said: list[str]) -> None:
+    path = tmp_path / "thing.toml"
+    path.write_bytes(content)
+    line = only(run_at(tmp_path, str(path)))
+    for words in ["thing.toml", *said]:
+        assert words in line
+
+
+def test_a_directory_a_missing_file_an_unknown_name(tmp_path: Path) -> None:
+    assert "is a directory" in only(run_at(tmp_path, str(tmp_path)))
+    missing = only(run_at(tmp_path, str(tmp_path / "palawan-sesaon.toml")))
+    assert "no file of that name" in missing
+    assert "did you mean 'palawan-season'?" in missing
+    assert "did you mean 'single-gyre'?" in only(run_at(tmp_path, "singel-gyre"))
+
+
+def test_wrong_use_of_the_command_line_is_a_wrong_request() -> None:
+    assert CliRunner().invoke(app, ["run"]).exit_code == 2
+    assert CliRunner().invoke(app, ["sail", "palawan-season"]).exit_code == 2
+
+
+def test_these_scenarios_are_sound_but_for_what_a_test_changes(tmp_path: Path) -> None:
+    for text in (ACROSS, PLANE):
+        assert tomllib.loads(text)
+        path = tmp_path / "sound.toml"
+        path.write_text(text, encoding="utf-8")
+        result = CliRunner().invoke(app, ["check", str(path)])
+        assert result.exit_code == 0, result.output

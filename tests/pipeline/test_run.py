@@ -1,0 +1,221 @@
+"""A whole run: results, resumption, and one season that doesn't take the others with it."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.catalogue import read_toml, scenario_path
+from pipeline.errors import StageError
+from pipeline.reading import load_scenario, parse_scenario
+from pipeline.run import Event, run
+
+if TYPE_CHECKING:
+    from pipeline.scenario import Scenario
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def single_gyre(**planner: object) -> Scenario:
+    """Return the catalogue's single gyre with some of its planner's options changed."""
+    table = read_toml(scenario_path("single-gyre"))
+    table["planner"] |= planner
+    return parse_scenario(table)
+
+
+def tree(folder: Path) -> dict[str, tuple[int, str]]:
+    """Return every file's time of change and hash."""
+    return {
+        str(path.relative_to(folder)): (
+            path.stat().st_mtime_ns,
+            hashlib.sha256(path.read_bytes()).hexdigest(),
+        )
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run single-gyre once; the folder of its results."""
+    output = tmp_path_factory.mktemp("first") / "outputs"
+    outcome = run(single_gyre(classes=4), output)
+    assert outcome.exit_code == 0
+    assert outcome.fresh
+    return output
+
+
+def test_a_run_writes_its_results(first: Path) -> None:
+    folder = first / "single-gyre"
+    names = {path.name for path in folder.iterdir()}
+    assert {"routes.gpkg", "report.html", "metrics.csv", "manifest.json"} <= names
+    with (folder / "metrics.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["rank"] for row in rows] == [str(i + 1) for i in range(len(rows))]
+    fuels = [float(row["fuel"]) for row in rows]
+    assert fuels == sorted(fuels)
+    # The paper needs 96.08 at its own clearance; a least-fuel path needs no more than that.
+    assert fuels[0] < 96.08
+    assert {row["collisions"] for row in rows} == {"0"}
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["seasons"][0]["status"] == "planned"
+
+
+def test_a_second_run_does_nothing_and_says_the_same(first: Path) -> None:
+    before = tree(first)
+    outcome = run(single_gyre(classes=4), first)
+    assert not outcome.fresh
+    assert outcome.exit_code == 0
+    assert tree(first) == before
+    assert outcome.evaluation.routes[0].fuel > 0
+
+
+def test_results_that_were_touched_are_written_again_without_planning(first: Path) -> None:
+    table = first / "single-gyre" / "metrics.csv"
+    whole = table.read_text()
+    table.write_text(whole[:-20])
+    plans = tree(first / ".artefacts" / "plan")
+    assert run(single_gyre(classes=4), first).fresh
+    assert table.read_text() == whole
+    assert tree(first / ".artefacts" / "plan") == plans
+
+
+def test_a_damaged_artefact_is_made_again_and_the_result_is_the_same(first: Path) -> None:
+    before = (first / "single-gyre" / "metrics.csv").read_text()
+    (plan,) = (first / ".artefacts" / "plan").glob("*.artefact")
+    plan.write_bytes(plan.read_bytes()[:100])
+    run(single_gyre(classes=4), first)
+    assert (first / "single-gyre" / "metrics.csv").read_text() == before
+    assert plan.stat().st_size > 100
+
+
+def test_another_option_plans_again_on_the_same_world(first: Path, tmp_path: Path) -> None:
+    del tmp_path
+    worlds = tree(first / ".artefacts" / "project")
+    outcome = run(single_gyre(classes=2), first)
+    assert outcome.fresh
+    assert tree(first / ".artefacts" / "project") == worlds
+    assert len(list((first / ".artefacts" / "plan").glob("*.artefact"))) == 2
+
+
+def test_a_listener_hears_every_stage(first: Path) -> None:
+    heard: list[Event] = []
+    run(single_gyre(classes=4), first, listen=heard.append)
+    begun = [event.stage for event in heard if event.status == "begun"]
+    assert begun == ["fetch", "simplify", "project", "plan", "write"]
+    assert [event.stage for event in heard if event.status == "done" and not event.season] == begun
+
+
+def test_no_scheduler_at_an_address_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match="leave --scheduler out"):
+        run(single_gyre(classes=1), tmp_path, scheduler="nonsense://nowhere")
+
+
+def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StageError, match="--output"):
+        run(single_gyre(classes=1), tmp_path / "file")
+
+
+def two_seasons() -> Scenario:
+    """Return the single gyre with a second season, in still water all but for a drift."""
+    table = read_toml(scenario_path("single-gyre"))
+    table["seasons"] = [
+        {"name": "quick", "uniform": {"u": 0.1}},
+        {"name": "long", "gyre": {"amplitude": 0.8}},
+    ]
+    del table["published"]
+    return parse_scenario(table)
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from pipeline.run import run
+from pipeline.scenario import Scenario
+if __name__ == "__main__":
+    scenario = Scenario.model_validate_json(Path(sys.argv[1]).read_text())
+    if sys.argv[3:]:
+        from distributed import LocalCluster
+        with LocalCluster(n_workers=1, host="127.0.0.1", dashboard_address=None) as cluster:
+            outcome = run(scenario, Path(sys.argv[2]), scheduler=cluster.scheduler_address)
+    else:
+        outcome = run(scenario, Path(sys.argv[2]))
+    sys.exit(outcome.exit_code)
+"""
+
+
+def program(folder: Path, output: Path, *extra: str) -> list[str]:
+    """Return the command that runs `two_seasons` in a process of its own."""
+    (folder / "program.py").write_text(PROGRAM)
+    (folder / "scenario.json").write_text(two_seasons().model_dump_json())
+    return [
+        sys.executable,
+        str(folder / "program.py"),
+        str(folder / "scenario.json"),
+        str(output),
+        *extra,
+    ]
+
+
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    """Kill a two-season run once its first plan is kept: that plan is not made again."""
+    output = tmp_path / "outputs"
+    plans = output / ".artefacts" / "plan"
+    with subprocess.Popen(
+        program(tmp_path, output), env=ENVIRONMENT, start_new_session=True
+    ) as process:
+        for _ in range(1200):
+            if list(plans.glob("*.artefact")):
+                break
+            assert process.poll() is None
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGKILL)
+    kept = {name: value for name, value in tree(plans).items() if name.endswith(".artefact")}
+    assert kept
+    assert not (output / "single-gyre" / "manifest.json").exists()
+    outcome = run(two_seasons(), output)
+    assert outcome.exit_code == 0
+    assert {plan.season for plan in outcome.plans if plan.plan} == {"quick", "long"}
+    after = tree(plans)
+    assert {name: after[name] for name in kept} == kept
+
+
+@pytest.mark.slow
+def test_the_workers_of_a_scheduler_come_to_the_same_routes(tmp_path: Path) -> None:
+    there, here = tmp_path / "there", tmp_path / "here"
+    subprocess.run(program(tmp_path, there, "cluster"), env=ENVIRONMENT, check=True)
+    assert run(two_seasons(), here).exit_code == 0
+    tables = [(folder / "single-gyre" / "metrics.csv").read_text() for folder in (there, here)]
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_palawan_both_seasons(tmp_path: Path) -> None:
+    """The issue's figures on the real chart: no land, no collision, both sides, both seasons."""
+    scenario = load_scenario("palawan-season")
+    outcome = run(scenario, tmp_path, offline=True)
+    assert outcome.exit_code == 0
+    rows = outcome.evaluation.routes
+    assert {row.season for row in rows} == {"summer", "winter"}
+    for season in ("summer", "winter"):
+        assert {"west", "east"} <= {row.side for row in rows if row.season == season}
+    assert all(row.land_m == 0 for row in rows)
+    assert all(row.collisions == 0 for row in rows)
+    begun = time.perf_counter()
+    assert not run(scenario, tmp_path, offline=True).fresh
+    assert time.perf_counter() - begun < 5

@@ -1,0 +1,107 @@
+"""The walls of the house: who imports whom, what is declared, what the wheel holds."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import packages_distributions
+from typing import TYPE_CHECKING, Any
+
+import grimp
+import pytest
+from importlinter.cli import lint_imports
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# Imported by none of our modules, and declared all the same.
+NEEDED_UNIMPORTED = {
+    "click": "named only for the pin of copernicusmarine",
+    "geopandas": "how a reader opens routes.gpkg; the tests do",
+    "xarray": "what copernicusmarine hands over; our floor for its version",
+}
+# Imported beside the library that brings it and speaks in its types.
+COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "pydantic"}
+# What takes seconds to import, and so may not be loaded to answer `renew --help`.
+HEAVY = {"copernicusmarine", "distributed", "geopandas", "matplotlib", "numba", "pandas", "xarray"}
+
+
+def _canonical(requirement: str) -> str:
+    """Name of the distribution in a requirement, as PEP 503 spells it."""
+    name = re.match(r"[A-Za-z0-9._-]+", requirement)
+    assert name is not None
+    return re.sub(r"[-_.]+", "-", name[0]).lower()
+
+
+@pytest.fixture(scope="module")
+def project(root: Path) -> dict[str, Any]:
+    """Give the table [project] of pyproject.toml."""
+    table: dict[str, Any] = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]
+    return table
+
+
+def test_imports_keep_to_the_walls(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(root)
+    kept = lint_imports(config_filename="pyproject.toml", no_cache=True, no_logo=True) == 0
+    assert kept, capsys.readouterr().out
+
+
+def test_what_is_imported_is_declared_and_the_other_way_round(project: dict[str, Any]) -> None:
+    graph = grimp.build_graph("renew", "pipeline", include_external_packages=True, cache_dir=None)
+    outside = {module for module in graph.modules if graph.is_module_squashed(module)}
+    distributions = packages_distributions()
+    imported = {
+        _canonical(distribution)
+        for module in outside - sys.stdlib_module_names
+        for distribution in distributions[module.partition(".")[0]]
+    }
+    declared = {_canonical(requirement) for requirement in project["dependencies"]}
+    declared |= {name for name, bringer in COMES_WITH.items() if bringer in declared}
+
+    assert imported - declared == set(), "imported, and not declared in pyproject.toml"
+    unused = declared - imported - NEEDED_UNIMPORTED.keys() - COMES_WITH.keys()
+    assert unused == set(), "declared in pyproject.toml, and imported nowhere"
+
+
+def test_the_lock_pins_what_is_declared_and_names_no_host(
+    root: Path, project: dict[str, Any]
+) -> None:
+    lock = (root / "requirements.lock").read_text("utf-8")
+    pinned = {_canonical(line) for line in lock.splitlines() if re.match(r"[A-Za-z0-9]", line)}
+
+    assert {_canonical(requirement) for requirement in project["dependencies"]} <= pinned
+    assert re.findall(r"\S*(?:://|--index|--find-links| @ )\S*", lock) == []
+
+
+def test_the_wheel_holds_every_module_and_the_catalogue(root: Path, tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+
+    code = {
+        path.relative_to(root).as_posix()
+        for package in ("renew", "pipeline")
+        for path in (root / package).rglob("*")
+        if path.is_file() and path.parent.name != "__pycache__"
+    }
+    data = {
+        f"pipeline/{path.relative_to(root).as_posix()}"
+        for path in (root / "catalog").rglob("*")
+        if path.is_file()
+    }
+    assert held == code | data
+
+
+def test_the_command_line_starts_without_the_heavy_libraries() -> None:
+    script = "import sys, pipeline.cli; print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    )
+    assert set(done.stdout.split()) & HEAVY == set()
