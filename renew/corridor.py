@@ -48,9 +48,9 @@ _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
 _RUNG_SPACING, _FIRST_WINDOW, _SHRINK, _RUNG_PASSES = 1 / 80, 0.15, 0.5, 11
 _WIDE_PASSES, _WIDE_POINTS, _NARROW_POINTS = 3, 41, 13
 _BEND, _CLOSEST_RUNGS = math.radians(5), 0.25
-# Paths are sought this share of v/ω further out than V reaches (3 cm for the paper's vessel), so
+# Paths are sought this share of v/ω further out than V reaches (7 cm for the paper's vessel), so
 # that points closer than that to the line past them can go, and corners be rounded, outside V.
-_SLACK = 0.02
+_SLACK = 0.04
 
 
 @dataclass(frozen=True)

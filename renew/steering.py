@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray
     from renew.corridor import Corridor
 
-# Corners are rounded with this much more than the least radius, so that the heading rate keeps
-# below ω while the current changes on the way round.
-_ROUNDING = 1.1
+# Corners are rounded with the first of these multiples of the least radius with which the heading
+# rate keeps below ω while the current changes on the way round.
+_ROUNDINGS = (1.1, 1.2, 1.35)
 # Corners closer to a sharp one than this many of its disc's chords are in the way of its rounding.
 _CROWD = 1.5
 # The points of a path crowd where its sections meet, and a sharp corner has no room among them:
@@ -33,20 +34,22 @@ def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, Floa
     result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
     """
     first: InfeasibleError | None = None
-    for tolerance in _TOLERANCES:
+    for tolerance, rounding in itertools.product(_TOLERANCES, _ROUNDINGS):
         line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
         try:
-            return _steered(shapely.get_coordinates(line), corridor)
+            return _steered(shapely.get_coordinates(line), corridor, rounding)
         except InfeasibleError as error:
             first = first or error
     raise first or InfeasibleError("no tolerance to try")
 
 
-def _steered(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+def _steered(
+    path: FloatArray, corridor: Corridor, rounding: float
+) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it."""
     field, vessel = corridor.current, corridor.vessel
     if len(path) > 2:
-        radius = _ROUNDING * corner_radius(path, field, vessel)
+        radius = rounding * corner_radius(path, field, vessel)
         sharp = _sharp_corners(path, corridor, radius)
         if sharp.any():
             keep = ~_crowding(path, sharp, radius)

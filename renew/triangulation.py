@@ -2,13 +2,15 @@
 
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
 dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle by default;
-GEOS's through shapely for who may not use Triangle (its licence bars commercial distribution).
+GEOS's through shapely where Triangle is not installed (its licence bars commercial
+distribution).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import networkx as nx
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
     from renew.chart import Chart
 
-Backend: TypeAlias = Literal["triangle", "shapely"]
+Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
 
 
 @dataclass(frozen=True)
@@ -111,8 +113,10 @@ class Triangulation:
         return best if inside[best] >= -1e-12 * size else -1
 
 
-def triangulate(chart: Chart, backend: Backend = "triangle") -> Triangulation:
+def triangulate(chart: Chart, backend: Backend = "auto") -> Triangulation:
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
+
+    "auto" takes Triangle where it is installed, and shapely where it is not.
 
     Raises
     ------
@@ -123,6 +127,8 @@ def triangulate(chart: Chart, backend: Backend = "triangle") -> Triangulation:
     """
     if backend not in get_args(Backend):
         raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
+    if backend == "auto":
+        backend = "triangle" if find_spec("triangle") else "shapely"
     corners = _by_triangle(chart) if backend == "triangle" else _by_shapely(chart)
     corners = corners[shapely.contains_xy(chart.water, corners.mean(axis=1))]
     turn = _area(corners[:, 0], corners[:, 1], corners[:, 2])
