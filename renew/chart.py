@@ -25,8 +25,8 @@ _PRECISION = 1e-9
 class Chart:
     """Extent and hard no-go zone in planar metres.
 
-    Islands may overlap, touch each other or the extent, stick out of it, and have lakes. The
-    extent's own edge is the end of the chart, not a hazard.
+    Islands may overlap, touch each other or the extent, stick out of it, and have lakes; holes
+    in the extent are land. The extent's own edge is the end of the chart, not a hazard.
 
     Parameters
     ----------
@@ -45,6 +45,9 @@ class Chart:
     def __init__(self, extent: Polygon, no_go: Iterable[Polygon] = ()) -> None:
         islands = [part for geometry in no_go for part in _polygons(geometry)]
         _check(extent, islands)
+        # Where the extent has a hole there is no water: land like any other.
+        islands += [Polygon(hole) for hole in extent.interiors]
+        extent = Polygon(extent.exterior)
         minx, miny, maxx, maxy = extent.bounds
         self.precision = _PRECISION * float(np.hypot(maxx - minx, maxy - miny))
         """Grid on which the chart's coordinates are snapped (m)."""

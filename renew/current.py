@@ -126,6 +126,10 @@ class UniformCurrent(CurrentField):
     u: float
     v: float
 
+    def __post_init__(self) -> None:
+        """Refuse a current that is not finite."""
+        _check_finite("uniform current", u=self.u, v=self.v)
+
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2), the same at every point."""
         shape = np.asarray(points).shape
@@ -150,6 +154,14 @@ class GyreCurrent(CurrentField):
     height: float
     columns: int = 1
     rows: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite, and a rectangle without area."""
+        _check_finite("gyre", amplitude=self.amplitude, width=self.width, height=self.height)
+        if self.width <= 0 or self.height <= 0:
+            raise ParameterError(
+                f"gyre: width = {self.width!r} and height = {self.height!r} m must be above 0"
+            )
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) at points (..., 2)."""
@@ -211,6 +223,13 @@ class GriddedCurrent(CurrentField):
         """Strongest node (m/s): a convex combination of vectors is no longer than the longest."""
         del bounds
         return float(np.linalg.norm(self.uv, axis=-1).max())
+
+
+def _check_finite(name: str, **figures: float) -> None:
+    """Refuse figures that are not finite; all at once."""
+    faults = [f"{key} = {value!r}" for key, value in figures.items() if not np.isfinite(value)]
+    if faults:
+        raise ParameterError(f"{name}: {', '.join(faults)} must be finite")
 
 
 def _cell(axis: FloatArray, value: FloatArray) -> tuple[np.ndarray, FloatArray]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import shapely
 
+from renew.checks import is_size
 from renew.errors import ParameterError
 from renew.geometry import segment_distance
 
@@ -46,9 +47,9 @@ def check_padding(padding: Padding, clearance: float, risk: float) -> None:
     if isinstance(padding, str):
         if padding not in {"adaptive", "none"}:
             faults.append(f'padding = {padding!r} is not "adaptive", "none" or metres')
-    elif not (math.isfinite(padding) and padding >= 0):
+    elif not is_size(padding):
         faults.append(f"padding = {padding!r} m must be finite and at least 0")
-    if not (math.isfinite(clearance) and clearance >= 0):
+    if not is_size(clearance):
         faults.append(f"clearance = {clearance!r} m must be finite and at least 0")
     if not 0 < risk < 1:
         faults.append(f"risk = {risk!r} must lie between 0 and 1, as in 0.05")

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from renew.channels import Channel, ChannelSearch, Move, Order
+from renew.checks import is_count, is_size
 from renew.corridor import Corridor, least_fuel_path, sampled_paths
 from renew.current import CurrentField, CurrentLike, as_field
 from renew.errors import (
@@ -46,6 +47,8 @@ _MOST_REPAIRS = 8
 _RISKS_TO_ADVISE = (0.1, 0.2, 0.3, 0.5)
 # Rounds of the search for ways around places found shut.
 _MOST_ROUNDS = 64
+# Classes examined, per class asked for, where many fall away.
+_MOST_FALLEN = 3
 
 
 def plan(
@@ -79,7 +82,7 @@ def plan(
     start, goal : array_like
         Points (2,) in metres, in the chart's water.
     classes : int
-        How many homotopy classes to examine, k >= 1.
+        Of how many homotopy classes to give the route, k >= 1; fewer where fewer can be sailed.
     risk : float
         1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding.
     padding : "adaptive", "none" or float
@@ -118,11 +121,11 @@ def plan(
     UnreachableError
         No water joins start and goal, or every class fell away; says why.
     """
-    _check(classes, samples, method)
+    _check(classes, samples, seed, distinct_by, method)
     check_drift(drift)
     check_padding(padding, clearance, risk)
     field = as_field(current)
-    start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
+    start, goal = _point("start", start), _point("goal", goal)
     _check_ends(chart, field, vessel, start, goal)
     triangulation = triangulate(chart)
     statistics = field.statistics(triangulation.corners)
@@ -144,6 +147,7 @@ def plan(
         drift=drift,
         seed=seed,
         proves=padding == "adaptive",
+        many_channels=distinct_by > 0,
         least=LeastFuel(chart, field, vessel, start, goal, drift),
     )
     drifting = statistics.mean / vessel.speed
@@ -167,18 +171,20 @@ def plan(
 
 
 def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route | Rejected]:
-    """Outcome of each of the first k classes, in the search's order.
+    """Outcomes of classes in the search's order, until k have a route or too many fell away.
 
-    A class whose channel is shut at one place is looked for again around that place; it falls
-    away, with the first reason, when no channel of it is left.
+    Where islets have no letter, a class has many channels. One that is shut at some place is
+    looked for again around all places found shut, until no round finds another; it falls away,
+    with its first reason, when no channel of it is left.
     """
     outcomes: dict[Word, Route | Rejected] = {}
     fell: dict[Word, Rejected] = {}
     shut: set[Move] = set()
-    for _ in range(_MOST_ROUNDS):
-        found = list(itertools.islice(finder.channels(shut), classes))
+    for _ in range(_MOST_ROUNDS if search.many_channels else 1):
         known = len(shut)
-        for channel in found:
+        for channel in itertools.islice(finder.channels(shut), _MOST_FALLEN * classes):
+            if sum(isinstance(outcome, Route) for outcome in outcomes.values()) >= classes:
+                break
             if channel.word in outcomes or not shut.isdisjoint(channel.moves):
                 continue
             try:
@@ -186,15 +192,14 @@ def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route
             except InfeasibleError as error:
                 corners = search.triangulation.corners[channel.triangles]
                 rejected = Rejected(channel.name, str(error), corners)
-                if error.move is None:
-                    outcomes[channel.word] = rejected
-                else:
+                if search.many_channels and error.move is not None:
                     shut.add(error.move)
                     fell.setdefault(channel.word, rejected)
+                else:
+                    outcomes[channel.word] = rejected
         if len(shut) == known:
             break
-    kept = {channel.word: outcomes[channel.word] for channel in found if channel.word in outcomes}
-    return [*kept.values(), *(r for word, r in fell.items() if word not in kept)]
+    return [*outcomes.values(), *(r for word, r in fell.items() if word not in outcomes)]
 
 
 @dataclass(frozen=True)
@@ -214,6 +219,7 @@ class _Search:
     drift: Drift
     seed: int
     proves: bool
+    many_channels: bool
     least: LeastFuel
 
     def route(self, channel: Channel) -> Route:
@@ -265,6 +271,8 @@ class _Search:
                 if self.rays.word(path) != corridor.channel.word:
                     continue
                 path, trajectory = steer_inside(path, attempt)
+                if self.rays.word(path) != corridor.channel.word:
+                    continue
             except InfeasibleError as error:
                 if error.move is not None:
                     raise
@@ -283,6 +291,9 @@ class _Search:
                 f"none of {self.samples} sampled chains can be steered at a turn rate of "
                 f"{math.degrees(self.vessel.turn_rate):g} degrees a second; method='optimal' may"
             )
+        # Water that outruns the vessel is no-go for it, whichever way it flows.
+        drifts = np.linalg.norm(self.field((chains[:, 1:] + chains[:, :-1]) / 2), axis=-1)
+        chains = chains[(drifts < self.vessel.speed).all(axis=1)]
         fuels = np.array([self._fuel(chain) for chain in chains])
         if not np.isfinite(fuels).any():
             raise InfeasibleError("the current outruns the vessel on every sampled chain")
@@ -305,8 +316,13 @@ class _Search:
         """Route with all its figures."""
         hazards = corridor.hazards
         line = shapely.LineString(path)
+        track = shapely.LineString(trajectory[:, 1:3])
         times = passage_times(path, self.field, self.vessel, drift=self.drift)
-        apart = shapely.distance(line, self.chart.hard_no_go) if self.chart.no_go else math.inf
+        apart = (
+            min(shapely.distance([line, track], self.chart.hard_no_go))
+            if self.chart.no_go
+            else math.inf
+        )
         return Route(
             path=path,
             trajectory=trajectory,
@@ -334,17 +350,34 @@ def _crossed(corners: FloatArray, line: shapely.LineString) -> FloatArray:
     return np.asarray(corners[crossed[order]])
 
 
-def _check(classes: int, samples: int, method: str) -> None:
-    """Refuse what is no count and no method; all faults at once."""
+def _check(classes: int, samples: int, seed: int, distinct_by: float, method: str) -> None:
+    """Refuse what is no count, no size and no method; all faults at once."""
     faults = [
-        f"{name} = {value!r} must be a whole number of at least 1"
-        for name, value in (("classes", classes), ("samples", samples))
-        if value < 1 or value != int(value)
+        f"{name} = {value!r} must be a whole number of at least {least}"
+        for name, value, least in (
+            ("classes", classes, 1),
+            ("samples", samples, 1),
+            ("seed", seed, 0),
+        )
+        if not is_count(value, least)
     ]
+    if not is_size(distinct_by):
+        faults.append(f"distinct_by = {distinct_by!r} m must be finite and at least 0")
     if method not in get_args(Method):
         faults.append(f"method = {method!r} is not one of {', '.join(get_args(Method))}")
     if faults:
         raise ParameterError("; ".join(faults))
+
+
+def _point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
+    """Take a start or goal as an array (2,)."""
+    try:
+        point = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        point = np.empty(0)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ParameterError(f"{name} = {value!r} must be two finite numbers (m)")
+    return point
 
 
 def _check_ends(
@@ -356,17 +389,20 @@ def _check_ends(
         ("goal", goal, GoalInNoGoError),
     )
     for name, point, error in kinds:
-        if point.shape != (2,) or not np.isfinite(point).all():
-            raise ParameterError(f"{name} = {point.tolist()!r} must be two finite numbers (m)")
         here = shapely.Point(point)
-        if not shapely.covers(chart.water, here):
-            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+        # Water is snapped to the chart's grid: a point on its edge may lie just outside.
+        if not shapely.dwithin(chart.water, here, 4 * chart.precision):
+            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
             where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
             raise error(
-                f"{name} ({point[0]:g}, {point[1]:g}) m lies {where}, "
+                f"{name} ({point[0]:.10g}, {point[1]:.10g}) m lies {where}, "
                 f"{math.dist(point, nearest):.4g} m from the nearest water at "
-                f"({nearest[0]:.6g}, {nearest[1]:.6g}) m; move it there or beyond"
+                f"({nearest[0]:.10g}, {nearest[1]:.10g}) m; move it there or beyond"
             )
+    if math.dist(start, goal) <= chart.precision:
+        raise ParameterError(
+            f"start and goal are the same point ({start[0]:.10g}, {start[1]:.10g}) m; move one"
+        )
     strength = float(np.linalg.norm(field(start)))
     if strength >= vessel.speed:
         raise CurrentTooStrongError(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _MARGIN = 0.05
 # Stations of the proof stand this share of v/ω apart.
 _SPACING = 0.6
+_MOST_STATIONS = 1_000_000
 # The field itself, and the corners of the box from which contingency draws its deviations: a
 # turn reaches furthest where the field deviates most.
 _CORNERS = MOST_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
@@ -43,7 +44,9 @@ def padding_shortfall(
     if not len(hazards.edge):
         return None
     margin = _MARGIN * vessel.turning_radius
-    points, course = stations(path, _SPACING * vessel.turning_radius)
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    spacing = max(_SPACING * vessel.turning_radius, length / _MOST_STATIONS)
+    points, course = stations(path, spacing)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
     reach = furthest_turn(field, chart, vessel) + margin

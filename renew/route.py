@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from renew.vessel import Vessel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class LeastFuel:
     """The fuel that no route between two points can stay below, of any class, however close."""
 
@@ -46,7 +46,7 @@ class LeastFuel:
         self.__dict__.update(state)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Route:
     """The least-fuel path found in one homotopy class.
 
@@ -98,7 +98,7 @@ class Route:
         return max(0.0, self.fuel / self.least.bound - 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rejected:
     """A class that fell away: its name, why, and its channel (t, 3, 2) in metres."""
 
@@ -107,7 +107,7 @@ class Rejected:
     channel: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """Routes, one per feasible class, least fuel first; and the classes that fell away.
 

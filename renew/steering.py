@@ -55,12 +55,16 @@ def _steered(
             keep = ~_crowding(path, sharp, radius)
             corners = np.pad(keep, 1, constant_values=True)
             path = round_corners(path[corners], sharp[keep], radius[keep])
-        if not corridor.legs_clear(path).all():
-            raise InfeasibleError(
-                "the corridor is too narrow to round its corners with a turning radius of "
-                f"{radius.max():.2f} m"
-            )
-    return path, steer(path, field, vessel)
+    if not corridor.legs_clear(path).all():
+        raise InfeasibleError("the corridor is too narrow to round its corners in")
+    trajectory = steer(path, field, vessel)
+    track = trajectory[:, 1:3]
+    land = np.full(len(corridor.hazards.edge), -1.0)  # may not even be touched
+    if not legs_are_clear(
+        track[:-1], track[1:], corridor.hazards.start, corridor.hazards.end, land
+    ).all():
+        raise InfeasibleError("the corridor is too narrow to turn in: the track would touch land")
+    return path, trajectory
 
 
 def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:

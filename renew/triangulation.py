@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
     from renew.chart import Chart
 
+# A point this share of the chart's size outside all triangles lies on the water's edge.
+_ON_EDGE = 1e-7
+
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
 
 
@@ -106,11 +109,13 @@ class Triangulation:
 
     def locate(self, point: FloatArray) -> int:
         """Index of the triangle that holds a point, or -1 for a point outside the water."""
-        a, b, c = self.corners[:, 0], self.corners[:, 1], self.corners[:, 2]
-        inside = np.minimum.reduce([_area(a, b, point), _area(b, c, point), _area(c, a, point)])
-        size = np.abs(self.vertices).max() ** 2
-        best = int(np.argmax(inside / _area(a, b, c)))
-        return best if inside[best] >= -1e-12 * size else -1
+        corners = self.corners - point
+        edges = np.roll(corners, -1, axis=1) - corners
+        # Signed distances to the three edges, positive inside.
+        apart = _cross(edges, -corners) / np.linalg.norm(edges, axis=2)
+        inside = apart.min(axis=1)
+        best = int(np.argmax(inside))
+        return best if inside[best] >= -_ON_EDGE * float(np.ptp(self.vertices)) else -1
 
 
 def triangulate(chart: Chart, backend: Backend = "auto") -> Triangulation:
@@ -217,7 +222,9 @@ def _hazardous(
 
 def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Twice the signed area (...) of triangles abc, positive anticlockwise."""
-    return np.asarray(
-        (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
-        - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
-    )
+    return _cross(b - a, c - a)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product (...) of plane vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -150,6 +150,7 @@ def test_water_that_outruns_the_vessel_is_avoided() -> None:
         ((10, 10), (50, 45), renew.GoalInNoGoError, r"5 m from the nearest water at \(50, 40\)"),
         ((-3, 10), (90, 90), renew.StartInNoGoError, "off the chart, 3 m"),
         ((math.nan, 1), (90, 90), renew.ParameterError, "two finite numbers"),
+        ((10, 10), (10, 10), renew.ParameterError, "the same point"),
     ],
 )
 def test_bad_ends(
@@ -167,6 +168,9 @@ def test_bad_ends(
     ("options", "message"),
     [
         ({"classes": 0}, "classes = 0"),
+        ({"classes": "2", "seed": -1}, r"classes = '2' .*; seed = -1"),
+        ({"padding": None}, "padding = None"),
+        ({"distinct_by": math.nan}, "distinct_by = nan"),
         ({"samples": 0, "method": "sampled"}, "samples = 0"),
         ({"risk": 0.0, "padding": -1.0}, r"padding = -1.0 m .*; risk = 0.0"),
         ({"risk": 1.0}, "risk = 1.0"),
@@ -191,3 +195,49 @@ def test_current_too_strong_at_the_start() -> None:
             (10, 10),
             (90, 90),
         )
+
+
+def test_a_vessel_too_slow_to_turn_is_refused_and_not_sent_over_land() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
+    sluggish = renew.Vessel(1, math.radians(0.5))
+    for padding in ("none", 1.0):
+        with pytest.raises(renew.UnreachableError, match=r"too narrow|too close|to turn in"):
+            renew.plan(chart, STILL, sluggish, (10, 50), (90, 50), padding=padding)
+
+
+def test_holes_in_the_extent_are_land() -> None:
+    ring = Polygon(box(0, 0, 100, 100).exterior, [box(40, 40, 60, 60).exterior])
+    plan = renew.plan(renew.Chart(ring), STILL, PAPER_VESSEL, (10, 50), (90, 50))
+    assert len(plan.routes) == 2
+    assert plan.best.clearance > 3
+
+
+@pytest.mark.parametrize("end", [(100, 100), (0, 37.123456789), (100, 0), (63.3, 0)])
+def test_ends_may_lie_on_the_edge_of_the_chart(end: tuple[float, float]) -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [Polygon([(41.1, 40.3), (60, 41), (50.7, 60.9)])])
+    assert renew.plan(chart, STILL, PAPER_VESSEL, (20, 20), end).routes
+    assert renew.plan(chart, STILL, PAPER_VESSEL, end, (20, 20)).routes
+
+
+def test_plans_print_and_compare_by_identity() -> None:
+    plan = gyre_plan()
+    again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
+    assert "Route(" in repr(again)
+    assert plan.best in plan.routes
+    assert again != plan
+
+
+def test_more_classes_keep_the_routes_of_fewer() -> None:
+    chart, current, start, goal = random_scene(12, 0.5)
+    islets = [box(x, y, x + 1.5, y + 1.5) for x, y in ((90, 95), (105, 110), (60, 70))]
+    chart = renew.Chart(chart.extent, [*chart.no_go, *islets])
+    few, many = (
+        {
+            r.homotopy: r.fuel
+            for r in renew.plan(
+                chart, current, PAPER_VESSEL, start, goal, classes=k, distinct_by=5.0
+            ).routes
+        }
+        for k in (2, 6)
+    )
+    assert few.items() <= many.items()
