@@ -138,7 +138,7 @@ def show(
 def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
-    """Say everything that is wrong with a scenario, without running it."""
+    """Say everything wrong with what a scenario says; a run also holds it against its chart."""
     with _told():
         from pipeline.reading import load_scenario
 

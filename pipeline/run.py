@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -114,11 +115,41 @@ def run(
         No season could be planned for another reason, or nothing can be written.
     """
     output = output.resolve()
-    store = Store(output / _ARTEFACTS)
-    with artefact.only_run(store.root / f"{scenario.name}.lock", scenario.name):
+    with (
+        _leaving_nothing_if_refused(output),
+        artefact.only_run(output / _ARTEFACTS / f"{scenario.name}.lock", scenario.name),
+    ):
         directory = output_directory(output, scenario.name)
-        this = _Run(scenario, directory, store, listen or _unheard)
+        this = _Run(scenario, directory, Store(output / _ARTEFACTS), listen or _unheard)
         return this.through(offline=offline, scheduler=scheduler)
+
+
+@contextlib.contextmanager
+def _leaving_nothing_if_refused(output: Path) -> Iterator[None]:
+    """Take a new store, and a new output folder, away again where the request was wrong."""
+    made = [folder for folder in (output / _ARTEFACTS, output) if not folder.exists()]
+    try:
+        yield
+    except RequestError:
+        for folder in made:
+            # The store goes whole; the folder around it only if nothing else is in it.
+            if folder.name == _ARTEFACTS:
+                shutil.rmtree(folder, ignore_errors=True)
+            else:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+        raise
+
+
+def _unsafe(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]:
+    """Say of which seasons' best routes the vessel could not turn away everywhere."""
+    return tuple(
+        f"not safe everywhere: {row.season}, {row.collisions:,} of {row.trials:,} hard-over turns "
+        f"along the best route meet land; it was planned with padding = "
+        f'{scenario.planner.padding!r}, and only "adaptive" is proved'
+        for row in evaluation.routes
+        if row.rank == 1 and row.collisions
+    )
 
 
 @dataclass
@@ -149,6 +180,10 @@ class _Run:
         with self._stage("plan"):
             tasks = self._tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._seasons(parts, tasks, scheduler)
+            unsafe = _unsafe(evaluation, self.scenario)
+            for note in unsafe:
+                self.listen(Event("plan", "note", detail=note))
+            fetched = replace(fetched, notes=(*fetched.notes, *unsafe))
         with self._stage("write"):
             stamp = artefact.key(
                 "write",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from pipeline.formats.phrases import days, hours
+
 if TYPE_CHECKING:
     from pipeline.model import RouteMetrics
     from pipeline.run import Outcome
@@ -49,6 +51,11 @@ def season_table(outcome: Outcome) -> str:
         ).rstrip()
         for row in rows
     ]
+    fallen = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
+    lines.append(
+        f"\nThe best of each side. {len(outcome.evaluation.routes)} routes in all, and {fallen} "
+        "classes that fell away, with their reasons, are in report.html."
+    )
     return "\n".join(lines)
 
 
@@ -60,20 +67,10 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
         str(row.rank),
         row.side or "-",
         f"{row.length_m / unit_m:.1f}",
-        _duration(row.duration_s),
+        days(row.duration_s) or hours(row.duration_s),
         clearance,
         f"{row.fuel:.5g}",
         f"{row.fuel_per_distance:.3f}",
         f"{row.optimality_gap:.1%}" if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials}",
     )
-
-
-def _duration(seconds: float) -> str:
-    """Days and hours, or minutes and seconds where it is short."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    days, hours = divmod(hours, 24)
-    if days:
-        return f"{days} d {hours} h"
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"

@@ -88,7 +88,7 @@ def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, .
             f"{_difference(shortest.fuel, best.fuel)} fuel."
         )
     elif others:
-        sentences.append("It is also the shortest of all classes.")
+        sentences.append("It is also the shortest of all found.")
     sentences.append(_safety(best))
     return tuple(sentences)
 
@@ -145,8 +145,8 @@ def _safety(best: RouteMetrics) -> str:
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
         gap = (
-            f". No route of any class can need less than {number(bound)} fuel, so that at most "
-            f"{percent(1 - bound / best.fuel)} could still be saved"
+            f". No route of any class, however close to land, can need less than {number(bound)} "
+            f"fuel: this one is within {percent(best.optimality_gap)} of that"
         )
     return f"{clear}; {turns}{gap}."
 
