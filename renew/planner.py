@@ -47,8 +47,6 @@ _MOST_REPAIRS = 8
 _RISKS_TO_ADVISE = (0.1, 0.2, 0.3, 0.5)
 # Rounds of the search for ways around places found shut.
 _MOST_ROUNDS = 64
-# Classes examined, per class asked for, where many fall away.
-_MOST_FALLEN = 3
 
 
 def plan(
@@ -147,13 +145,13 @@ def plan(
         drift=drift,
         seed=seed,
         proves=padding == "adaptive",
-        many_channels=distinct_by > 0,
         least=LeastFuel(chart, field, vessel, start, goal, drift),
     )
     drifting = statistics.mean / vessel.speed
     finder = ChannelSearch(triangulation, rays, start, goal, order, drifting)
     outcomes = _examine(finder, search, classes)
     routes = sorted((o for o in outcomes if isinstance(o, Route)), key=lambda route: route.fuel)
+    del routes[classes:]  # the rounds may have found more
     rejected = tuple(o for o in outcomes if isinstance(o, Rejected))
     if not routes:
         advice = [f"the widest way through has a gap of {finder.widest_gap():.2f} m"]
@@ -171,32 +169,31 @@ def plan(
 
 
 def _examine(finder: ChannelSearch, search: _Search, classes: int) -> list[Route | Rejected]:
-    """Outcomes of classes in the search's order, until k have a route or too many fell away.
+    """Outcomes of the first k classes, and of those that take the place of fallen ones.
 
-    Where islets have no letter, a class has many channels. One that is shut at some place is
-    looked for again around all places found shut, until no round finds another; it falls away,
+    A channel that is shut at some place is looked for again around all places found shut, in
+    rounds, until a round finds none shut. What a strait's padding shuts to one class it mostly
+    shuts to all, so that the rounds soon hold k classes that can be sailed. A class falls away,
     with its first reason, when no channel of it is left.
     """
     outcomes: dict[Word, Route | Rejected] = {}
     fell: dict[Word, Rejected] = {}
     shut: set[Move] = set()
-    for _ in range(_MOST_ROUNDS if search.many_channels else 1):
+    for _ in range(_MOST_ROUNDS):
         known = len(shut)
-        for channel in itertools.islice(finder.channels(shut), _MOST_FALLEN * classes):
-            if sum(isinstance(outcome, Route) for outcome in outcomes.values()) >= classes:
-                break
-            if channel.word in outcomes or not shut.isdisjoint(channel.moves):
+        for channel in itertools.islice(finder.channels(shut), classes):
+            if channel.word in outcomes:
                 continue
             try:
                 outcomes[channel.word] = search.route(channel)
             except InfeasibleError as error:
                 corners = search.triangulation.corners[channel.triangles]
                 rejected = Rejected(channel.name, str(error), corners)
-                if search.many_channels and error.move is not None:
+                if error.move is None:
+                    outcomes[channel.word] = rejected
+                else:
                     shut.add(error.move)
                     fell.setdefault(channel.word, rejected)
-                else:
-                    outcomes[channel.word] = rejected
         if len(shut) == known:
             break
     return [*outcomes.values(), *(r for word, r in fell.items() if word not in outcomes)]
@@ -219,7 +216,6 @@ class _Search:
     drift: Drift
     seed: int
     proves: bool
-    many_channels: bool
     least: LeastFuel
 
     def route(self, channel: Channel) -> Route:
