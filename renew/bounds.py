@@ -163,7 +163,8 @@ def _projected_rate(px: float, py: float, cx: float, cy: float, speed: float) ->
     The Lagrange dual of a quadratic on the unit circle: with w = (v |p|/2)² and the quadratic
     form's eigenvalues e, e' = (p·c ± |p||c|)/2, every μ > e gives the bound
     μ + w μ / ((μ - e)(μ - e')). The least is where (μ - e)(μ - e') = √w √(μ² - e e'); Newton's
-    iteration from the right of it. However far it gets, the bound holds.
+    iteration from the right of it. However far it gets, the bound holds; it grows by more than
+    rounding can have taken off it.
     """
     p = math.sqrt(px * px + py * py)
     if p == 0.0:
@@ -174,18 +175,21 @@ def _projected_rate(px: float, py: float, cx: float, cy: float, speed: float) ->
     mu = top + root
     least = mu + root * root * mu / ((mu - top) * (mu - bottom))
     for _ in range(6):
-        side = math.sqrt(mu * mu - top * bottom)
+        side = math.sqrt(max(mu * mu - top * bottom, 0.0))
+        if side == 0.0:
+            break
         residual = (mu - top) * (mu - bottom) - root * side
         slope = 2 * mu - top - bottom - root * mu / side
         following = mu - residual / slope if slope > 0.0 else top
         mu = following if following > top else (mu + top) / 2
-        if not mu > top:
+        # Closer to the eigenvalue the bound drowns in rounding.
+        if mu - top <= _ROUNDING * (mu + abs(bottom)):
             break
         bound = mu + root * root * mu / ((mu - top) * (mu - bottom))
         if bound >= least * (1 - 1e-7):
-            return min(bound, least)
+            return min(bound, least) * (1 + _ROUNDING)
         least = bound
-    return least
+    return least * (1 + _ROUNDING)
 
 
 @njit(cache=True)
