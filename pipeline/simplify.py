@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.model import Land
-    from pipeline.scenario import ChartSpec
 
     FloatArray = npt.NDArray[np.float64]
     Geometries = npt.NDArray[np.object_]
@@ -43,7 +41,7 @@ if TYPE_CHECKING:
 _EDGE_M = 5_000.0
 # The first thinning cuts no more than this share of the tolerance and of the gap: it costs little
 # water and spares the triangulation half of its vertices.
-_THINNING = 1 / 10
+_THINNING = 1 / 20
 # Land runs over the region's edge by this share of its diagonal: more than the edge can be off,
 # whichever way another stage cuts a bent edge into straight ones.
 _OVERRUN = 3e-3
@@ -59,9 +57,10 @@ _LARGEST_TOLERANCE = 1 / 50
 _MERGE = 1.5
 # A point to be kept has this share of the gap, or of an opening's width, to itself on every side.
 _CLEAR = 1 / 4
-# Arcs of a buffer: a chord of 45 degrees cuts the circle by 8 %, so the radius grows by as much.
-_ARC_STEPS = 2
-_ARC = 1 / math.cos(math.pi / (4 * _ARC_STEPS))
+# Corners of a buffer are mitred: one vertex instead of an arc, outside of the circle, by no more
+# than the limit. GEOS first thins its line by some 1 % of the radius: that grows by twice as much.
+_MITRE_LIMIT = 1.3
+_RADIUS = 1.02
 # Where no gap is asked for, polygons come no nearer to each other than this.
 _LEAST_APART_M = 1.0
 # Land that may seem uncovered where two polygons share an edge (m²): rounding.
@@ -79,21 +78,6 @@ class SimplifiedLand:
     simplified: Simplified
     added: float
     notes: tuple[str, ...]
-
-
-def simplify(
-    land: Land, region: Polygon, chart: ChartSpec, keep_water: Sequence[tuple[float, float]] = ()
-) -> Simplified:
-    """Run the stage as the scenario's chart asks; see `simplify_land`."""
-    return simplify_land(
-        land.polygons,
-        region,
-        margin_m=chart.margin_m,
-        join_gap_m=chart.join_gap_m,
-        tolerance_m=chart.tolerance_m,
-        vertex_budget=chart.vertex_budget,
-        keep_water=keep_water,
-    ).simplified
 
 
 def simplify_land(
@@ -148,15 +132,21 @@ def simplify_land(
     original = _planar_land(polygons, plane, extent.buffer(overrun + 2 * margin_m + join_gap_m))
     keep = plane.to_plane(np.array(keep_water, dtype=np.float64).reshape(-1, 2))
     stretch = max(1.0, float(plane.point_scale(shapely.get_coordinates(region)).max()))
-    land = grown(
-        original,
-        margin_m * stretch + _ROUNDING * diagonal,
-        _THINNING * (min(join_gap_m, tolerance_m) if join_gap_m > 0 else tolerance_m),
-        keep,
-    )
+    whole = shapely.intersection(shapely.union_all(original), extent)
+    margin = margin_m * stretch + _ROUNDING * diagonal
+    thinning = _THINNING * (min(join_gap_m, tolerance_m) if join_gap_m > 0 else tolerance_m)
+    land = grown(original, margin, thinning, keep)
+    notes = []
+    if not _meet(land, extent, keep) and _meet(whole, extent, keep):
+        # The thinning is for speed only: it may not close a harbour. The margin may.
+        land = grown(original, margin, 0.0, keep)
+        if not _meet(land, extent, keep):
+            notes.append(
+                f"the margin of {margin_m:g} m closes every way between start and goal: lower "
+                "chart.margin_m"
+            )
     search = _Search(extent, keep, join_gap_m, overrun)
     trial = search.within(land, tolerance_m, vertex_budget, _LARGEST_TOLERANCE * diagonal)
-    whole = shapely.intersection(shapely.union_all(original), extent)
     check(trial.polygons, whole, keep)
     vertices = count_vertices(trial.polygons)
     simplified = Simplified(
@@ -169,7 +159,7 @@ def simplify_land(
     )
     covered = shapely.area(shapely.intersection(trial.polygons, extent)).sum()
     added = float(covered / whole.area - 1) if whole.area else 0.0
-    return SimplifiedLand(simplified, added, _notes(trial, join_gap_m, plane))
+    return SimplifiedLand(simplified, added, (*notes, *_notes(trial, join_gap_m, plane)))
 
 
 def grown(
@@ -180,9 +170,11 @@ def grown(
     Near a point to be kept that the margin would swallow, half of its distance from land is left.
     """
     # Half of the thinning before the buffer, whose time it saves, and half after it.
-    radius = (margin_m + thinning_m) * _ARC
+    radius = (margin_m + thinning_m) * _RADIUS
     thin = shapely.simplify(polygons, thinning_m / 2)
-    land = shapely.union_all(shapely.buffer(thin, radius, quad_segs=_ARC_STEPS))
+    land = shapely.union_all(
+        shapely.buffer(thin, radius, join_style="mitre", mitre_limit=_MITRE_LIMIT)
+    )
     if thinning_m > 0:
         land = shapely.union_all(shapely.get_parts(shapely.simplify(land, thinning_m / 2)))
     tree = shapely.STRtree(polygons)
@@ -195,6 +187,13 @@ def grown(
         bare = shapely.union_all(shapely.buffer(shapely.intersection(near, around), least))
         land = shapely.union(shapely.difference(land, around), shapely.intersection(bare, around))
     return land
+
+
+def _meet(land: BaseGeometry, extent: Polygon, keep: FloatArray) -> bool:
+    """Say whether one water outside the land holds all points (n, 2) to be kept."""
+    waters = shapely.get_parts(shapely.difference(extent, land))
+    holds = shapely.intersects(waters[:, None], shapely.points(keep))
+    return bool(len(keep) < 2 or holds.all(axis=1).any())
 
 
 def check(polygons: Geometries, land: BaseGeometry, keep: FloatArray) -> None:
@@ -284,7 +283,7 @@ class _Search:
             np.array(
                 [
                     *np.minimum(room, _CLEAR * self.gap_m),
-                    *(_CLEAR * opening.width_m for opening in joined.openings),
+                    *(_CLEAR * min(o.width_m, max(self.gap_m, merge_m)) for o in joined.openings),
                 ]
             ),
         )
@@ -301,11 +300,9 @@ class _Search:
 
 def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon) -> Geometries:
     """Project the land, mend it, and leave out what lies outside the window."""
-    degrees = np.array(polygons, dtype=object)
-    planar = plane.geometry_to_plane(degrees, _EDGE_M)
-    unsound = ~shapely.is_valid(planar)
-    planar[unsound] = shapely.make_valid(planar[unsound], method="structure", keep_collapsed=False)
-    planar = shapely.get_parts(planar)
+    # Mended before long edges are cut (that alone would drop half of a figure of eight), and after.
+    degrees = _mended(np.array(polygons, dtype=object))
+    planar = shapely.get_parts(_mended(plane.geometry_to_plane(degrees, _EDGE_M)))
     shapely.prepare(window)
     planar = planar[shapely.intersects(planar, window)]
     crossing = ~shapely.covered_by(planar, window)
@@ -315,14 +312,27 @@ def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon
     return np.asarray(parts[kind & ~shapely.is_empty(parts)])
 
 
+def _mended(polygons: Geometries) -> Geometries:
+    """Make invalid polygons valid; they may become several."""
+    unsound = ~shapely.is_valid(polygons)
+    mended = polygons.copy()
+    mended[unsound] = shapely.make_valid(
+        polygons[unsound], method="structure", keep_collapsed=False
+    )
+    return mended
+
+
 def _notes(trial: _Trial, gap_m: float, plane: Projection) -> tuple[str, ...]:
     """Say in plain words what the settings alone don't."""
     notes = []
-    for opening in trial.joined.openings:
-        lon, lat = plane.to_lonlat(opening.middle)
+    closed_m = max(gap_m, trial.merge_m)
+    if reopened := [opening for opening in trial.joined.openings if opening.reopened]:
+        narrowest = min(reopened, key=lambda opening: opening.width_m)
+        lon, lat = plane.to_lonlat(narrowest.middle)
         notes.append(
-            f"the passage of {opening.width_m:.0f} m at {lon:.4f} E {lat:.4f} N is narrower than "
-            f"{max(gap_m, trial.merge_m):.0f} m and was left open: start and goal meet through it"
+            "start and goal meet only through water narrower than "
+            f"{closed_m:.0f} m, which was left open; the narrowest passage has "
+            f"{narrowest.width_m:.0f} m between the margins, at {lon:.4f} E {lat:.4f} N"
         )
     if trial.merge_m > gap_m:
         notes.append(

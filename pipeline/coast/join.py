@@ -41,6 +41,9 @@ _PIECE = 0.5
 # Width of the bar across a closed gate, as a share of the gap, and of the narrowest gate opened.
 _BAR = 1 / 20
 _BAR_IN_OPENING = 1 / 8
+# Gates of the ways up to this many times the gap are told of: later simplification shall not narrow
+# them to nothing.
+_TIGHT = 4.0
 # An islet is no longer than this many times the gap across which it is merged: going around it
 # instead of behind it is a detour of that order.
 _ISLET = 3.0
@@ -52,20 +55,21 @@ _GRID_M = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A gate narrower than the gap, left open because the points to be kept meet through it.
+    """A gate through which the points to be kept meet, and none too wide.
 
     `middle` (x, y) and `width_m` are the gate's; `way` runs through it from the gate before to the
-    gate behind.
+    gate behind; `reopened` says that it would be closed but for the points.
     """
 
     middle: tuple[float, float]
     width_m: float
     way: LineString
+    reopened: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """The joined land as valid polygons with no point in common, and the openings left in it."""
+    """The joined land as valid polygons with no point in common; the openings to be kept open."""
 
     polygons: Geometries
     openings: tuple[Opening, ...]
@@ -139,18 +143,14 @@ def join(
     else:
         ways = []
         kept = np.bincount(label, shapely.area(mesh.triangles))[label] > widest_m**2
-    openings = _openings(mesh, keep, ways, is_open)
+    openings = _openings(mesh, keep, ways, is_open, _TIGHT * widest_m)
     barred = ~is_open & kept[mesh.sides].any(axis=1) & (np.diff(piece[mesh.ends])[:, 0] != 0)
     barred[[gate for way in ways for gate in way]] = False
     bars_m = min([_BAR * widest_m, *(_BAR_IN_OPENING * opening.width_m for opening in openings)])
-    bars = shapely.linestrings(mesh.points[mesh.ends[barred]])
+    bars = _bars(shapely.linestrings(mesh.points[mesh.ends[barred]]), bars_m, keep)
     sea = shapely.coverage_union_all(mesh.triangles[kept])
     solid = shapely.union_all(
-        [
-            shapely.difference(domain, sea, grid_size=_GRID_M),
-            *shapely.buffer(bars, bars_m / 2, cap_style="square").tolist(),
-        ],
-        grid_size=_GRID_M,
+        [shapely.difference(domain, sea, grid_size=_GRID_M), *bars.tolist()], grid_size=_GRID_M
     )
     polygons = _welded(shapely.get_parts(_without_pools(solid, keep)), max(bars_m, _LEAST_WELD_M))
     # Water that the flood did not reach, and that no land encloses, lies in the extent's corners.
@@ -284,18 +284,34 @@ def _widest_ways(mesh: _Mesh, at: IntArray) -> list[list[int]]:
 
 
 def _openings(
-    mesh: _Mesh, keep: FloatArray, ways: Sequence[Sequence[int]], is_open: BoolArray
+    mesh: _Mesh,
+    keep: FloatArray,
+    ways: Sequence[Sequence[int]],
+    is_open: BoolArray,
+    tight_m: float,
 ) -> tuple[Opening, ...]:
-    """Return the closed gates on the ways, each once."""
+    """Return the gates on the ways that are narrower than `tight_m`, each once."""
     openings = {}
     for way, last in zip(ways, keep[1:], strict=True):
         line = np.concatenate([keep[:1], mesh.middles(way), last[None]])
         for position, gate in enumerate(way):
-            if not is_open[gate]:
+            if mesh.width[gate] < tight_m:
                 through = shapely.linestrings(line[position : position + 3])
                 x, y = line[position + 1].tolist()
-                openings[gate] = Opening((x, y), float(mesh.width[gate]), through)
+                width = float(mesh.width[gate])
+                openings[gate] = Opening((x, y), width, through, not is_open[gate])
     return tuple(openings.values())
+
+
+def _bars(gates: Geometries, width_m: float, keep: FloatArray) -> Geometries:
+    """Return bars across gates: narrower where a point to be kept is near, none where it is on."""
+    apart = (
+        shapely.distance(gates[:, None], shapely.points(keep)) if len(keep) else np.empty((0, 0))
+    )
+    room = apart.min(axis=1) if apart.size else np.full(len(gates), np.inf)
+    half = np.minimum(width_m, room)[room > _GRID_M] / 2
+    bars: Geometries = shapely.buffer(gates[room > _GRID_M], half, cap_style="square")
+    return bars
 
 
 def _welded(polygons: Geometries, size_m: float) -> Geometries:
@@ -312,7 +328,7 @@ def _welded(polygons: Geometries, size_m: float) -> Geometries:
 
 def _without_pools(land: BaseGeometry, keep: FloatArray) -> BaseGeometry:
     """Fill the holes of the land, but for those that hold a point to be kept (all, if none is)."""
-    if len(keep) == 0:
+    if len(keep) == 0 or land.is_empty:
         return land
     parts = shapely.get_parts(land)
     filled = shapely.polygons(shapely.get_exterior_ring(parts))

@@ -119,7 +119,7 @@ def near(wkb: bytes, box: Polygon) -> Polygons:
     twice, moved.
     """
     west, south, east, north = box.bounds
-    kept = []
+    kept: list[Polygons] = [np.empty(0, dtype=object)]
     for polygons in _chunks(wkb):
         xmin, ymin, xmax, ymax = shapely.bounds(polygons).T
         for turn in (-360.0, 0.0, 360.0):
