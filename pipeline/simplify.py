@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
-
     FloatArray = npt.NDArray[np.float64]
     Geometries = npt.NDArray[np.object_]
 
