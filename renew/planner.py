@@ -12,16 +12,11 @@ import numpy as np
 import shapely
 
 from renew.channels import Channel, ChannelSearch, Move, Order
-from renew.checks import is_count, is_size
 from renew.corridor import Corridor, least_fuel_path, sampled_paths
 from renew.current import CurrentField, CurrentLike, as_field
 from renew.errors import (
-    CurrentTooStrongError,
-    GoalInNoGoError,
     InfeasibleError,
     ParameterError,
-    PlanningError,
-    StartInNoGoError,
     UnreachableError,
 )
 from renew.fuel import Drift, check_drift, passage_times
@@ -29,6 +24,7 @@ from renew.homotopy import Rays
 from renew.kinematics import steer, steerable
 from renew.padding import LAYERS, Padder, Padding, check_padding
 from renew.proof import padding_shortfall
+from renew.request import as_point, check_counts, check_ends
 from renew.route import LeastFuel, Plan, Rejected, Route
 from renew.steering import steer_inside
 from renew.triangulation import Triangulation, triangulate
@@ -119,12 +115,14 @@ def plan(
     UnreachableError
         No water joins start and goal, or every class fell away; says why.
     """
-    _check(classes, samples, seed, distinct_by, method)
+    if method not in get_args(Method):
+        raise ParameterError(f"method = {method!r} is not one of {', '.join(get_args(Method))}")
+    check_counts(classes, samples, seed, distinct_by)
     check_drift(drift)
     check_padding(padding, clearance, risk)
     field = as_field(current)
-    start, goal = _point("start", start), _point("goal", goal)
-    _check_ends(chart, field, vessel, start, goal)
+    start, goal = as_point("start", start), as_point("goal", goal)
+    check_ends(chart, field, vessel, start, goal)
     triangulation = triangulate(chart)
     statistics = field.statistics(triangulation.corners)
     padder = partial(
@@ -344,67 +342,6 @@ def _crossed(corners: FloatArray, line: shapely.LineString) -> FloatArray:
     crossed = np.flatnonzero(shapely.length(inside) > 0)
     order = shapely.line_locate_point(line, shapely.centroid(inside[crossed])).argsort()
     return np.asarray(corners[crossed[order]])
-
-
-def _check(classes: int, samples: int, seed: int, distinct_by: float, method: str) -> None:
-    """Refuse what is no count, no size and no method; all faults at once."""
-    faults = [
-        f"{name} = {value!r} must be a whole number of at least {least}"
-        for name, value, least in (
-            ("classes", classes, 1),
-            ("samples", samples, 1),
-            ("seed", seed, 0),
-        )
-        if not is_count(value, least)
-    ]
-    if not is_size(distinct_by):
-        faults.append(f"distinct_by = {distinct_by!r} m must be finite and at least 0")
-    if method not in get_args(Method):
-        faults.append(f"method = {method!r} is not one of {', '.join(get_args(Method))}")
-    if faults:
-        raise ParameterError("; ".join(faults))
-
-
-def _point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
-    """Take a start or goal as an array (2,)."""
-    try:
-        point = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        point = np.empty(0)
-    if point.shape != (2,) or not np.isfinite(point).all():
-        raise ParameterError(f"{name} = {value!r} must be two finite numbers (m)")
-    return point
-
-
-def _check_ends(
-    chart: Chart, field: CurrentField, vessel: Vessel, start: FloatArray, goal: FloatArray
-) -> None:
-    """Refuse ends that are not in the water, and a start where the current outruns the vessel."""
-    kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
-        ("start", start, StartInNoGoError),
-        ("goal", goal, GoalInNoGoError),
-    )
-    for name, point, error in kinds:
-        here = shapely.Point(point)
-        # Water is snapped to the chart's grid: a point on its edge may lie just outside.
-        if not shapely.dwithin(chart.water, here, 4 * chart.precision):
-            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
-            where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
-            raise error(
-                f"{name} ({point[0]:.10g}, {point[1]:.10g}) m lies {where}, "
-                f"{math.dist(point, nearest):.4g} m from the nearest water at "
-                f"({nearest[0]:.10g}, {nearest[1]:.10g}) m; move it there or beyond"
-            )
-    if math.dist(start, goal) <= chart.precision:
-        raise ParameterError(
-            f"start and goal are the same point ({start[0]:.10g}, {start[1]:.10g}) m; move one"
-        )
-    strength = float(np.linalg.norm(field(start)))
-    if strength >= vessel.speed:
-        raise CurrentTooStrongError(
-            f"the current at the start runs at {strength:.3g} m/s; the vessel makes "
-            f"{vessel.speed:.3g} m/s through water. Take a faster vessel or another start"
-        )
 
 
 def _no_class(rejected: tuple[Rejected, ...], advice: list[str]) -> str:
