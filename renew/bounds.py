@@ -116,7 +116,7 @@ def _mesh(
     current: CurrentField,
     speed: float,
     start: FloatArray,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
 ) -> Mesh:
     """Grid over the extent's bounding box with a node at the start."""
     xmin, ymin, xmax, ymax = chart.bounds
@@ -199,7 +199,7 @@ def _rate(
     winds: FloatArray,
     speed: float,
     deviation: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
 ) -> float:
     """λ of a triangle: (p·T) g(x, T) over all T and all x in it is no more; p = ∇u in s/m."""
     p = math.sqrt(px * px + py * py)

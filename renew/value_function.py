@@ -97,7 +97,7 @@ def _passage(
     winds: FloatArray,
     speed: float,
     deviation: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
 ) -> float:
     """Time (s) along (dx, dy) m in the most helpful of three currents (3, 2).
 
@@ -129,7 +129,7 @@ def _arrival(
     speed: float,
     deviation: float,
     stretch: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
 ) -> float:
     """Earliest arrival (s) from the segment between two nodes with these times.
 

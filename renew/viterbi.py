@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @njit(cache=True)
-def slowness(cx: float, cy: float, tx: float, ty: float, speed: float, crab: bool) -> float:  # noqa: FBT001
+def slowness(cx: float, cy: float, tx: float, ty: float, speed: float, crab: bool) -> float:
     """Seconds a metre along a unit tangent in a current; inf where no way is made.
 
     Water that outruns the vessel is no-go for it, whichever way it flows.
@@ -42,7 +42,7 @@ def leg_time(
     velocity_a: FloatArray,
     velocity_b: FloatArray,
     speed: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
 ) -> float:
     """Time (s) over a straight leg a -> b (2,) by the trapezoidal rule; inf where impassable."""
     dx, dy = b[0] - a[0], b[1] - a[1]
@@ -60,7 +60,7 @@ def without_detours(
     path: FloatArray,
     velocity: FloatArray,
     speed: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
     start: FloatArray,
     end: FloatArray,
     radius: FloatArray,
@@ -108,7 +108,7 @@ def quickest_chain(
     points: FloatArray,
     velocity: FloatArray,
     speed: float,
-    crab: bool,  # noqa: FBT001
+    crab: bool,
     start: FloatArray,
     end: FloatArray,
     radius: FloatArray,

@@ -128,6 +128,6 @@ def _add_provenance(database: sqlite3.Connection, content: Mapping[str, object])
 def _check_counts(database: sqlite3.Connection, counts: Mapping[str, int]) -> None:
     """Count what arrived: on a full disk GDAL may close a file without a word."""
     for name, expected in counts.items():
-        found = database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608
+        found = database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - names are our own layers
         if found != expected:
             raise sqlite3.DatabaseError(f"layer {name} holds {found} of {expected} features")

@@ -221,7 +221,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         rows=_rows(metrics),
         rejected=_rejected(entry),
         # What season_svg returns holds no text of anybody's but its label, which it escapes.
-        picture=Markup(picture),  # noqa: S704
+        picture=Markup(picture),  # noqa: S704 - our own SVG
     )
 
 

@@ -84,7 +84,7 @@ def accept(path: Path, expected: Expected, land: Land) -> Field:
     return field
 
 
-def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:  # noqa: ANN401
+def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:
     """Read axes and field, with the faults of both; no field where it makes no sense."""
     wanted = {"eastward": expected.eastward, "northward": expected.northward}
     absent = [name for name in wanted.values() if name not in dataset.variables]
@@ -117,7 +117,7 @@ def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:  
     return faults, Field(lon, lat, u, v)
 
 
-def _variable_faults(variable: Any, direction: str) -> list[str]:  # noqa: ANN401
+def _variable_faults(variable: Any, direction: str) -> list[str]:
     """Units and standard name of a component."""
     faults = []
     units = getattr(variable, "units", "")
@@ -129,7 +129,7 @@ def _variable_faults(variable: Any, direction: str) -> list[str]:  # noqa: ANN40
     return faults
 
 
-def _axis(dataset: Any, name: str, cell_deg: float) -> tuple[FloatArray, int, list[str]]:  # noqa: ANN401
+def _axis(dataset: Any, name: str, cell_deg: float) -> tuple[FloatArray, int, list[str]]:
     """Ascending axis, the step (1 or -1) that its data are to be read with, and its faults."""
     values = np.ma.filled(dataset[name][:], np.nan).astype(float)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
@@ -146,7 +146,7 @@ def _axis(dataset: Any, name: str, cell_deg: float) -> tuple[FloatArray, int, li
     return values, flip, []
 
 
-def _time_faults(dataset: Any, month: str) -> list[str]:  # noqa: ANN401
+def _time_faults(dataset: Any, month: str) -> list[str]:
     """Exactly one time step, inside the month."""
     import netCDF4
 
@@ -159,7 +159,7 @@ def _time_faults(dataset: Any, month: str) -> list[str]:  # noqa: ANN401
     return [] if months == [month] else [f"its months are {months}, not [{month!r}]"]
 
 
-def _depth_faults(dataset: Any) -> list[str]:  # noqa: ANN401
+def _depth_faults(dataset: Any) -> list[str]:
     """At most one level, at the surface."""
     for name in ("depth", "elevation"):
         if name in dataset.variables:
@@ -169,7 +169,7 @@ def _depth_faults(dataset: Any) -> list[str]:  # noqa: ANN401
     return []
 
 
-def _layer(variable: Any, ny: int, nx: int) -> FloatArray | None:  # noqa: ANN401
+def _layer(variable: Any, ny: int, nx: int) -> FloatArray | None:
     """The variable's only layer (ny, nx), NaN where masked; None where it has another shape."""
     values = np.ma.filled(np.ma.asarray(variable[:]).astype(float), np.nan)
     if values.size != ny * nx or values.shape[-2:] != (ny, nx):
