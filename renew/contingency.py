@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import shapely
+from numba import njit
 
-from renew.current import CurrentLike, as_field, sample_statistics
+from renew.current import CurrentLike, TabulatedCurrent, as_field, sample_statistics
 from renew.errors import ParameterError
 from renew.fuel import ground_speed
+from renew.reach import MOST_DEVIATIONS, TurnReach
+from renew.table import Table, velocity
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 _TURN_STEPS = 36
 # Draws of the field's spread a point and side, beside the field itself. A draw lies within two
 # standard deviations: the 95 % that the default risk answers for.
-_DRAWS, MOST_DEVIATIONS = 4, 2.0
+_DRAWS = 4
 _RING = 8
 
 
@@ -101,11 +104,11 @@ def contingency(
     field = as_field(current)
     points, course = stations(np.asarray(route.path, dtype=float), spacing)
     # Only turns within reach of land can touch it; the others needn't be flown to be counted.
-    furthest = furthest_turn(field, chart, vessel)
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
         tree = shapely.STRtree(chart.no_go)
-        found = tree.query(shapely.points(points), predicate="dwithin", distance=furthest)
+        reach = TurnReach.of(field.table(chart.bounds), vessel)
+        found = tree.query(shapely.points(points), predicate="dwithin", distance=reach(points))
         near[np.unique(found[0])] = True
     hits = np.zeros(len(points), dtype=np.int64)
     rng = np.random.default_rng(seed)
@@ -137,6 +140,27 @@ def fly_turns(
     """
     heading = _crab_heading(points, course, field, vessel)
     faster, turned = _changes(points, field, vessel, deviations)
+    if isinstance(field, TabulatedCurrent):
+        return np.asarray(
+            _flown_by_table(
+                points, heading, faster, turned, field.nodes, vessel.speed, vessel.turn_rate
+            )
+        )
+    return _flown(points, heading, faster, turned, field, vessel)
+
+
+def _flown(
+    points: FloatArray,
+    heading: FloatArray,
+    faster: FloatArray,
+    turned: FloatArray,
+    field: CurrentField,
+    vessel: Vessel,
+) -> FloatArray:
+    """Tracks (n, turns, steps + 1, 2) in any field, its speed and direction changed by (n, draws).
+
+    The midpoint rule; each draw to port, then to starboard.
+    """
     side = np.array([1.0, -1.0])
     shape = (len(points), faster.shape[1], 2)
     position = np.broadcast_to(points[:, None, None], (*shape, 2)).copy()
@@ -150,6 +174,61 @@ def fly_turns(
         position = position + step * (through + _perturbed(field(half), faster, turned))
         track.append(position)
     return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], _TURN_STEPS + 1, 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _flown_by_table(
+    points: FloatArray,
+    heading: FloatArray,
+    faster: FloatArray,
+    turned: FloatArray,
+    table: Table,
+    speed: float,
+    turn_rate: float,
+) -> FloatArray:
+    """Tracks as :func:`_flown` gives them, of a current in a table: compiled."""
+    count, draws = faster.shape
+    tracks = np.empty((count, 2 * draws, _TURN_STEPS + 1, 2))
+    step = 2 * math.pi / turn_rate / _TURN_STEPS
+    through = np.empty((_TURN_STEPS, 2))
+    for i in range(count):
+        for side in range(2):
+            rate = turn_rate if side == 0 else -turn_rate
+            for k in range(_TURN_STEPS):
+                middle = heading[i] + rate * step * (k + 0.5)
+                through[k] = speed * math.cos(middle), speed * math.sin(middle)
+            for draw in range(draws):
+                cos, sin = math.cos(turned[i, draw]), math.sin(turned[i, draw])
+                more = faster[i, draw]
+                x, y = points[i]
+                track = tracks[i, 2 * draw + side]
+                track[0] = x, y
+                for k in range(_TURN_STEPS):
+                    u, v = _changed(velocity(table, x, y), more, cos, sin)
+                    u, v = _changed(
+                        velocity(
+                            table,
+                            x + step / 2 * (through[k, 0] + u),
+                            y + step / 2 * (through[k, 1] + v),
+                        ),
+                        more,
+                        cos,
+                        sin,
+                    )
+                    x, y = x + step * (through[k, 0] + u), y + step * (through[k, 1] + v)
+                    track[k + 1] = x, y
+    return tracks
+
+
+@njit(cache=True, error_model="numpy")
+def _changed(
+    current: tuple[float, float], more: float, cos: float, sin: float
+) -> tuple[float, float]:
+    """A velocity (m/s) with speed added and turned by an angle."""
+    u, v = current
+    speed = math.sqrt(u * u + v * v)
+    factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
+    return factor * (u * cos - v * sin), factor * (u * sin + v * cos)
 
 
 def _touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:
@@ -176,12 +255,6 @@ def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     leg = np.clip(np.searchsorted(begin, along, side="right") - 1, 0, len(legs) - 1)
     place = (along - begin[leg]) / lengths[leg]
     return path[leg] + place[:, None] * legs[leg], np.arctan2(legs[leg, 1], legs[leg, 0])
-
-
-def furthest_turn(field: CurrentField, chart: Chart, vessel: Vessel) -> float:
-    """Upper bound on how far any turn can carry the vessel (m)."""
-    drift = (1 + MOST_DEVIATIONS) * field.max_speed(chart.bounds) * vessel.turn_period
-    return 2 * vessel.turning_radius + drift
 
 
 def _crab_heading(

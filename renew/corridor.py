@@ -20,18 +20,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, Strait
 from renew.geometry import legs_are_clear, segment_distance
-from renew.kinematics import course_changes
+from renew.rungs import across_rungs, with_rungs
 from renew.sections import FreeParts, Sections, cut, free_parts
-from renew.viterbi import quickest_chain, without_detours
+from renew.table import velocities
+from renew.viterbi import quickest_chain
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from renew._types import BoolArray, FloatArray
     from renew.channels import Channel
     from renew.current import CurrentField
     from renew.fuel import Drift
     from renew.padding import Hazards
+    from renew.table import Table
     from renew.vessel import Vessel
 
 # The first pass has few sections and many points on each, so that its legs can take almost any
@@ -45,8 +49,9 @@ _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
 # them begin at this share of the path to either side and halve, to 1/16,000: 1 cm on the single
 # gyre.
 # The first, wide ones have many points, so that legs between them can take almost any course.
-_RUNG_SPACING, _FIRST_WINDOW, _SHRINK, _RUNG_PASSES = 1 / 80, 0.15, 0.5, 11
-_WIDE_PASSES, _WIDE_POINTS, _NARROW_POINTS = 3, 41, 13
+_RUNG_SPACING, _FIRST_WINDOW, _SHRINK, _RUNG_PASSES = 1 / 80, 0.15, 0.45, 10
+_WIDE_PASSES, _WIDE_POINTS, _NARROW_POINTS = 3, 25, 9
+_WIDE_ASPECT = 4
 _BEND, _CLOSEST_RUNGS = math.radians(5), 0.25
 # Paths are sought this share of v/ω further out than V reaches (7 cm for the paper's vessel), so
 # that points closer than that to the line past them can go, and corners be rounded, outside V.
@@ -58,7 +63,8 @@ class Corridor:
     """Where paths of a class are sought: its channel and the triangles beside it, less V.
 
     `corners` (t, 3, 2) are those triangles'; `walls` (w, 2, 2) the outer edges among theirs that
-    are no hazard: water too far off, or the end of the chart.
+    are no hazard: water too far off, or the end of the chart. Paths are sought in the current's
+    `table`.
     """
 
     channel: Channel
@@ -66,6 +72,7 @@ class Corridor:
     walls: FloatArray
     hazards: Hazards
     current: CurrentField
+    table: Table
     vessel: Vessel
     start: FloatArray
     goal: FloatArray
@@ -90,6 +97,11 @@ class Corridor:
         """Distance (b,) that must be kept; -1 for a bare barrier: it may not be touched."""
         padding = np.append(self.hazards.padding, np.zeros(len(self.walls)))
         return np.where(padding > 0, padding, -1.0)
+
+    @cached_property
+    def left_out(self) -> BoolArray:
+        """Barriers (2, b) whose V holds the start, or the goal: the first or last leg is free."""
+        return np.stack([self.holds(self.start), self.holds(self.goal)])
 
     def holds(self, point: FloatArray) -> BoolArray:
         """Which barriers (b,) have a point inside the distance that is sought."""
@@ -134,14 +146,39 @@ def _sought(corridor: Corridor, spacing: float, angle: float, *, bulging: bool) 
     """Least-fuel path (n, 2), first through sections of the channel, then across rungs."""
     path = _through_sections(corridor, spacing, angle)
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    window = _FIRST_WINDOW * length
-    for step in range(_RUNG_PASSES):
-        if step >= _WIDE_PASSES or bulging:
-            path = _with_rungs(path, _RUNG_SPACING * length, corridor, bends=step >= _WIDE_PASSES)
-            points = _WIDE_POINTS if step < _WIDE_PASSES else _NARROW_POINTS
-            path = _across_rungs(corridor, path, window, points)
-        window *= _SHRINK
+    closest = _CLOSEST_RUNGS * corridor.vessel.turning_radius
+    for window, spacing_share, points, bend in _passes(bulging=bulging):
+        path = with_rungs(
+            path, spacing_share * length, bend, closest, np.asarray(corridor.left_out.any(axis=1))
+        )
+        path = across_rungs(
+            path,
+            window * length,
+            points,
+            2 * spacing_share * length,
+            corridor.table,
+            corridor.vessel.speed,
+            corridor.drift == "crab",
+            *corridor.barriers,
+            corridor.sought,
+            corridor.left_out,
+        )
     return path
+
+
+def _passes(*, bulging: bool) -> Iterator[tuple[float, float, int, float]]:
+    """Window and spacing of the rungs, as shares of the path; points on each; bends (rad)."""
+    window = _FIRST_WINDOW
+    for step in range(_RUNG_PASSES):
+        wide = step < _WIDE_PASSES
+        if bulging or not wide:
+            yield (
+                window,
+                max(_RUNG_SPACING, window / _WIDE_ASPECT) if wide else _RUNG_SPACING,
+                _WIDE_POINTS if wide else _NARROW_POINTS,
+                math.inf if wide else _BEND,
+            )
+        window *= _SHRINK
 
 
 def _through_sections(corridor: Corridor, spacing: float, angle: float) -> FloatArray:
@@ -149,59 +186,6 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
     sections, free = _open_sections(corridor, spacing, angle)
     best = _quickest(corridor, sections, free.spread(_COARSE_POINTS))
     return np.vstack([corridor.start, sections.points(best), corridor.goal])
-
-
-def _with_rungs(path: FloatArray, spacing: float, corridor: Corridor, *, bends: bool) -> FloatArray:
-    """Path with points added (n', 2), at most `spacing` apart and, if asked, beside its bends.
-
-    A start in V is left on the first leg, and a goal in V reached on the last, as they are.
-    """
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    path, lengths = path[np.append(lengths > 0, True)], lengths[lengths > 0]
-    pieces = np.maximum(1, np.ceil(lengths / spacing).astype(np.int64))
-    if bends and len(path) > 2:
-        bent = np.abs(course_changes(path)[0]) > _BEND
-        beside = np.append(bent, False) | np.append(False, bent)
-        long = lengths > 2 * _CLOSEST_RUNGS * corridor.vessel.turning_radius
-        pieces[beside & long & (pieces == 1)] = 2
-    for leg, point in ((0, corridor.start), (-1, corridor.goal)):
-        if corridor.holds(point).any():
-            pieces[leg] = 1
-    legs = np.diff(path, axis=0)
-    cut = np.repeat(np.arange(len(legs)), pieces)
-    place = (np.arange(len(cut)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[cut]
-    return np.vstack([path[cut] + place[:, None] * legs[cut], path[-1:]])
-
-
-def _across_rungs(corridor: Corridor, path: FloatArray, window: float, count: int) -> FloatArray:
-    """Quickest path (n, 2) over points on rungs across a path, `window` metres to either side."""
-    if len(path) < 3:
-        return path
-    along = path[2:] - path[:-2]
-    unit = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    across = window * np.stack([-unit[:, 1], unit[:, 0]], axis=-1)
-    none = np.zeros(len(across), dtype=np.int64)
-    rungs = Sections(path[1:-1] + across, path[1:-1] - across, none > 0, none)
-    low, high = free_parts(rungs, *corridor.barriers, corridor.sought).around(
-        np.full(len(across), 0.5)
-    )
-    grid = np.linspace(0.0, 1.0, count - 1)
-    # The path's own points stay among them, so that no pass is worse than the one before.
-    places = np.column_stack([low[:, None] + (high - low)[:, None] * grid, np.full(len(low), 0.5)])
-    best = _quickest(corridor, rungs, places)
-    path = np.vstack([corridor.start, rungs.points(best), corridor.goal])
-    # Rungs that cross beside a bend may be visited back and forth.
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    keep = without_detours(
-        path,
-        corridor.current(path),
-        corridor.vessel.speed,
-        corridor.drift == "crab",
-        *corridor.barriers,
-        corridor.sought,
-        2 * _RUNG_SPACING * float(lengths.sum()),
-    )
-    return np.asarray(path[keep])
 
 
 def _open_sections(corridor: Corridor, spacing: float, angle: float) -> tuple[Sections, FreeParts]:
@@ -215,33 +199,17 @@ def _open_sections(corridor: Corridor, spacing: float, angle: float) -> tuple[Se
 
 def _quickest(corridor: Corridor, sections: Sections, places: FloatArray) -> FloatArray:
     """Places (s,) of the quickest chain through places (s, m) on sections."""
-    start, end = corridor.barriers
-    left = np.vstack([corridor.start, sections.left, corridor.goal])
-    right = np.vstack([corridor.start, sections.right, corridor.goal])
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    # Only capsules whose bounds meet those of two consecutive sections can be in the way.
-    reach = corridor.sought[:, None]
-    meets = ((np.minimum(start, end) - reach)[None] <= np.maximum(high[:-1], high[1:])[:, None]) & (
-        (np.maximum(start, end) + reach)[None] >= np.minimum(low[:-1], low[1:])[:, None]
-    )
-    rows, near = np.nonzero(meets.all(axis=2))
-    left_out = np.zeros((len(left) - 1, len(start)), dtype=bool)
-    left_out[0] |= corridor.holds(corridor.start)
-    left_out[-1] |= corridor.holds(corridor.goal)
-    points = np.empty((len(left), max(places.shape[1], 1), 2))
+    points = np.empty((len(places) + 2, max(places.shape[1], 1), 2))
     points[0], points[-1] = corridor.start, corridor.goal
     points[1:-1] = sections.points(places)
     arrival, chain = quickest_chain(
         points,
-        corridor.current(points),
+        velocities(corridor.table, points.reshape(-1, 2)).reshape(points.shape),
         corridor.vessel.speed,
         corridor.drift == "crab",
-        start,
-        end,
+        *corridor.barriers,
         corridor.sought,
-        near,
-        np.searchsorted(rows, np.arange(len(left))),
-        left_out,
+        corridor.left_out,
     )
     if not math.isfinite(arrival):
         raise InfeasibleError(
@@ -274,15 +242,10 @@ def _check_open(corridor: Corridor, sections: Sections, free: FreeParts) -> None
         return
     widths = np.where(free.shut, np.linalg.norm(sections.right - sections.left, axis=1), np.inf)
     narrowest = int(np.argmin(widths))
-    left, right = sections.left[narrowest], sections.right[narrowest]
-    middle = (left + right) / 2
-    paddings = [corridor.hazards.around(bank).padding.max(initial=0.0) for bank in (left, right)]
-    raise InfeasibleError(
-        f"shut at ({middle[0]:.1f}, {middle[1]:.1f}) m: the soft no-go zone takes the whole gap of "
-        f"{widths[narrowest]:.2f} m, with a padding of {paddings[0]:.2f} m on the left and "
-        f"{paddings[1]:.2f} m on the right bank",
-        corridor.channel.moves[int(sections.fan[narrowest])],
-    )
+    banks = np.stack([sections.left[narrowest], sections.right[narrowest]])
+    paddings = (corridor.hazards.around(bank).padding.max(initial=0.0) for bank in banks)
+    move = corridor.channel.moves[int(sections.fan[narrowest])]
+    raise InfeasibleError(Strait(banks, *move, *map(float, paddings)))
 
 
 def _skip_soft_ends(sections: Sections, free: FreeParts) -> tuple[Sections, FreeParts]:

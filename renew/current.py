@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from renew.errors import ParameterError
+from renew.table import Table, tabulated, velocities
 
 if TYPE_CHECKING:
     from renew._types import FloatArray
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 # A triangle's mean and spread are taken over this lattice of barycentric coordinates: 8 rows,
 # 36 points, vertices included. Finer changes the paddings of the single gyre by under 1 %.
 _LATTICE_ROWS = 8
-# The strongest current of an arbitrary function is looked for on a lattice of this many points.
-_SEARCH_POINTS = 201
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +47,12 @@ class CurrentField(ABC):
         """Velocity (..., 2) in m/s at points (..., 2) in metres."""
 
     def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here by search on a lattice."""
-        xmin, ymin, xmax, ymax = bounds
-        x, y = np.meshgrid(
-            np.linspace(xmin, xmax, _SEARCH_POINTS), np.linspace(ymin, ymax, _SEARCH_POINTS)
-        )
-        return float(np.linalg.norm(self(np.stack([x, y], axis=-1)), axis=-1).max())
+        """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here that of its table."""
+        return self.table(bounds).strongest
+
+    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+        """The field inside (xmin, ymin, xmax, ymax) as nodes for compiled code."""
+        return tabulated(self, bounds)
 
     def statistics(self, triangles: FloatArray) -> CurrentStatistics:
         """Mean and spread of the current in triangles (n, 3, 2)."""
@@ -176,7 +175,24 @@ class GyreCurrent(CurrentField):
         return abs(self.amplitude)
 
 
-class GriddedCurrent(CurrentField):
+@dataclass(frozen=True, slots=True, eq=False)
+class TabulatedCurrent(CurrentField):
+    """A current by its table: what stands in for a field that is slower to ask."""
+
+    nodes: Table
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2) by bilinear interpolation at points (..., 2)."""
+        points = np.ascontiguousarray(points, dtype=float)
+        return velocities(self.nodes, points.reshape(-1, 2)).reshape(points.shape)
+
+    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+        """Its own nodes, all of them."""
+        del bounds
+        return self.nodes
+
+
+class GriddedCurrent(TabulatedCurrent):
     """A current on a rectilinear grid, bilinear between its nodes, held constant outside.
 
     Parameters
@@ -193,36 +209,37 @@ class GriddedCurrent(CurrentField):
     """
 
     def __init__(self, x: FloatArray, y: FloatArray, u: FloatArray, v: FloatArray) -> None:
-        self.x, self.y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        self.uv = np.stack([np.asarray(u, dtype=float), np.asarray(v, dtype=float)], axis=-1)
+        x, y = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(y, dtype=float)
+        uv = np.stack([np.asarray(u, dtype=float), np.asarray(v, dtype=float)], axis=-1)
         faults = [
             f"{name} has {axis.size} nodes, not ascending"
             if axis.size > 1
             else f"{name} has < 2 nodes"
-            for name, axis in (("x", self.x), ("y", self.y))
+            for name, axis in (("x", x), ("y", y))
             if axis.ndim != 1 or axis.size <= 1 or not (np.diff(axis) > 0).all()
         ]
-        if self.uv.shape != (self.y.size, self.x.size, 2):
-            faults.append(f"u, v have shape {self.uv.shape[:-1]}, not {(self.y.size, self.x.size)}")
-        if not np.isfinite(self.uv).all():
-            faults.append(f"{int((~np.isfinite(self.uv)).any(axis=-1).sum())} nodes not finite")
+        if uv.shape != (y.size, x.size, 2):
+            faults.append(f"u, v have shape {uv.shape[:-1]}, not {(y.size, x.size)}")
+        if not np.isfinite(uv).all():
+            faults.append(f"{int((~np.isfinite(uv)).any(axis=-1).sum())} nodes not finite")
         if faults:
             raise ParameterError("gridded current: " + "; ".join(faults))
+        super().__init__(Table(x, y, uv, 0.0))
 
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2) by bilinear interpolation at points (..., 2)."""
-        points = np.asarray(points, dtype=float)
-        i, s = _cell(self.x, points[..., 0])
-        j, t = _cell(self.y, points[..., 1])
-        s, t = s[..., None], t[..., None]
-        south = (1 - s) * self.uv[j, i] + s * self.uv[j, i + 1]
-        north = (1 - s) * self.uv[j + 1, i] + s * self.uv[j + 1, i + 1]
-        return np.asarray((1 - t) * south + t * north)
+    @property
+    def x(self) -> FloatArray:
+        """Nodes (nx,), m."""
+        return self.nodes.x
 
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Strongest node (m/s): a convex combination of vectors is no longer than the longest."""
-        del bounds
-        return float(np.linalg.norm(self.uv, axis=-1).max())
+    @property
+    def y(self) -> FloatArray:
+        """Nodes (ny,), m."""
+        return self.nodes.y
+
+    @property
+    def uv(self) -> FloatArray:
+        """Velocities (ny, nx, 2) at the nodes, m/s."""
+        return self.nodes.uv
 
 
 def _check_finite(name: str, **figures: float) -> None:
@@ -230,13 +247,6 @@ def _check_finite(name: str, **figures: float) -> None:
     faults = [f"{key} = {value!r}" for key, value in figures.items() if not np.isfinite(value)]
     if faults:
         raise ParameterError(f"{name}: {', '.join(faults)} must be finite")
-
-
-def _cell(axis: FloatArray, value: FloatArray) -> tuple[np.ndarray, FloatArray]:
-    """Index of the cell that holds each value, and its place in it in [0, 1]."""
-    index = np.clip(np.searchsorted(axis, value, side="right") - 1, 0, axis.size - 2)
-    place = (value - axis[index]) / (axis[index + 1] - axis[index])
-    return index, np.clip(place, 0.0, 1.0)
 
 
 def _lattice() -> FloatArray:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LEVEL = 1e-300
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def capsule_interval(
     ax: float,
     ay: float,
@@ -64,7 +64,7 @@ def capsule_interval(
     return max(enter, 0.0), min(leave, 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _between(value: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """Interval of s where low <= value + s slope <= high; (inf, -inf) where nowhere."""
     if abs(slope) < _LEVEL:
@@ -75,7 +75,7 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
     return min(first, second), max(first, second)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def leg_is_clear(
     ax: float,
     ay: float,
@@ -91,8 +91,18 @@ def leg_is_clear(
 
     A radius of 0 is no capsule; one below 0 is a bare edge, which the leg may not even touch.
     """
+    west, east = min(ax, bx), max(ax, bx)
+    south, north = min(ay, by), max(ay, by)
     for h in chosen:
         if radius[h] == 0.0 or left_out[h]:
+            continue
+        reach = max(radius[h], 0.0)
+        if (
+            max(start[h, 0], end[h, 0]) + reach < west
+            or min(start[h, 0], end[h, 0]) - reach > east
+            or max(start[h, 1], end[h, 1]) + reach < south
+            or min(start[h, 1], end[h, 1]) - reach > north
+        ):
             continue
         enter, leave = capsule_interval(
             ax,
@@ -103,14 +113,14 @@ def leg_is_clear(
             start[h, 1],
             end[h, 0],
             end[h, 1],
-            max(radius[h], 0.0),
+            reach,
         )
         if enter < leave or (radius[h] < 0.0 and enter == leave):
             return False
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def legs_are_clear(
     a: FloatArray, b: FloatArray, start: FloatArray, end: FloatArray, radius: FloatArray
 ) -> BoolArray:
@@ -125,7 +135,7 @@ def legs_are_clear(
     return clear
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def tracks_touch(
     tracks: FloatArray, start: FloatArray, end: FloatArray, radius: float
 ) -> BoolArray:

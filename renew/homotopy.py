@@ -11,15 +11,18 @@ get the same word.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import shapely
+from numba import njit
 
 if TYPE_CHECKING:
-    from renew._types import FloatArray
+    import numpy.typing as npt
+    from shapely.geometry.base import BaseGeometry
+
+    from renew._types import FloatArray, IntArray
     from renew.chart import Chart
 
 Word: TypeAlias = tuple[int, ...]
@@ -31,45 +34,87 @@ IDENTITY = "e"
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """Rays of the islands, the largest island first: island i's ray starts at origins[i - 1]."""
+    """Rays of the islands from west to east: origins `x`, `y` (i,) in m, and their `island` (i,).
 
-    origins: FloatArray
+    Islands are numbered from 1, the largest first.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    island: IntArray
 
     @classmethod
-    def of(cls, chart: Chart, smallest: float = 0.0) -> Rays:
-        """Rays of the islands whose extent along the wider axis is at least `smallest` metres."""
-        # Land that touches the extent's edge belongs to the outside; what touches such land too,
-        # and the chart's union has already merged what overlaps.
-        outside = shapely.dwithin(chart.no_go, chart.extent.exterior, 4 * chart.precision)
-        islands = [p for p, out in zip(chart.no_go, outside, strict=True) if not out]
-        islands = [
-            p for p in islands if max(np.ptp(shapely.get_coordinates(p), axis=0)) >= smallest
-        ]
-        islands.sort(key=lambda p: (-p.area, p.bounds))
-        points = shapely.point_on_surface(np.array(islands, dtype=object))
-        return cls(shapely.get_coordinates(points).reshape(-1, 2))
+    def of(cls, chart: Chart, smallest: float = 0.0, closed: BaseGeometry | None = None) -> Rays:
+        """Rays of the islands whose extent along the wider axis is at least `smallest` metres.
 
-    def crossings(self, a: FloatArray, b: FloatArray) -> Word:
-        """Rays that the segment a -> b crosses, in order, signed."""
-        x, y = self.origins[:, 0], self.origins[:, 1]
-        # Half-open on the left, so that a path through a point right above an origin counts once.
-        east = (a[0] < x) & (b[0] >= x)
-        west = (b[0] < x) & (a[0] >= x)
-        index = np.flatnonzero(east | west)
-        if not index.size:
-            return ()
-        place = (x[index] - a[0]) / (b[0] - a[0])
-        above = a[1] + place * (b[1] - a[1]) > y[index]
-        index, place = index[above], place[above]
-        order = np.argsort(place, kind="stable")
-        return tuple(int(i + 1) if east[i] else -int(i + 1) for i in index[order])
+        Closed water has rays as well, numbered after the islands'.
+        """
+        kinds = [np.array(chart.no_go, dtype=object)]
+        if closed is not None:
+            kinds.append(shapely.get_parts(closed))
+        origins = np.concatenate([_origins(polygons, chart, smallest) for polygons in kinds])
+        order = np.argsort(origins[:, 0], kind="stable")
+        x, y = np.ascontiguousarray(origins[order].T)
+        return cls(x, y, order + 1)
 
     def word(self, path: FloatArray) -> Word:
         """Reduced word of a path (n, 2)."""
-        word: Word = ()
-        for a, b in itertools.pairwise(path):
-            word = append(word, self.crossings(a, b))
-        return word
+        letters = _word(self.x, self.y, self.island, np.ascontiguousarray(path, dtype=float))
+        return tuple(letters.tolist())
+
+
+def _origins(polygons: npt.NDArray[np.object_], chart: Chart, smallest: float) -> FloatArray:
+    """Points (i, 2) in polygons of that size, the largest polygon first."""
+    # Land that touches the extent's edge belongs to the outside; what touches such land too,
+    # and the chart's union has already merged what overlaps.
+    outside = shapely.dwithin(polygons, chart.extent.exterior, 4 * chart.precision)
+    islands = polygons[~np.asarray(outside, dtype=bool)]
+    bounds = shapely.bounds(islands).reshape(-1, 4)
+    large = (bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0) >= smallest
+    islands, bounds = islands[large], bounds[large]
+    largest_first = np.lexsort((*bounds.T[::-1], -shapely.area(islands)))
+    points = shapely.point_on_surface(islands[largest_first])
+    return np.asarray(shapely.get_coordinates(points).reshape(-1, 2))
+
+
+@njit(cache=True, error_model="numpy")
+def passed(x: FloatArray, ax: float, bx: float) -> tuple[int, int, int]:
+    """Rays first, first + step, ... before last that stand between ax and bx, in a leg's order.
+
+    Those of them are crossed whose origin lies below the leg: see :func:`is_crossed`. Half-open
+    on the west, so that a path through a point right above an origin counts once.
+    """
+    here = int(np.searchsorted(x, ax, side="right"))
+    there = int(np.searchsorted(x, bx, side="right"))
+    return (here, there, 1) if bx > ax else (here - 1, there - 1, -1)
+
+
+@njit(cache=True, error_model="numpy")
+def is_crossed(ray_x: float, ray_y: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether a ray in the segment's range along x is crossed: the segment passes above."""
+    return bool(ay + (ray_x - ax) / (bx - ax) * (by - ay) > ray_y)
+
+
+@njit(cache=True, error_model="numpy")
+def _word(x: FloatArray, y: FloatArray, island: IntArray, path: FloatArray) -> IntArray:
+    """Reduced word of a path (n, 2)."""
+    word = np.empty(16, dtype=np.int64)
+    length = 0
+    for k in range(len(path) - 1):
+        (ax, ay), (bx, by) = path[k], path[k + 1]
+        first, last, step = passed(x, ax, bx)
+        for i in range(first, last, step):
+            if not is_crossed(x[i], y[i], ax, ay, bx, by):
+                continue
+            letter = step * island[i]
+            if length and word[length - 1] == -letter:
+                length -= 1
+                continue
+            if length == len(word):
+                word = np.concatenate((word, word))
+            word[length] = letter
+            length += 1
+    return word[:length]
 
 
 def append(word: Word, letters: Word) -> Word:

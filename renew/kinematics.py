@@ -135,22 +135,23 @@ def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
             f"the corners beside the leg at ({path[i, 0]:.1f}, {path[i, 1]:.1f}) m need "
             f"{asked[i]:.2f} m to turn in; it has {lengths[i]:.2f} m"
         )
-    points, courses, corner = [path[:1]], [course[:1]], [np.array([-1])]
-    for i, (angle, begin) in enumerate(zip(turn, path[1:-1], strict=True)):
-        unit = legs[i] / lengths[i]
-        side = 1.0 if angle >= 0 else -1.0
-        centre = begin - tangent[i] * unit + side * radius[i] * np.array([-unit[1], unit[0]])
-        steps = max(1, int(np.ceil(np.abs(angle) / _ARC_STEP)))
-        along = course[i] + angle * np.arange(steps + 1) / steps
-        outwards = along - side * np.pi / 2
-        points.append(centre + radius[i] * np.stack([np.cos(outwards), np.sin(outwards)], axis=-1))
-        courses.append(along)
-        corner.append(np.full(steps + 1, i))
-    points.append(path[-1:])
-    courses.append(course[-1:])
-    corner.append(np.array([-1]))
+    # Each corner has the points of an arc, and the ends one each.
+    steps = np.maximum(1, np.ceil(np.abs(turn) / _ARC_STEP).astype(np.int64))
+    at = np.repeat(np.arange(len(turn)), steps + 1)
+    place = np.arange(len(at)) - np.repeat(np.cumsum(steps + 1) - (steps + 1), steps + 1)
+    along = course[at] + turn[at] * place / steps[at]
+    unit = legs / lengths[:, None]
+    side = np.where(turn >= 0, 1.0, -1.0)
+    normal = np.stack([-unit[:-1, 1], unit[:-1, 0]], axis=-1)
+    centre = path[1:-1] - tangent[:, None] * unit[:-1] + (side * radius)[:, None] * normal
+    outwards = along - side[at] * np.pi / 2
+    arcs = centre[at] + radius[at, None] * np.stack([np.cos(outwards), np.sin(outwards)], axis=-1)
     return _densified(
-        _Curve(np.concatenate(points), np.concatenate(courses), np.concatenate(corner))
+        _Curve(
+            np.concatenate([path[:1], arcs, path[-1:]]),
+            np.concatenate([course[:1], along, course[-1:]]),
+            np.concatenate([[-1], at, [-1]]),
+        )
     )
 
 

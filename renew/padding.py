@@ -11,12 +11,15 @@ from the triangle's mean and spread and headings φ ± Δφ about the direction 
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import shapely
+from numba import njit
+from scipy.special import ndtri
 
 from renew.checks import is_size
 from renew.errors import ParameterError
@@ -25,9 +28,12 @@ from renew.geometry import segment_distance
 if TYPE_CHECKING:
     from renew._types import FloatArray, IntArray
     from renew.channels import Channel, Move
-    from renew.current import CurrentStatistics
+    from renew.current import CurrentField, CurrentStatistics
     from renew.triangulation import Triangulation
     from renew.vessel import Vessel
+
+_Crossing: TypeAlias = "tuple[int, Move]"
+"""A triangle, and the move of the channel in it or beside it."""
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 
@@ -38,7 +44,11 @@ Larger values change little, since a turn reaches furthest when begun along the 
 LAYERS = 2
 """A path may bulge out of its channel by so many triangles."""
 
+# Draws that set a quantile. They lie evenly, so that their share beyond it is off by some 1/n
+# rather than 1/√n.
 _DRAWS = 256
+# The share that may reach beyond is taken as this much smaller, for what the draws are off.
+_SAFE = 0.85
 
 
 def check_padding(padding: Padding, clearance: float, risk: float) -> None:
@@ -107,14 +117,6 @@ class Hazards:
     padding: FloatArray
     edge: IntArray
 
-    def zone(self) -> shapely.Geometry:
-        """V as one geometry: the union of the buffered edges."""
-        padded = self.padding > 0
-        if not padded.any():
-            return shapely.MultiPolygon()
-        lines = shapely.linestrings(np.stack([self.start, self.end], axis=1)[padded])
-        return shapely.union_all(shapely.buffer(lines, self.padding[padded], quad_segs=16))
-
     def around(self, point: FloatArray) -> Hazards:
         """Only the padded edges whose padding reaches over a point (2,)."""
         inside = segment_distance(point, self.start, self.end) < self.padding
@@ -131,15 +133,12 @@ class Hazards:
 
 
 class Padder:
-    """Paddings on one triangulation, of whose triangles the current's statistics are given.
-
-    What channels share is worked out once.
-    """
+    """Paddings on one triangulation in a current; what channels share is worked out once."""
 
     def __init__(
         self,
         triangulation: Triangulation,
-        statistics: CurrentStatistics,
+        current: CurrentField,
         vessel: Vessel,
         *,
         padding: Padding,
@@ -147,18 +146,17 @@ class Padder:
         risk: float,
         seed: int,
     ) -> None:
-        self._triangulation, self._vessel = triangulation, vessel
+        self._triangulation, self._current, self._vessel = triangulation, current, vessel
         self._padding: Padding = padding
         self._clearance, self._risk = clearance, risk
         self._edges = triangulation.constrained_edges
-        self._statistics = statistics
-        rng = np.random.default_rng(seed)
         # The same draws for every triangle: its figures depend on itself alone.
-        self._speed_draws, self._turn_draws = rng.standard_normal((2, _DRAWS))
-        self._heading_draws = rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, _DRAWS)
+        speed, turn, heading = _even_draws(seed)
+        self._speed_draws, self._turn_draws = ndtri(speed), ndtri(turn)
+        self._heading_draws = HEADING_SPREAD * (2 * heading - 1)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
-        self._known: dict[tuple[int, Move], tuple[IntArray, FloatArray]] = {}
+        self._known: dict[_Crossing, tuple[IntArray, FloatArray]] = {}
 
     def hazards(self, channel: Channel, start: FloatArray, goal: FloatArray) -> Hazards:
         """Constrained edges next to a channel, each with the largest padding it needs there.
@@ -170,61 +168,142 @@ class Padder:
         """
         middle = channel.midline(start, goal)
         moves = channel.moves
-        own, beside = np.full((2, len(self._edges)), -1.0)
         row = channel.triangles.tolist()
-        for triangle, place in self._triangulation.surroundings(row, LAYERS).items():
-            key = (triangle, moves[place])
-            if key not in self._known:
-                self._known[key] = self._paddings(triangle, middle[place], middle[place + 1])
-            edges, needed = self._known[key]
+        places = self._triangulation.surroundings(row, LAYERS)
+        crossings = {(triangle, moves[place]): place for triangle, place in places.items()}
+        self._learn(crossings, middle)
+        own, beside = np.full((2, len(self._edges)), -1.0)
+        for (triangle, move), place in crossings.items():
+            edges, needed = self._known[triangle, move]
             padding = own if triangle == row[place] else beside
             padding[edges] = np.maximum(padding[edges], needed)
         padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
         return Hazards(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
 
-    def _paddings(
-        self, triangle: int, enter: FloatArray, leave: FloatArray
-    ) -> tuple[IntArray, FloatArray]:
-        """Constrained edges next to a triangle, and the padding (m) each needs from it."""
-        furthest = max(self._furthest_padding(triangle), self._clearance)
-        polygon = shapely.polygons(self._triangulation.corners[triangle])
-        edges = np.sort(self._tree.query(polygon, predicate="dwithin", distance=furthest))
-        if self._padding != "adaptive":
-            return edges, np.full(len(edges), furthest)
-        needed = self._adaptive(triangle, self._edges[edges], enter, leave)
-        return edges, np.maximum(needed, self._clearance)
+    def _learn(self, crossings: dict[_Crossing, int], middle: FloatArray) -> None:
+        """Work out the edges next to triangles, and their paddings, for crossings not yet known.
 
-    def _furthest_padding(self, triangle: int) -> float:
-        """Upper bound on the padding that any edge needs from a triangle (m)."""
+        A triangle is crossed from middle[place] to middle[place + 1].
+        """
+        new = [crossing for crossing in crossings if crossing not in self._known]
+        if not new:
+            return
+        place = np.array([crossings[crossing] for crossing in new])
+        corners = self._triangulation.corners[[triangle for triangle, _ in new]]
+        statistics = self._current.statistics(corners)
+        furthest = np.maximum(self._furthest_padding(statistics), self._clearance)
+        row, edge = self._tree.query(
+            shapely.polygons(corners), predicate="dwithin", distance=furthest
+        )
+        order = np.lexsort((edge, row))
+        row, edge = row[order], edge[order]
         if self._padding == "adaptive":
-            return self._furthest_reach(triangle)
-        return 0.0 if self._padding == "none" else float(self._padding)
+            enter, leave = middle[place], middle[place + 1]
+            needed = self._adaptive(statistics, row, self._edges[edge], enter, leave)
+            needed = np.maximum(needed, self._clearance)
+        else:
+            needed = furthest[row]
+        bounds = np.searchsorted(row, np.arange(len(new) + 1)).tolist()
+        for crossing, (first, last) in zip(new, itertools.pairwise(bounds), strict=True):
+            self._known[crossing] = edge[first:last], needed[first:last]
 
-    def _furthest_reach(self, triangle: int) -> float:
-        """Upper bound on any turn's reach in a triangle's current (m)."""
-        speed = self._statistics.speed[triangle] + 4 * self._statistics.speed_std[triangle]
-        return float(2 * self._vessel.turning_radius + speed * self._vessel.turn_period)
+    def _furthest_padding(self, statistics: CurrentStatistics) -> FloatArray:
+        """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""
+        if self._padding != "adaptive":
+            width = 0.0 if self._padding == "none" else float(self._padding)
+            return np.full(len(statistics.speed), width)
+        speed = statistics.speed + 4 * statistics.speed_std
+        return 2 * self._vessel.turning_radius + speed * self._vessel.turn_period
 
     def _adaptive(
-        self, triangle: int, edges: FloatArray, enter: FloatArray, leave: FloatArray
+        self,
+        statistics: CurrentStatistics,
+        row: IntArray,
+        edges: FloatArray,
+        enter: FloatArray,
+        leave: FloatArray,
     ) -> FloatArray:
-        """σ-quantile (e,) of the worst reach from a triangle towards edges (e, 2, 2), metres."""
+        """σ-quantiles (p,) of the worst reach from triangles `row` (p,) towards edges (p, 2, 2)."""
         travel = leave - enter
-        heading = np.arctan2(travel[1], travel[0]) + self._heading_draws
-        s = self._statistics
-        speed = np.maximum(0.0, s.speed[triangle] + s.speed_std[triangle] * self._speed_draws)
-        towards = s.direction[triangle] + s.direction_std[triangle] * self._turn_draws
-        current = speed[:, None] * np.stack([np.cos(towards), np.sin(towards)], axis=-1)
-        normal = _normals(edges, (enter + leave) / 2)
-        reach = turn_reach(self._vessel, heading, current, normal[:, None])
-        return np.asarray(np.quantile(reach, 1 - self._risk, axis=1, method="higher"))
+        heading = np.arctan2(travel[:, 1], travel[:, 0])[:, None] + self._heading_draws
+        s = statistics
+        speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed_draws)
+        towards = s.direction[:, None] + s.direction_std[:, None] * self._turn_draws
+        return np.asarray(
+            _reach_quantiles(
+                row,
+                _normals(edges, ((enter + leave) / 2)[row]),
+                heading,
+                speed * np.cos(towards),
+                speed * np.sin(towards),
+                self._vessel.speed,
+                self._vessel.turn_rate,
+                math.ceil((_DRAWS - 1) * (1 - _SAFE * self._risk)),
+            )
+        )
 
 
-def _normals(edges: FloatArray, from_point: FloatArray) -> FloatArray:
-    """Unit normals (e, 2) of edges (e, 2, 2), on the side that points away from a point."""
+def _even_draws(seed: int) -> FloatArray:
+    """Draws (3, n), evenly in the unit cube: Roberts' additive sequence, shifted by the seed.
+
+    Its steps are the powers of 1/φ, with φ the root of φ⁴ = φ + 1.
+    """
+    steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
+    shift = np.random.default_rng(seed).random((3, 1))
+    draws = (shift + steps[:, None] * np.arange(_DRAWS)) % 1.0
+    # Neither 0 nor 1, where a normal draw would be infinite.
+    return np.asarray((draws * (_DRAWS - 1) + 0.5) / _DRAWS)
+
+
+@njit(cache=True, error_model="numpy")
+def _reach_quantiles(
+    row: IntArray,
+    normals: FloatArray,
+    heading: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    speed: float,
+    turn_rate: float,
+    rank: int,
+) -> FloatArray:
+    """The reach (p,) that ranks so among the draws (t, draws) of a row along normals (p, 2), m.
+
+    :func:`turn_reach`, compiled.
+    """
+    cos, sin = np.cos(heading), np.sin(heading)
+    draws = heading.shape[1]
+    radius, period = speed / turn_rate, 2 * math.pi / turn_rate
+    reach = np.empty(draws)
+    result = np.empty(len(row))
+    for p in range(len(row)):
+        t = row[p]
+        nx, ny = normals[p]
+        bearing = math.atan2(ny, nx)
+        for k in range(draws):
+            drift = u[t, k] * nx + v[t, k] * ny
+            ratio = min(max(-drift / speed, -1.0), 1.0)
+            turned_to = math.acos(ratio)
+            furthest = math.sqrt(1.0 - ratio * ratio)
+            begin = heading[t, k] - bearing
+            sine = sin[t, k] * nx - cos[t, k] * ny
+            port, starboard = turned_to - begin, turned_to + begin
+            port -= 2 * math.pi * math.floor(port / (2 * math.pi))
+            starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
+            reach[k] = max(
+                radius * (furthest - sine) + drift * port / turn_rate,
+                radius * (furthest + sine) + drift * starboard / turn_rate,
+                drift * period,
+                0.0,
+            )
+        result[p] = np.partition(reach, rank)[rank]
+    return result
+
+
+def _normals(edges: FloatArray, from_points: FloatArray) -> FloatArray:
+    """Unit normals (e, 2) of edges (e, 2, 2), each on the side that points away from a point."""
     along = edges[:, 1] - edges[:, 0]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    away = ((edges[:, 0] - from_point) * normal).sum(-1)
+    away = ((edges[:, 0] - from_points) * normal).sum(-1)
     return np.where(away[:, None] < 0, -normal, normal)

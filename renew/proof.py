@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from renew.contingency import MOST_DEVIATIONS, fly_turns, furthest_turn, stations
+from renew.contingency import fly_turns, stations
 from renew.geometry import segment_distance, tracks_touch
+from renew.reach import MOST_DEVIATIONS, TurnReach
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
@@ -34,12 +35,13 @@ def padding_shortfall(
     hazards: Hazards,
     chart: Chart,
     field: CurrentField,
+    reach: TurnReach,
     vessel: Vessel,
 ) -> tuple[IntArray, FloatArray] | None:
     """Constrained edges that turns along a path touch, and what their padding is short of (m).
 
-    None if no turn touches any. Turns begun in the part of V around a start or goal that itself
-    lies in V are left out: no padding there could help.
+    None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of
+    V around a start or goal that itself lies in V are left out: no padding there could help.
     """
     if not len(hazards.edge):
         return None
@@ -49,9 +51,10 @@ def padding_shortfall(
     points, course = stations(path, spacing)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
-    reach = furthest_turn(field, chart, vessel) + margin
-    tree = shapely.STRtree(shapely.points(points))
-    near = np.unique(tree.query(edges, predicate="dwithin", distance=reach)[1])
+    found = shapely.STRtree(edges).query(
+        shapely.points(points), predicate="dwithin", distance=reach(points) + margin
+    )
+    near = np.unique(found[0])
     near = near[~_in_soft_ends(points[near], ends, hazards)]
     turns = fly_turns(points[near], course[near], field, vessel, _CORNERS)
     tracks = turns.reshape(-1, *turns.shape[2:])

@@ -55,7 +55,7 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
 def check_ends(
     chart: Chart, field: CurrentField, vessel: Vessel, start: FloatArray, goal: FloatArray
 ) -> None:
-    """Refuse ends that are not in the water, and a start where the current outruns the vessel."""
+    """Refuse ends that are not in the water, or where the current outruns the vessel."""
     kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
         ("start", start, StartInNoGoError),
         ("goal", goal, GoalInNoGoError),
@@ -75,9 +75,10 @@ def check_ends(
         raise ParameterError(
             f"start and goal are the same point ({start[0]:.10g}, {start[1]:.10g}) m; move one"
         )
-    strength = float(np.linalg.norm(field(start)))
-    if strength >= vessel.speed:
-        raise CurrentTooStrongError(
-            f"the current at the start runs at {strength:.3g} m/s; the vessel makes "
-            f"{vessel.speed:.3g} m/s through water. Take a faster vessel or another start"
-        )
+    for name, point in (("start", start), ("goal", goal)):
+        strength = float(np.linalg.norm(field(point)))
+        if strength >= vessel.speed:
+            raise CurrentTooStrongError(
+                f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
+                f"{vessel.speed:.3g} m/s through water. Take a faster vessel or another {name}"
+            )

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
 
 from renew.bounds import fuel_lower_bound
 from renew.errors import UnreachableError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from shapely.geometry.base import BaseGeometry
 
     from renew._types import FloatArray
     from renew.chart import Chart
     from renew.current import CurrentField
+    from renew.errors import Strait
     from renew.fuel import Drift
     from renew.vessel import Vessel
 
@@ -61,8 +67,7 @@ class Route:
     least : the least fuel that any route can need; worked out when first asked for.
     homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
         second to starboard and then the first to port; the largest island is 1.
-    channel : (t, 3, 2) metres, the class's triangles from start to goal.
-    soft_no_go : the soft no-go zone V of this class.
+    corners : (t, 3, 2) metres, the triangles in which its path was sought.
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
         the path's own fuel.
@@ -77,12 +82,29 @@ class Route:
     duration: float
     least: LeastFuel
     homotopy: str
-    channel: FloatArray
-    soft_no_go: BaseGeometry
+    corners: FloatArray
     padding_used: FloatArray
     harmonic_mean: float
     starts_in_soft_no_go: bool
     ends_in_soft_no_go: bool
+
+    @cached_property
+    def channel(self) -> FloatArray:
+        """Triangles (t, 3, 2) that the path crosses, from start to goal, in metres."""
+        line = shapely.LineString(self.path)
+        inside = shapely.intersection(shapely.polygons(self.corners), line)
+        crossed = np.flatnonzero(shapely.length(inside) > 0)
+        order = shapely.line_locate_point(line, shapely.centroid(inside[crossed])).argsort()
+        return np.asarray(self.corners[crossed[order]])
+
+    @cached_property
+    def soft_no_go(self) -> BaseGeometry:
+        """The soft no-go zone V of this class: its padded edges, buffered."""
+        padded = self.padding_used[self.padding_used[:, 4] > 0]
+        if not len(padded):
+            return shapely.MultiPolygon()
+        lines = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
+        return shapely.union_all(shapely.buffer(lines, padded[:, 4], quad_segs=16))
 
     @property
     def fuel_per_distance(self) -> float:
@@ -100,11 +122,39 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Rejected:
-    """A class that fell away: its name, why, and its channel (t, 3, 2) in metres."""
+    """A class that fell away.
+
+    Attributes
+    ----------
+    homotopy : its name.
+    reason : why, in words.
+    channel : (t, 3, 2) metres, its triangles from start to goal.
+    strait : where padding takes a whole gap, if that is the reason.
+    """
 
     homotopy: str
     reason: str
     channel: FloatArray
+    strait: Strait | None
+    _work_out: Callable[[], float] = field(repr=False)
+
+    @cached_property
+    def unpadded_fuel(self) -> float:
+        """What the class would need with no padding at all; inf if even so it has no path.
+
+        Worked out when first asked for: beside the fuel of the routes it says what the padding
+        of its strait costs.
+        """
+        return self._work_out()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the fuel instead of what it is made from: a current may be any function."""
+        fuel = self.unpadded_fuel
+        return {**self.__dict__, "unpadded_fuel": fuel, "_work_out": None}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Take the fuel back as worked out."""
+        self.__dict__.update(state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +162,14 @@ class Plan:
     """Routes, one per feasible class, least fuel first; and the classes that fell away.
 
     `chosen` is the index of the best route: 0, but for the sampled method, which picks the class
-    by the harmonic mean over its sampled paths (paper).
+    by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
+    because its current is as strong as the vessel is fast: empty, or polygons in metres.
     """
 
     routes: tuple[Route, ...]
     rejected: tuple[Rejected, ...]
     chosen: int = 0
+    overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
 
     @property
     def best(self) -> Route:

@@ -7,8 +7,6 @@ bend inside large triangles where the current turns.
 
 from __future__ import annotations
 
-import itertools
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,41 +56,35 @@ def cut(
     The spacing holds on the bank that moves. Where both are infinite, these are the passing
     edges alone.
     """
-    lefts: list[FloatArray] = []
-    rights: list[FloatArray] = []
-    passing: list[bool] = []
-    fans: list[int] = []
-    gates = list(zip(channel.left, channel.right, strict=True))
     # The ends are fans too: the first gate shrinks to the start, the last one to the goal.
-    banks = [(start, start), *gates, (goal, goal)]
-    for fan, ((left, right), (next_left, next_right)) in enumerate(itertools.pairwise(banks)):
-        count = _steps(left, right, next_left, next_right, spacing, angle)
-        for step in range(1, count + 1):
-            lefts.append(left + (next_left - left) * step / count)
-            rights.append(right + (next_right - right) * step / count)
-            passing.append(step == count)
-            fans.append(fan)
-    return Sections(
-        np.array(lefts[:-1]).reshape(-1, 2),
-        np.array(rights[:-1]).reshape(-1, 2),
-        np.array(passing[:-1], dtype=bool),
-        np.array(fans[:-1], dtype=np.int64),
+    left = np.vstack([start, channel.left, goal])
+    right = np.vstack([start, channel.right, goal])
+    count = _steps(left, right, spacing, angle)
+    fan = np.repeat(np.arange(len(count)), count)
+    step = np.arange(1, len(fan) + 1) - np.repeat(np.cumsum(count) - count, count)
+    place = (step / count[fan])[:, None]
+    sections = Sections(
+        left[fan] + place * (left[fan + 1] - left[fan]),
+        right[fan] + place * (right[fan + 1] - right[fan]),
+        step == count[fan],
+        fan,
     )
+    return sections.select(np.arange(len(fan)) < len(fan) - 1)  # the last is the goal
 
 
-def _steps(
-    left: FloatArray,
-    right: FloatArray,
-    next_left: FloatArray,
-    next_right: FloatArray,
-    spacing: float,
-    angle: float,
-) -> int:
-    """How many steps lead from one gate to the next."""
-    moved = max(math.dist(left, next_left), math.dist(right, next_right))
-    a, b = left - right, next_left - next_right
-    turned = abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
-    return max(1, math.ceil(moved / spacing), math.ceil(turned / angle))
+def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) -> IntArray:
+    """How many steps (g - 1,) lead from one gate (g, 2) to the next."""
+    moved = np.maximum(
+        np.linalg.norm(np.diff(left, axis=0), axis=1),
+        np.linalg.norm(np.diff(right, axis=0), axis=1),
+    )
+    across = left - right
+    one, other = across[:-1], across[1:]
+    turned = np.abs(
+        np.arctan2(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1))
+    )
+    steps = np.maximum(np.ceil(moved / spacing), np.ceil(turned / angle))
+    return np.asarray(np.maximum(steps, 1), dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,20 +133,29 @@ def free_parts(
     sections: Sections, start: FloatArray, end: FloatArray, distance: FloatArray
 ) -> FreeParts:
     """Parts of each section further than `distance` (b,) from barriers `start` to `end` (b, 2)."""
-    return FreeParts(*_free(sections.left, sections.right, start, end, distance))
+    return FreeParts(*free_intervals(sections.left, sections.right, start, end, distance))
 
 
-@njit(cache=True)
-def _free(
+@njit(cache=True, error_model="numpy")
+def free_intervals(
     left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, distance: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Intervals (s, e + 1, 2) outside all capsules, and how many there are in each row."""
+    """Intervals (s, n, 2) of :class:`FreeParts`, and how many there are in each row."""
     intervals = np.zeros((len(left), len(start) + 1, 2))
     count = np.zeros(len(left), dtype=np.int64)
     covered = np.empty((len(start), 2))
     for i in range(len(left)):
         found = 0
+        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
+        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
         for h in range(len(start)):
+            if (
+                max(start[h, 0], end[h, 0]) + distance[h] < west
+                or min(start[h, 0], end[h, 0]) - distance[h] > east
+                or max(start[h, 1], end[h, 1]) + distance[h] < south
+                or min(start[h, 1], end[h, 1]) - distance[h] > north
+            ):
+                continue
             enter, leave = capsule_interval(
                 left[i, 0],
                 left[i, 1],
@@ -181,7 +182,7 @@ def _free(
     return intervals, count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
     """Places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
     places = np.zeros((len(count), points))

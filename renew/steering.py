@@ -79,7 +79,12 @@ def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> 
     blame_first[[0, -1]] = False, True
     cut = radius * (1 / np.cos(turns / 2) - 1)
     inner = path[1:-1] + cut[:, None] * bisectors
-    intrudes = ~legs_are_clear(path[1:-1], inner, *corridor.barriers, corridor.forbidden)
+    # What the arc leaves to its inner side of, its inscribed chords would cross.
+    units = np.diff(path, axis=0) / np.maximum(lengths, 1e-300)[:, None]
+    begin = path[1:-1] - needed[:, None] * units[:-1]
+    end = path[1:-1] + needed[:, None] * units[1:]
+    barriers = *corridor.barriers, corridor.forbidden
+    intrudes = ~(legs_are_clear(begin, inner, *barriers) & legs_are_clear(inner, end, *barriers))
     return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
 
 

@@ -16,10 +16,14 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 import networkx as nx
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from renew.errors import GeometryError, ParameterError
 
 if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
     from renew._types import BoolArray, FloatArray, IntArray
     from renew.chart import Chart
 
@@ -71,6 +75,22 @@ class Triangulation:
             graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
         return graph
 
+    @cached_property
+    def on_land(self) -> BoolArray:
+        """Which vertices (v,) a constrained edge ends in."""
+        ends = np.zeros(len(self.vertices), dtype=bool)
+        ends[self.edge_vertices(*np.nonzero(self.hazardous))] = True
+        return ends
+
+    def joined(self, one: int, other: int) -> bool:
+        """Whether a row of triangles leads from one to the other."""
+        triangle, corner = np.nonzero(self.neighbours >= 0)
+        beside = self.neighbours[triangle, corner]
+        count = len(self.triangles)
+        links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
+        _, waters = connected_components(links, directed=False)
+        return bool(waters[one] == waters[other])
+
     def surroundings(self, row: list[int], layers: int) -> dict[int, int]:
         """Triangles at most so many edges away from a row, each with the place it is nearest to.
 
@@ -118,10 +138,13 @@ class Triangulation:
         return best if inside[best] >= -_ON_EDGE * float(np.ptp(self.vertices)) else -1
 
 
-def triangulate(chart: Chart, backend: Backend = "auto") -> Triangulation:
+def triangulate(
+    chart: Chart, backend: Backend = "auto", closed: BaseGeometry | None = None
+) -> Triangulation:
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
 
-    "auto" takes Triangle where it is installed, and shapely where it is not.
+    "auto" takes Triangle where it is installed, and shapely where it is not. `closed` is water
+    that is left out as if it were land; its edges are no hazard.
 
     Raises
     ------
@@ -134,31 +157,34 @@ def triangulate(chart: Chart, backend: Backend = "auto") -> Triangulation:
         raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
     if backend == "auto":
         backend = "triangle" if find_spec("triangle") else "shapely"
-    corners = _by_triangle(chart) if backend == "triangle" else _by_shapely(chart)
-    corners = corners[shapely.contains_xy(chart.water, corners.mean(axis=1))]
+    water = chart.water
+    if closed is not None and not closed.is_empty:
+        water = shapely.difference(water, closed, grid_size=chart.precision)
+    corners = _by_triangle(water, chart.precision) if backend == "triangle" else _by_shapely(water)
+    shapely.prepare(water)
+    corners = corners[shapely.contains_xy(water, corners.mean(axis=1))]
     turn = _area(corners[:, 0], corners[:, 1], corners[:, 2])
     corners[turn < 0] = corners[turn < 0][:, ::-1]
-    missing = chart.water.area - np.abs(turn).sum() / 2
+    missing = water.area - np.abs(turn).sum() / 2
     if abs(missing) > 1e-6 * chart.extent.area:
         raise GeometryError(
-            f"chart: its triangles miss {missing:g} m² of {chart.water.area:g} m² of water; "
+            f"chart: its triangles miss {missing:g} m² of {water.area:g} m² of water; "
             "simplify or buffer the no-go zone so that no vertices nearly coincide"
         )
     vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     neighbours = _neighbours(triangles)
-    return Triangulation(
-        vertices, triangles, neighbours, _hazardous(chart, vertices, triangles, neighbours)
-    )
+    hazardous = _hazardous(chart, closed, vertices, triangles, neighbours)
+    return Triangulation(vertices, triangles, neighbours, hazardous)
 
 
-def _by_triangle(chart: Chart) -> FloatArray:
+def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
     """Corners (t, 3, 2) by Triangle, over the convex hull less what segments wall off."""
     import triangle  # not there where its licence kept it from being installed
 
     rings = [
         shapely.get_coordinates(ring)[:-1]
-        for polygon in shapely.get_parts(chart.water)
+        for polygon in shapely.get_parts(water)
         for ring in (polygon.exterior, *polygon.interiors)
     ]
     segments, start = [], 0
@@ -175,18 +201,15 @@ def _by_triangle(chart: Chart) -> FloatArray:
     if len(result["vertices"]) != len(vertices):
         raise GeometryError(
             "chart: the no-go zone's edges cross each other after snapping to "
-            f"{chart.precision:g} m; simplify the polygons"
+            f"{precision:g} m; simplify the polygons"
         )
     return np.asarray(vertices[result["triangles"]])
 
 
-def _by_shapely(chart: Chart) -> FloatArray:
+def _by_shapely(water: BaseGeometry) -> FloatArray:
     """Corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
     cells = shapely.get_parts(
-        [
-            shapely.constrained_delaunay_triangles(polygon)
-            for polygon in shapely.get_parts(chart.water)
-        ]
+        [shapely.constrained_delaunay_triangles(polygon) for polygon in shapely.get_parts(water)]
     )
     return np.array(shapely.get_coordinates(cells).reshape(-1, 4, 2)[:, :3])
 
@@ -204,9 +227,16 @@ def _neighbours(triangles: IntArray) -> IntArray:
 
 
 def _hazardous(
-    chart: Chart, vertices: FloatArray, triangles: IntArray, neighbours: IntArray
+    chart: Chart,
+    closed: BaseGeometry | None,
+    vertices: FloatArray,
+    triangles: IntArray,
+    neighbours: IntArray,
 ) -> BoolArray:
-    """Mark the edges (t, 3) with no triangle behind them that don't lie on the extent's edge."""
+    """Mark the edges (t, 3) with no triangle behind them that lie on land.
+
+    Neither the extent's edge is land, nor the edge of closed water.
+    """
     hazardous = neighbours < 0
     triangle, corner = np.nonzero(hazardous)
     ends = vertices[
@@ -214,8 +244,11 @@ def _hazardous(
             [triangles[triangle, (corner + 1) % 3], triangles[triangle, (corner + 2) % 3]], axis=-1
         )
     ]
-    apart = shapely.distance(shapely.points(ends.mean(axis=1)), chart.extent.exterior)
-    # A midpoint on the extent's edge is off by the snapping grid at most.
+    middles = shapely.points(ends.mean(axis=1))
+    # A midpoint on an edge is off by the snapping grid at most.
+    apart = shapely.distance(middles, chart.extent.exterior)
+    if closed is not None and not closed.is_empty:
+        apart = np.minimum(apart, shapely.distance(middles, closed.boundary))
     hazardous[triangle, corner] = apart > 4 * chart.precision
     return hazardous
 

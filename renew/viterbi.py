@@ -17,8 +17,11 @@ from renew.geometry import leg_is_clear
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
 
+# Where less way is made than this (m²/s: length times speed over ground), none is.
+_NO_WAY = 1e-300
 
-@njit(cache=True)
+
+@njit(cache=True, error_model="numpy")
 def slowness(cx: float, cy: float, tx: float, ty: float, speed: float, crab: bool) -> float:
     """Seconds a metre along a unit tangent in a current; inf where no way is made.
 
@@ -35,7 +38,7 @@ def slowness(cx: float, cy: float, tx: float, ty: float, speed: float, crab: boo
     return 1.0 / ground if ground > 0.0 else math.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def leg_time(
     a: FloatArray,
     b: FloatArray,
@@ -55,7 +58,7 @@ def leg_time(
     return length * (here + there) / 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def without_detours(
     path: FloatArray,
     velocity: FloatArray,
@@ -103,7 +106,7 @@ def without_detours(
     return keep
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def quickest_chain(
     points: FloatArray,
     velocity: FloatArray,
@@ -112,8 +115,6 @@ def quickest_chain(
     start: FloatArray,
     end: FloatArray,
     radius: FloatArray,
-    near: IntArray,
-    near_from: IntArray,
     left_out: BoolArray,
 ) -> tuple[float, IntArray]:
     """Arrival time (s) and the chosen point (r,) of each row; inf where no chain is clear.
@@ -123,40 +124,130 @@ def quickest_chain(
     points, velocity : (r, m, 2) metres, m/s; the first and the last row are one point each, at
         index 0.
     start, end, radius : capsules to stay out of, as in :func:`renew.geometry.leg_is_clear`.
-    near, near_from : capsules near[near_from[i]:near_from[i + 1]] are tested from row i on.
-    left_out : (r - 1, capsules) True where row i's legs need not mind a capsule.
+    left_out : (2, capsules) True where the first, or the last, leg need not mind a capsule.
     """
     rows, count = points.shape[:2]
+    # One array each for what the inner loop reads, so that it can be vectorised.
+    x, y = points[..., 0].copy(), points[..., 1].copy()
+    u, v = velocity[..., 0].copy(), velocity[..., 1].copy()
     arrival = np.full((rows, count), np.inf)
     arrival[0, 0] = 0.0
     came_from = np.zeros((rows, count), dtype=np.int64)
+    totals = np.empty(count)
+    minds_all = np.zeros(len(radius), dtype=np.bool_)
     for row in range(rows - 1):
-        chosen = near[near_from[row] : near_from[row + 1]]
-        likely = 0
-        for j in range(count if row < rows - 2 else 1):
-            bx, by = points[row + 1, j]
-            # What served the neighbour serves here too, most likely, and so most others needn't
-            # be tested against the capsules.
-            for k in range(count):
-                i = (likely + k) % count
-                if not arrival[row, i] < arrival[row + 1, j]:
-                    continue
-                ax, ay = points[row, i]
-                total = arrival[row, i] + leg_time(
-                    points[row, i],
-                    points[row + 1, j],
-                    velocity[row, i],
-                    velocity[row + 1, j],
-                    speed,
-                    crab,
-                )
-                if total < arrival[row + 1, j] and leg_is_clear(
-                    ax, ay, bx, by, start, end, radius, chosen, left_out[row]
-                ):
-                    arrival[row + 1, j] = total
+        width = 1 if row == 0 else count
+        following = 1 if row == rows - 2 else count
+        near = _near_rows(
+            x[row, :width],
+            y[row, :width],
+            x[row + 1, :following],
+            y[row + 1, :following],
+            start,
+            end,
+            radius,
+        )
+        out = left_out[0] if row == 0 else left_out[1] if row == rows - 2 else minds_all
+        for j in range(following):
+            bx, by, bu, bv = x[row + 1, j], y[row + 1, j], u[row + 1, j], v[row + 1, j]
+            if bu * bu + bv * bv >= speed * speed:
+                continue
+            _arrivals(
+                x[row],
+                y[row],
+                u[row],
+                v[row],
+                arrival[row],
+                bx,
+                by,
+                bu,
+                bv,
+                speed,
+                crab,
+                width,
+                totals,
+            )
+            while True:
+                i = 0
+                for k in range(1, width):
+                    if totals[k] < totals[i]:
+                        i = k
+                if totals[i] == np.inf:
+                    break
+                if leg_is_clear(x[row, i], y[row, i], bx, by, start, end, radius, near, out):
+                    arrival[row + 1, j] = totals[i]
                     came_from[row + 1, j] = i
-            likely = came_from[row + 1, j]
+                    break
+                totals[i] = np.inf
     chain = np.zeros(rows, dtype=np.int64)
     for row in range(rows - 1, 0, -1):
         chain[row - 1] = came_from[row, chain[row]]
     return arrival[rows - 1, 0], chain
+
+
+@njit(cache=True, error_model="numpy")
+def _arrivals(
+    x: FloatArray,
+    y: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    departure: FloatArray,
+    bx: float,
+    by: float,
+    bu: float,
+    bv: float,
+    speed: float,
+    crab: bool,
+    count: int,
+    totals: FloatArray,
+) -> None:
+    """Arrival times at one point from each of a row: :func:`leg_time` without its branches.
+
+    With d the leg and g its slowness' denominator, a time is |d|² / (|d| g): no unit vector is
+    needed. Nowhere is the current as strong as the vessel, but where the departure is inf.
+    """
+    for i in range(count):
+        dx, dy = bx - x[i], by - y[i]
+        square = dx * dx + dy * dy
+        here, there = u[i] * dx + v[i] * dy, bu * dx + bv * dy
+        if crab:
+            across, across_there = v[i] * dx - u[i] * dy, bv * dx - bu * dy
+            most = speed * speed * square
+            here += math.sqrt(max(most - across * across, 0.0))
+            there += math.sqrt(max(most - across_there * across_there, 0.0))
+        else:
+            way = speed * math.sqrt(square)
+            here += way
+            there += way
+        # Between points that coincide the time is 0.
+        totals[i] = departure[i] + 0.5 * square * (
+            1.0 / max(here, _NO_WAY) + 1.0 / max(there, _NO_WAY)
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _near_rows(
+    x: FloatArray,
+    y: FloatArray,
+    next_x: FloatArray,
+    next_y: FloatArray,
+    start: FloatArray,
+    end: FloatArray,
+    radius: FloatArray,
+) -> IntArray:
+    """Capsules whose bounds meet those of two rows of points: only they can be in the way."""
+    west, east = min(x.min(), next_x.min()), max(x.max(), next_x.max())
+    south, north = min(y.min(), next_y.min()), max(y.max(), next_y.max())
+    near = np.empty(len(radius), dtype=np.int64)
+    count = 0
+    for h in range(len(radius)):
+        reach = max(radius[h], 0.0)
+        if (
+            max(start[h, 0], end[h, 0]) + reach >= west
+            and min(start[h, 0], end[h, 0]) - reach <= east
+            and max(start[h, 1], end[h, 1]) + reach >= south
+            and min(start[h, 1], end[h, 1]) - reach <= north
+        ):
+            near[count] = h
+            count += 1
+    return near[:count]

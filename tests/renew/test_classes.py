@@ -103,9 +103,10 @@ def test_both_orders_find_every_simple_path_once() -> None:
     mesh, search = channels_of(chart)
     ends = mesh.locate(np.array([10.0, 10.0])), mesh.locate(np.array([90.0, 90.0]))
     expected = {tuple(path) for path in nx.all_simple_paths(mesh.dual, *ends)}
-    found = [tuple(c.triangles.tolist()) for c in search.channels()]
+    found = [tuple(c.triangles.tolist()) for c in search.channels(1000)]
     depth_first = [
-        tuple(c.triangles.tolist()) for c in channels_of(chart, order="depth-first")[1].channels()
+        tuple(c.triangles.tolist())
+        for c in channels_of(chart, order="depth-first")[1].channels(1000)
     ]
     assert len(found) == len(set(found))
     assert set(found) == set(depth_first) == expected
@@ -113,42 +114,57 @@ def test_both_orders_find_every_simple_path_once() -> None:
 
 @settings(max_examples=15)
 @given(seed=seeds)
-def test_best_first_agrees_with_networkx(seed: int) -> None:
-    # The midline's length as a weight between passing edges, on networkx's own search.
+def test_classes_come_in_the_order_of_their_cheapest_chains(seed: int) -> None:
+    # Every row of triangles by networkx, and the shortest chain of points in each by hand.
     rng = np.random.default_rng(seed)
     islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
-    chart = chart_of(islands)
-    mesh, search = channels_of(chart)
+    mesh, search = channels_of(chart_of(islands))
     start, goal = np.array([10.0, 10.0]), np.array([90.0, 90.0])
+    nodes = search._mesh
+
+    def shortest(row: list[int]) -> float:
+        points, lengths = start[None], np.zeros(1)
+        for one, other in itertools.pairwise(row):
+            gate = 3 * other + mesh.neighbours[other].tolist().index(one)
+            onwards = nodes.points[nodes.first[gate] : nodes.first[gate + 1]]
+            legs = np.linalg.norm(onwards[None] - points[:, None], axis=2)
+            points, lengths = onwards, (lengths[:, None] + legs).min(axis=0)
+        return float((lengths + np.linalg.norm(goal - points, axis=1)).min())
+
+    found = [shortest(c.triangles.tolist()) for c in search.channels(1000)]
+    assert found == pytest.approx(sorted(found))
     ends = mesh.locate(start), mesh.locate(goal)
-    lengths = [
-        float(np.linalg.norm(np.diff(c.midline(start, goal), axis=0), axis=1).sum())
-        for c in search.channels()
-    ]
-    assert lengths == sorted(lengths)
-    expected = []
-    for path in nx.all_simple_paths(mesh.dual, *ends):
-        middle = [mesh.dual.edges[edge]["midpoint"] for edge in itertools.pairwise(path)]
-        expected.append(
-            float(np.linalg.norm(np.diff([start, *middle, goal], axis=0), axis=1).sum())
-        )
-    assert lengths == pytest.approx(sorted(expected))
+    rows = nx.all_simple_paths(mesh.dual, *ends)
+    assert found == pytest.approx(sorted(shortest(row) for row in rows))
+
+
+def test_points_on_passing_edges_keep_their_clearance() -> None:
+    chart = chart_of([box(20, 20, 45, 80), box(50, 20, 80, 80)])
+    mesh = triangulate(chart)
+    ends = np.array([10.0, 10.0]), np.array([90.0, 90.0])
+    for clearance, classes in ((0.0, 4), (2.0, 4), (2.6, 2)):
+        search = ChannelSearch(mesh, Rays.of(chart), *ends, clearance=clearance)
+        corners = shapely.points(shapely.get_coordinates(chart.hard_no_go))
+        for point in shapely.points(search._mesh.points):
+            assert shapely.distance(point, corners).min() >= clearance - 1e-9
+        # Between the islands the gap is 5 m wide.
+        assert len(search.channels(10)) == classes
 
 
 def test_channels_of_rayless_islets_are_one_class() -> None:
     islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55), (72, 70))]
     chart = chart_of([*islets, box(35, 60, 60, 85)])
-    assert len(list(channels_of(chart)[1].channels())) > 8
-    names = [c.name for c in channels_of(chart, smallest=5.0)[1].channels()]
+    assert len(channels_of(chart)[1].channels(100)) > 8
+    names = [c.name for c in channels_of(chart, smallest=5.0)[1].channels(100)]
     assert sorted(names) == ["e", "s1"]
 
 
 def test_a_move_found_shut_gives_the_next_channel_of_the_class() -> None:
     islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55))]
     _, search = channels_of(chart_of([*islets, box(35, 60, 60, 85)]), smallest=5.0)
-    first = next(search.channels())
+    first = search.channels(1)[0]
     shut = {first.moves[len(first.moves) // 2]}
-    again = next(c for c in search.channels(shut) if c.word == first.word)
+    again = next(c for c in search.channels(10, shut) if c.word == first.word)
     assert again.triangles.tolist() != first.triangles.tolist()
     assert shut.isdisjoint(again.moves)
 

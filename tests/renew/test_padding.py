@@ -54,14 +54,14 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
     mesh = triangulate(chart)
     padder = Padder(
         mesh,
-        current.statistics(mesh.corners),
+        current,
         PAPER_VESSEL,
         padding="adaptive",
         clearance=0.0,
         risk=risk,
         seed=0,
     )
-    channel = next(ChannelSearch(mesh, Rays.of(chart), start, goal).channels())
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
     hazards = padder.hazards(channel, start, goal)
     middle = channel.midline(start, goal)
     rng = np.random.default_rng(99)
@@ -99,7 +99,7 @@ def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
     mesh = triangulate(chart)
     start, goal = np.array([5.0, 50.0]), np.array([95.0, 50.0])
-    channel = next(ChannelSearch(mesh, Rays.of(chart), start, goal).channels())
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
     cases: list[tuple[Padding, float, float]] = [
         (wide, 3.0, max(wide, 3.0)),
         ("none", wide, wide),
@@ -107,7 +107,7 @@ def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
     for padding, clearance, expected in cases:
         padder = Padder(
             mesh,
-            renew.UniformCurrent(0.1, 0.0).statistics(mesh.corners),
+            renew.UniformCurrent(0.1, 0.0),
             PAPER_VESSEL,
             padding=padding,
             clearance=clearance,
@@ -122,10 +122,9 @@ def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
 def test_less_risk_means_more_padding() -> None:
     chart, current, start, goal = random_scene(3)
     mesh = triangulate(chart)
-    channel = next(ChannelSearch(mesh, Rays.of(chart), start, goal).channels())
-    statistics = current.statistics(mesh.corners)
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
     widths = [
-        Padder(mesh, statistics, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
+        Padder(mesh, current, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
         .hazards(channel, start, goal)
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)

@@ -94,7 +94,7 @@ def test_a_refusal_says_what_would_help() -> None:
 
     with pytest.raises(renew.UnreachableError, match=r"has a gap of 10\.00 m") as e:
         renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01)
-    advised = re.search(r"a risk of ([\d.]+) would leave a route", str(e.value))
+    advised = re.search(r"a risk of ([\d.]+) would leave one", str(e.value))
     assert advised is not None
     assert renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=float(advised[1])).routes
 

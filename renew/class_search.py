@@ -1,0 +1,186 @@
+"""The best route of one homotopy class: its padding, path, trajectory, and turns that prove it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+import shapely
+
+from renew.corridor import Corridor, least_fuel_path, sampled_paths
+from renew.errors import InfeasibleError
+from renew.fuel import passage_times
+from renew.kinematics import steer, steerable
+from renew.padding import LAYERS, Padder
+from renew.proof import padding_shortfall
+from renew.route import Route
+from renew.steering import steer_inside
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray, IntArray
+    from renew.channels import Channel
+    from renew.waters import Waters
+
+Method: TypeAlias = Literal["optimal", "sampled"]
+
+# Rounds in which colliding turns may push the padding out before a class is given up.
+_MOST_REPAIRS = 8
+
+
+@dataclass(frozen=True)
+class ClassSearch:
+    """Seeks the best route of a class in one kind of padding; flies its turns if it `proves`."""
+
+    waters: Waters
+    padder: Padder
+    method: Method
+    samples: int
+    seed: int
+    proves: bool
+
+    def route(self, channel: Channel) -> Route:
+        """Best route of a class; its padding grows until every hard-over turn is clear.
+
+        InfeasibleError says why there is none.
+        """
+        corridor = self._corridor(channel)
+        for _ in range(_MOST_REPAIRS):
+            path, trajectory, harmonic_mean = self._best_path(corridor)
+            shortfall = self._shortfall(corridor, path)
+            if shortfall is None:
+                return self._finished(corridor, path, trajectory, harmonic_mean)
+            corridor = replace(corridor, hazards=corridor.hazards.grown(*shortfall))
+        raise InfeasibleError(
+            f"hard-over turns still touch land after {_MOST_REPAIRS} widenings of V"
+        )
+
+    def unpadded_fuel(self, channel: Channel) -> float:
+        """Least fuel of a class with no padding at all; inf where even so there is no path."""
+        corridor = self._corridor(channel)
+        bare = replace(corridor.hazards, padding=np.zeros(len(corridor.hazards.edge)))
+        try:
+            return self._fuel(least_fuel_path(replace(corridor, hazards=bare)))
+        except InfeasibleError:
+            return math.inf
+
+    def _corridor(self, channel: Channel) -> Corridor:
+        """Where a class's paths are sought."""
+        waters, mesh = self.waters, self.waters.triangulation
+        region = np.array(list(mesh.surroundings(channel.triangles.tolist(), LAYERS)))
+        return Corridor(
+            channel,
+            mesh.corners[region],
+            mesh.open_outline(region),
+            self.padder.hazards(channel, waters.start, waters.goal),
+            waters.current,
+            waters.table,
+            waters.vessel,
+            waters.start,
+            waters.goal,
+            waters.drift,
+        )
+
+    def _shortfall(
+        self, corridor: Corridor, path: FloatArray
+    ) -> tuple[IntArray, FloatArray] | None:
+        """What the padding lacks for the turns along a path, if they are flown and one touches."""
+        if not self.proves:
+            return None
+        waters = self.waters
+        return padding_shortfall(
+            path,
+            (waters.start, waters.goal),
+            corridor.hazards,
+            waters.chart,
+            waters.quick_current,
+            waters.reach,
+            waters.vessel,
+        )
+
+    def _best_path(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
+        """Best path of a corridor, its trajectory, and the figure that chooses its class."""
+        if self.method == "sampled":
+            return self._best_sample(corridor)
+        word, rays = corridor.channel.word, self.waters.rays
+        # Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no convex
+        # speed polar: such paths can't be steered. The crab model's path then can.
+        drifts = dict.fromkeys((self.waters.drift, "crab"))
+        first: InfeasibleError | None = None
+        for drift, bulging in itertools.product(drifts, (True, False)):
+            attempt = replace(corridor, drift=drift)
+            try:
+                path = least_fuel_path(attempt, bulging=bulging)
+                if rays.word(path) != word:
+                    continue
+                path, trajectory = steer_inside(path, attempt)
+                if rays.word(path) != word:
+                    continue
+            except InfeasibleError as error:
+                if error.strait is not None:
+                    raise
+                first = first or error
+                continue
+            return path, trajectory, self._fuel(path)
+        raise first or InfeasibleError("its least-fuel path slips into another class")
+
+    def _best_sample(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
+        """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""
+        current, vessel = corridor.current, corridor.vessel
+        rng = np.random.default_rng([self.seed, *corridor.channel.triangles.tolist()])
+        chains = sampled_paths(corridor, self.samples, rng)
+        chains = chains[steerable(chains, current, vessel)]
+        if not len(chains):
+            raise InfeasibleError(
+                f"none of {self.samples} sampled chains can be steered at a turn rate of "
+                f"{math.degrees(vessel.turn_rate):g} degrees a second; method='optimal' may"
+            )
+        # Water that outruns the vessel is no-go for it, whichever way it flows.
+        drifts = np.linalg.norm(current((chains[:, 1:] + chains[:, :-1]) / 2), axis=-1)
+        chains = chains[(drifts < vessel.speed).all(axis=1)]
+        fuels = np.array([self._fuel(chain) for chain in chains])
+        if not np.isfinite(fuels).any():
+            raise InfeasibleError("the current outruns the vessel on every sampled chain")
+        path = chains[fuels.argmin()]
+        return path, steer(path, current, vessel), float(len(fuels) / (1 / fuels).sum())
+
+    def _fuel(self, path: FloatArray) -> float:
+        """Eq. 4 along a path."""
+        waters = self.waters
+        times = passage_times(path, waters.current, waters.vessel, drift=waters.drift)
+        return float(waters.vessel.fuel_rate * times.sum())
+
+    def _finished(
+        self,
+        corridor: Corridor,
+        path: FloatArray,
+        trajectory: FloatArray,
+        harmonic_mean: float,
+    ) -> Route:
+        """Route with all its figures."""
+        waters, hazards = self.waters, corridor.hazards
+        line = shapely.LineString(path)
+        track = shapely.LineString(trajectory[:, 1:3])
+        apart = (
+            min(shapely.distance([line, track], waters.chart.hard_no_go))
+            if waters.chart.no_go
+            else math.inf
+        )
+        fuel = self._fuel(path)
+        return Route(
+            path=path,
+            trajectory=trajectory,
+            fuel=fuel,
+            length=float(line.length),
+            clearance=float(apart),
+            duration=fuel / waters.vessel.fuel_rate,
+            least=waters.least,
+            homotopy=corridor.channel.name,
+            corners=corridor.corners,
+            padding_used=np.column_stack([hazards.start, hazards.end, hazards.padding]),
+            harmonic_mean=harmonic_mean,
+            starts_in_soft_no_go=len(hazards.around(waters.start).edge) > 0,
+            ends_in_soft_no_go=len(hazards.around(waters.goal).edge) > 0,
+        )
