@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol
 
+from renew.homotopy import shortened
+
 if TYPE_CHECKING:
     from renew.padding import Padding
     from renew.route import Route
@@ -70,6 +72,5 @@ def _largest_margin(attempt: Attempt, risk: float, most: float) -> list[str]:
 
 def _described(route: Route) -> str:
     """Fuel and clearance of a route, in words."""
-    return (
-        f"class {route.homotopy} for a fuel of {route.fuel:.6g}, {route.clearance:.2f} m off land"
-    )
+    name = shortened(route.homotopy)
+    return f"class {name} for a fuel of {route.fuel:.6g}, {route.clearance:.2f} m off land"

@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import networkx as nx
@@ -39,6 +39,9 @@ Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 # A search gives up after this many steps: a few seconds. It is reached only where fewer than k
 # classes exist in a chart full of islands.
 _MOST_STEPS = 1_000_000
+
+# Among so many triangles or more, classes differ by less than a chain of few points can tell.
+_MANY_TRIANGLES = 1000
 
 Move: TypeAlias = tuple[int, int, int]
 """A triangle with the one before and the one after it; -1 before the start, after the goal."""
@@ -115,7 +118,8 @@ class ChannelSearch:
                 f"{goal[1]:g}) m: the no-go zone parts them. Widen the extent, join fewer "
                 "islands, or move one of the two"
             )
-        self._mesh = gates.mesh_of(
+        self._mesh_of = partial(
+            gates.mesh_of,
             triangulation,
             rays,
             start,
@@ -126,14 +130,17 @@ class ChannelSearch:
             crab=drift == "crab",
             clearance=clearance,
         )
+        self._coarse = _Nodes.on(self._mesh_of(spread=gates.COARSE))
 
     def channels(self, count: int, shut: Collection[Move] = ()) -> list[Channel]:
         """The first `count` channels, but for those that make a move found shut."""
         if self._order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(shut)), count))
         moves = self._closed(shut)
-        left = self._left if not shut else gates.remaining(self._mesh, moves)
-        rows, words = gates.cheapest_rows(self._mesh, left, moves, count, _MOST_STEPS)
+        rows, words = self._coarse.cheapest(count, moves)
+        if self._rays.are_few or len(moves) > _MANY_TRIANGLES:
+            # As many classes, now that it is known how many there are.
+            rows, words = self._fine.cheapest(len(rows), moves)
         return [
             self._channel(row, tuple(word.tolist())) for row, word in zip(rows, words, strict=True)
         ]
@@ -162,9 +169,9 @@ class ChannelSearch:
         return min(widths, default=math.inf)
 
     @cached_property
-    def _left(self) -> FloatArray:
-        """What is left to go from each node, with no move shut."""
-        return np.asarray(gates.remaining(self._mesh, self._closed(())))
+    def _fine(self) -> _Nodes:
+        """Many points on passing edges."""
+        return _Nodes.on(self._mesh_of(spread=gates.FINE))
 
     def _closed(self, shut: Collection[Move]) -> BoolArray:
         """Moves as the compiled search takes them: (t, 4, 4)."""
@@ -183,3 +190,24 @@ class ChannelSearch:
         # Leaving an anticlockwise triangle across its edge (first, second): first is on the right.
         ends = self._triangulation.vertices[self._triangulation.edge_vertices(row[:-1], corners)]
         return Channel(row, ends[:, 1], ends[:, 0], word)
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """Points on the passing edges, and what is left to go from each with no move shut."""
+
+    mesh: gates.Mesh
+    left: FloatArray
+
+    @classmethod
+    def on(cls, mesh: gates.Mesh) -> _Nodes:
+        """Work out what is left to go."""
+        shut = np.zeros((len(mesh.neighbours), 4, 4), dtype=bool)
+        return cls(mesh, np.asarray(gates.remaining(mesh, shut)))
+
+    def cheapest(self, count: int, shut: BoolArray) -> tuple[list[IntArray], list[IntArray]]:
+        """Rows of triangles, and their words, of the cheapest chains."""
+        # Were what is left to go not exact, the search would drown in chains that differ by little.
+        left = np.asarray(gates.remaining(self.mesh, shut)) if shut.any() else self.left
+        rows, words = gates.cheapest_rows(self.mesh, left, shut, count, _MOST_STEPS)
+        return rows, words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -30,6 +30,14 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 _MOST_REPAIRS = 8
 
 
+class _Found(NamedTuple):
+    """A path (n, 2), its trajectory (m, 4), and the figure by which its class is chosen."""
+
+    path: FloatArray
+    trajectory: FloatArray
+    harmonic_mean: float
+
+
 @dataclass(frozen=True)
 class ClassSearch:
     """Seeks the best route of a class in one kind of padding; flies its turns if it `proves`."""
@@ -47,11 +55,12 @@ class ClassSearch:
         InfeasibleError says why there is none.
         """
         corridor = self._corridor(channel)
+        found: _Found | None = None
         for _ in range(_MOST_REPAIRS):
-            path, trajectory, harmonic_mean = self._best_path(corridor)
-            shortfall = self._shortfall(corridor, path)
+            found = self._best_path(corridor, found.path if found else None)
+            shortfall = self._shortfall(corridor, found.path)
             if shortfall is None:
-                return self._finished(corridor, path, trajectory, harmonic_mean)
+                return self._finished(corridor, found)
             corridor = replace(corridor, hazards=corridor.hazards.grown(*shortfall))
         raise InfeasibleError(
             f"hard-over turns still touch land after {_MOST_REPAIRS} widenings of V"
@@ -100,8 +109,8 @@ class ClassSearch:
             waters.vessel,
         )
 
-    def _best_path(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
-        """Best path of a corridor, its trajectory, and the figure that chooses its class."""
+    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> _Found:
+        """Best path of a corridor; near the one found while its padding was smaller, if any."""
         if self.method == "sampled":
             return self._best_sample(corridor)
         word, rays = corridor.channel.word, self.waters.rays
@@ -109,10 +118,12 @@ class ClassSearch:
         # speed polar: such paths can't be steered. The crab model's path then can.
         drifts = dict.fromkeys((self.waters.drift, "crab"))
         first: InfeasibleError | None = None
-        for drift, bulging in itertools.product(drifts, (True, False)):
+        nearby = [] if near is None else [(self.waters.drift, True, near)]
+        anywhere = itertools.product(drifts, (True, False), (None,))
+        for drift, bulging, beside in itertools.chain(nearby, anywhere):
             attempt = replace(corridor, drift=drift)
             try:
-                path = least_fuel_path(attempt, bulging=bulging)
+                path = least_fuel_path(attempt, bulging=bulging, near=beside)
                 if rays.word(path) != word:
                     continue
                 path, trajectory = steer_inside(path, attempt)
@@ -123,10 +134,10 @@ class ClassSearch:
                     raise
                 first = first or error
                 continue
-            return path, trajectory, self._fuel(path)
+            return _Found(path, trajectory, self._fuel(path))
         raise first or InfeasibleError("its least-fuel path slips into another class")
 
-    def _best_sample(self, corridor: Corridor) -> tuple[FloatArray, FloatArray, float]:
+    def _best_sample(self, corridor: Corridor) -> _Found:
         """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""
         current, vessel = corridor.current, corridor.vessel
         rng = np.random.default_rng([self.seed, *corridor.channel.triangles.tolist()])
@@ -144,7 +155,8 @@ class ClassSearch:
         if not np.isfinite(fuels).any():
             raise InfeasibleError("the current outruns the vessel on every sampled chain")
         path = chains[fuels.argmin()]
-        return path, steer(path, current, vessel), float(len(fuels) / (1 / fuels).sum())
+        harmonic_mean = float(len(fuels) / (1 / fuels).sum())
+        return _Found(path, steer(path, current, vessel), harmonic_mean)
 
     def _fuel(self, path: FloatArray) -> float:
         """Eq. 4 along a path."""
@@ -152,15 +164,10 @@ class ClassSearch:
         times = passage_times(path, waters.current, waters.vessel, drift=waters.drift)
         return float(waters.vessel.fuel_rate * times.sum())
 
-    def _finished(
-        self,
-        corridor: Corridor,
-        path: FloatArray,
-        trajectory: FloatArray,
-        harmonic_mean: float,
-    ) -> Route:
+    def _finished(self, corridor: Corridor, found: _Found) -> Route:
         """Route with all its figures."""
         waters, hazards = self.waters, corridor.hazards
+        path, trajectory, harmonic_mean = found
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
         apart = (

@@ -132,6 +132,7 @@ def fly_turns(
     field: CurrentField,
     vessel: Vessel,
     deviations: FloatArray,
+    steps: int = _TURN_STEPS,
 ) -> FloatArray:
     """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
@@ -143,10 +144,10 @@ def fly_turns(
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
             _flown_by_table(
-                points, heading, faster, turned, field.nodes, vessel.speed, vessel.turn_rate
+                points, heading, faster, turned, field.nodes, vessel.speed, vessel.turn_rate, steps
             )
         )
-    return _flown(points, heading, faster, turned, field, vessel)
+    return _flown(points, heading, faster, turned, field, vessel, steps)
 
 
 def _flown(
@@ -156,6 +157,7 @@ def _flown(
     turned: FloatArray,
     field: CurrentField,
     vessel: Vessel,
+    steps: int,
 ) -> FloatArray:
     """Tracks (n, turns, steps + 1, 2) in any field, its speed and direction changed by (n, draws).
 
@@ -164,16 +166,16 @@ def _flown(
     side = np.array([1.0, -1.0])
     shape = (len(points), faster.shape[1], 2)
     position = np.broadcast_to(points[:, None, None], (*shape, 2)).copy()
-    step = vessel.turn_period / _TURN_STEPS
+    step = vessel.turn_period / steps
     track = [position]
-    for i in range(_TURN_STEPS):
+    for i in range(steps):
         middle = heading[:, None, None] + side * vessel.turn_rate * step * (i + 0.5)
         through = vessel.speed * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
         through = np.broadcast_to(through, position.shape)
         half = position + step / 2 * (through + _perturbed(field(position), faster, turned))
         position = position + step * (through + _perturbed(field(half), faster, turned))
         track.append(position)
-    return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], _TURN_STEPS + 1, 2)
+    return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], steps + 1, 2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -185,16 +187,17 @@ def _flown_by_table(
     table: Table,
     speed: float,
     turn_rate: float,
+    steps: int,
 ) -> FloatArray:
     """Tracks as :func:`_flown` gives them, of a current in a table: compiled."""
     count, draws = faster.shape
-    tracks = np.empty((count, 2 * draws, _TURN_STEPS + 1, 2))
-    step = 2 * math.pi / turn_rate / _TURN_STEPS
-    through = np.empty((_TURN_STEPS, 2))
+    tracks = np.empty((count, 2 * draws, steps + 1, 2))
+    step = 2 * math.pi / turn_rate / steps
+    through = np.empty((steps, 2))
     for i in range(count):
         for side in range(2):
             rate = turn_rate if side == 0 else -turn_rate
-            for k in range(_TURN_STEPS):
+            for k in range(steps):
                 middle = heading[i] + rate * step * (k + 0.5)
                 through[k] = speed * math.cos(middle), speed * math.sin(middle)
             for draw in range(draws):
@@ -203,7 +206,7 @@ def _flown_by_table(
                 x, y = points[i]
                 track = tracks[i, 2 * draw + side]
                 track[0] = x, y
-                for k in range(_TURN_STEPS):
+                for k in range(steps):
                     u, v = _changed(velocity(table, x, y), more, cos, sin)
                     u, v = _changed(
                         velocity(

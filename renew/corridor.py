@@ -15,21 +15,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 
 from renew.errors import InfeasibleError, Strait
-from renew.geometry import legs_are_clear, segment_distance
-from renew.rungs import across_rungs, with_rungs
+from renew.geometry import boxes_near, capsule_bounds, legs_are_clear, segment_distance
+from renew.rungs import across_rungs, cut_short, with_rungs
 from renew.sections import FreeParts, Sections, cut, free_parts
 from renew.table import velocities
 from renew.viterbi import quickest_chain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from renew._types import BoolArray, FloatArray
     from renew.channels import Channel
     from renew.current import CurrentField
@@ -44,15 +42,25 @@ _COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
 # Where legs as long as that find no way round a corner of V, or jump over a current that outruns
 # the vessel, they are made shorter.
 _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
-# Rungs stand this share of the path apart; from pass to pass they double to either side of where
-# it turns by more than an angle, until they stand closer than this share of v/ω. The windows on
-# them begin at this share of the path to either side and halve, to 1/16,000: 1 cm on the single
-# gyre.
-# The first, wide ones have many points, so that legs between them can take almost any course.
-_RUNG_SPACING, _FIRST_WINDOW, _SHRINK, _RUNG_PASSES = 1 / 80, 0.15, 0.45, 10
-_WIDE_PASSES, _WIDE_POINTS, _NARROW_POINTS = 3, 25, 9
-_WIDE_ASPECT = 4
+# Legs beside a turn of more than this angle (rad) are halved from pass to pass, until their rungs
+# stand closer than this share of v/ω.
 _BEND, _CLOSEST_RUNGS = math.radians(5), 0.25
+
+
+class _Pass(NamedTuple):
+    """A pass over rungs: window to either side and spacing (shares of the path), points each."""
+
+    window: float
+    spacing: float
+    points: int
+    bend: float
+
+
+# Windows shrink to 1/9,000 of the path: 2 cm on the single gyre. The first, wide ones have many
+# points, so that legs between them can take almost any course.
+_WINDOWS = tuple(0.15 * 0.45**step for step in range(10))
+_WIDE = tuple(_Pass(window, max(1 / 80, window / 4), 25, math.inf) for window in _WINDOWS[:3])
+_NARROW = tuple(_Pass(window, 1 / 80, 9, _BEND) for window in _WINDOWS[3:])
 # Paths are sought this share of v/ω further out than V reaches (7 cm for the paper's vessel), so
 # that points closer than that to the line past them can go, and corners be rounded, outside V.
 _SLACK = 0.04
@@ -127,58 +135,78 @@ class Corridor:
         return clear
 
 
-def least_fuel_path(corridor: Corridor, *, bulging: bool = True) -> FloatArray:
+def least_fuel_path(
+    corridor: Corridor, *, bulging: bool = True, near: FloatArray | None = None
+) -> FloatArray:
     """Path (n, 2) of least fuel through the corridor; InfeasibleError says why there is none.
 
     Post-condition: it never enters V but for the part around start and goal, and no leg of it
     runs where the current outruns the vessel. Unless it may bulge, it keeps near its channel.
+    A path that was the least while V was a little smaller is bettered, where it is given.
     """
+    if near is not None:
+        path = _bettered(corridor, near, _NARROW)
+        if corridor.legs_clear(path).all():
+            return _without_needless_points(corridor, path)
     midline = corridor.channel.midline(corridor.start, corridor.goal)
-    length = float(np.linalg.norm(np.diff(midline, axis=0), axis=1).sum())
+    length = _length(midline)
     try:
-        path = _sought(corridor, _COARSE_SPACING * length, _COARSE_ANGLE, bulging=bulging)
-    except InfeasibleError:
-        path = _sought(corridor, _SHORT_SPACING * length, _SHORT_ANGLE, bulging=bulging)
-    return _without_needless_points(corridor, path)
+        path = _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
+    except InfeasibleError as error:
+        if error.strait is not None:
+            raise
+        path = _through_sections(corridor, _SHORT_SPACING * length, _SHORT_ANGLE)
+    if bulging:
+        path = _bettered(corridor, path, _WIDE)
+    return _without_needless_points(corridor, _bettered(corridor, path, _NARROW))
 
 
-def _sought(corridor: Corridor, spacing: float, angle: float, *, bulging: bool) -> FloatArray:
-    """Least-fuel path (n, 2), first through sections of the channel, then across rungs."""
-    path = _through_sections(corridor, spacing, angle)
-    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+def _bettered(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) -> FloatArray:
+    """Path (n, 2) after some passes over points on rungs across it."""
+    length = _length(path)
     closest = _CLOSEST_RUNGS * corridor.vessel.turning_radius
-    for window, spacing_share, points, bend in _passes(bulging=bulging):
-        path = with_rungs(
-            path, spacing_share * length, bend, closest, np.asarray(corridor.left_out.any(axis=1))
-        )
+    capsules = _Capsules(*corridor.barriers, corridor.sought, corridor.left_out)
+    # From pass to pass it moves by a window at the most, and these shrink: twice the first in all.
+    capsules = capsules.near(path, 2 * passes[0].window * length)
+    whole = np.asarray(corridor.left_out.any(axis=1))
+    current = corridor.table, corridor.vessel.speed, corridor.drift == "crab"
+    # A channel of many triangles has brought many points.
+    path = cut_short(path, 2 * passes[0].spacing * length, *current, *capsules.capsules)
+    for one in passes:
+        path = with_rungs(path, one.spacing * length, one.bend, closest, whole)
+        window, longest = one.window * length, 2 * one.spacing * length
+        # Legs lie between points that lie in windows beside the path.
+        near = capsules.near(path, window)
         path = across_rungs(
-            path,
-            window * length,
-            points,
-            2 * spacing_share * length,
-            corridor.table,
-            corridor.vessel.speed,
-            corridor.drift == "crab",
-            *corridor.barriers,
-            corridor.sought,
-            corridor.left_out,
+            path, window, one.points, longest, *current, *near.capsules, near.left_out
         )
     return path
 
 
-def _passes(*, bulging: bool) -> Iterator[tuple[float, float, int, float]]:
-    """Window and spacing of the rungs, as shares of the path; points on each; bends (rad)."""
-    window = _FIRST_WINDOW
-    for step in range(_RUNG_PASSES):
-        wide = step < _WIDE_PASSES
-        if bulging or not wide:
-            yield (
-                window,
-                max(_RUNG_SPACING, window / _WIDE_ASPECT) if wide else _RUNG_SPACING,
-                _WIDE_POINTS if wide else _NARROW_POINTS,
-                math.inf if wide else _BEND,
-            )
-        window *= _SHRINK
+class _Capsules(NamedTuple):
+    """What paths keep out of: see :func:`renew.viterbi.quickest_chain`."""
+
+    start: FloatArray
+    end: FloatArray
+    radius: FloatArray
+    left_out: BoolArray
+
+    @property
+    def capsules(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Ends (b, 2) and (b, 2), and radius (b,)."""
+        return self.start, self.end, self.radius
+
+    def near(self, path: FloatArray, distance: float) -> _Capsules:
+        """Those whose bounds come within a distance (m) of a leg's."""
+        bounds = capsule_bounds(self.start, self.end, self.radius)
+        close = boxes_near(path, distance, bounds)
+        left_out = np.ascontiguousarray(self.left_out[:, close])
+        return _Capsules(self.start[close], self.end[close], self.radius[close], left_out)
+
+
+def _length(path: FloatArray) -> float:
+    """Length of a path (n, 2) in metres."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _through_sections(corridor: Corridor, spacing: float, angle: float) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from renew.errors import ParameterError
-from renew.table import Table, tabulated, velocities
+from renew.table import Table, table_of, tabulated, velocities
 
 if TYPE_CHECKING:
     from renew._types import FloatArray
@@ -224,7 +224,7 @@ class GriddedCurrent(TabulatedCurrent):
             faults.append(f"{int((~np.isfinite(uv)).any(axis=-1).sum())} nodes not finite")
         if faults:
             raise ParameterError("gridded current: " + "; ".join(faults))
-        super().__init__(Table(x, y, uv, 0.0))
+        super().__init__(table_of(x, y, uv))
 
     @property
     def x(self) -> FloatArray:

@@ -9,6 +9,8 @@ from renew.errors import InfeasibleError
 from renew.route import Rejected, Route
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from renew.channels import Channel, ChannelSearch, Move
     from renew.class_search import ClassSearch
     from renew.homotopy import Word
@@ -25,25 +27,31 @@ class Examined:
     rejected: tuple[Rejected, ...]
 
 
-def examine(finder: ChannelSearch, search: ClassSearch, classes: int) -> Examined:
+def examine(
+    likely: ChannelSearch,
+    every: Callable[[], ChannelSearch],
+    search: ClassSearch,
+    classes: int,
+) -> Examined:
     """Outcomes of the first k classes, and of those that take the place of fallen ones.
 
     A channel that is shut at some place is looked for again around all places found shut, in
     rounds, until a round finds none shut. What a strait's padding shuts to one class it mostly
-    shuts to all, so that the rounds soon hold k classes that can be sailed. Classes that no round
-    looked into, since what is shut to others was taken to be shut to them, are then examined for
-    themselves, up to k. A class falls away, with its first reason, when no channel of it is left.
+    shuts to all, so that the rounds soon hold k classes that can be sailed. Where they don't,
+    classes that no round looked into, since what is shut to others was taken to be shut to them or
+    a passing edge to be too narrow, are then examined for themselves, up to k. A class falls away,
+    with its first reason, when no channel of it is left.
     """
     outcomes = _Outcomes(search)
     shut: set[Move] = set()
     for _ in range(_MOST_ROUNDS):
         known = len(shut)
-        for channel in finder.channels(classes, shut):
+        for channel in likely.channels(classes, shut):
             shut |= outcomes.add(channel)
         if len(shut) == known:
             break
-    if shut and len(outcomes.routes) < classes:
-        for channel in finder.channels(classes):
+    if len(outcomes.routes) < classes:
+        for channel in every().channels(classes):
             if channel.word not in outcomes.fell:
                 outcomes.add(channel)
     routes = sorted(outcomes.routes.values(), key=lambda route: route.fuel)

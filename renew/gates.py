@@ -22,9 +22,23 @@ if TYPE_CHECKING:
     from renew.homotopy import Rays
     from renew.triangulation import Triangulation
 
-# Points on a passing edge stand this share of the way from start to goal apart, one at the least
-# and so many at the most; legs are cut into pieces of that length.
-_SPACING, _MOST_POINTS = 1 / 12, 5
+
+class Spread(NamedTuple):
+    """How closely points stand on passing edges: share of the way from start to goal, and how many.
+
+    A passing edge has one at the least and `most` at the most.
+    """
+
+    spacing: float
+    most: int
+
+
+COARSE, FINE = Spread(1 / 12, 5), Spread(1 / 600, 9)
+"""Among few islands the order of classes comes right with few points. More are needed among many,
+and to find the best of a class's channels, where islets without a ray give it several."""
+
+# Legs are cut into pieces of this share of the way from start to goal.
+_PIECE = 1 / 12
 # A chain may lead against a current that the path itself avoids: it is taken to make at least
 # this share of the vessel's speed over ground.
 _LEAST_WAY = 0.1
@@ -50,7 +64,7 @@ class Mesh(NamedTuple):
     table: Table
     speed: float
     crab: bool
-    spacing: float
+    piece: float
 
 
 def mesh_of(
@@ -64,6 +78,7 @@ def mesh_of(
     speed: float,
     crab: bool,
     clearance: float,
+    spread: Spread,
 ) -> Mesh:
     """Put points on the passing edges, outside `clearance` m from the land at their ends.
 
@@ -80,8 +95,9 @@ def mesh_of(
     length = np.linalg.norm(b - a, axis=1)
     trim = clearance * triangulation.on_land[vertices] / np.maximum(length, 1e-300)[:, None]
     low, high = trim[:, 0], 1 - trim[:, 1]
-    spacing = _SPACING * math.dist(start, goal)
-    count = np.clip(np.ceil((high - low) * length / spacing), 1, _MOST_POINTS).astype(np.int64)
+    way = math.dist(start, goal)
+    wanted = np.ceil((high - low) * length / (spread.spacing * way))
+    count = np.clip(wanted, 1, spread.most).astype(np.int64)
     count[low >= high] = 0
     of_gate = np.zeros(neighbours.size, dtype=np.int64)
     of_gate[3 * triangle + corner] = count
@@ -103,7 +119,7 @@ def mesh_of(
         table,
         speed,
         crab,
-        spacing,
+        _PIECE * way,
     )
 
 
@@ -115,7 +131,7 @@ def _time(mesh: Mesh, ax: float, ay: float, bx: float, by: float) -> float:
     if length == 0.0:
         return 0.0
     tx, ty = dx / length, dy / length
-    pieces = 1 + int(length / mesh.spacing)
+    pieces = 1 + int(length / mesh.piece)
     total = 0.0
     for k in range(pieces):
         place = (k + 0.5) / pieces
@@ -207,14 +223,10 @@ def cheapest_rows(
                 rows.append(_row(mesh, nodes, parents, state))
                 spelled.append(_spelled(stems, letters, word))
             continue
-        triangle, entry = mesh.start_in, 3
         x, y = mesh.start
         if node != _START:
-            triangle, entry = divmod(mesh.gate[node], 3)
             x, y = mesh.points[node]
-        for onwards in _following(mesh, left, shut, triangle, entry):
-            if onwards != _GOAL and _visited(mesh, nodes, parents, state, mesh.gate[onwards] // 3):
-                continue
+        for onwards in _following(mesh, left, shut, nodes, parents, state):
             bx, by = mesh.goal
             if onwards != _GOAL:
                 bx, by = mesh.points[onwards]
@@ -229,18 +241,28 @@ def cheapest_rows(
 
 @njit(cache=True, error_model="numpy")
 def _following(
-    mesh: Mesh, left: FloatArray, shut: BoolArray, triangle: int, entry: int
+    mesh: Mesh,
+    left: FloatArray,
+    shut: BoolArray,
+    nodes: list[int],
+    parents: list[int],
+    state: int,
 ) -> list[int]:
-    """Nodes across a triangle from the gate by which it is entered (3: at the start)."""
+    """Nodes across the triangle that a state leads into, but for triangles it has gone through."""
+    triangle, entry = mesh.start_in, 3
+    if nodes[state] != _START:
+        triangle, entry = divmod(mesh.gate[nodes[state]], 3)
     following = [_GOAL]
     if triangle != mesh.goal_in or shut[triangle, entry, 3]:
         following.clear()
     for out in range(3):
         after = mesh.neighbours[triangle, out]
-        if after >= 0 and out != entry and not shut[triangle, entry, out]:
+        if after < 0 or out == entry or shut[triangle, entry, out]:
+            continue
+        if not _visited(mesh, nodes, parents, state, after):
             gate = 3 * after + mesh.back[triangle, out]
-            nodes = range(mesh.first[gate], mesh.first[gate + 1])
-            following += [node for node in nodes if left[node] < np.inf]
+            across = range(mesh.first[gate], mesh.first[gate + 1])
+            following += [node for node in across if left[node] < np.inf]
     return following
 
 

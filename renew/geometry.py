@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # A slope below this is level: dividing by it would overflow.
 _LEVEL = 1e-300
+# Points that follow each other are compared with segments so many at a time.
+_BLOCK = 32
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,6 +75,45 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
         return math.inf, -math.inf
     first, second = (low - value) / slope, (high - value) / slope
     return min(first, second), max(first, second)
+
+
+@njit(cache=True, error_model="numpy")
+def capsule_bounds(start: FloatArray, end: FloatArray, radius: FloatArray) -> FloatArray:
+    """Bounds (e, 4) of capsules: west, south, east, north; a radius below 0 is a bare edge."""
+    bounds = np.empty((len(start), 4))
+    for h in range(len(start)):
+        reach = max(radius[h], 0.0)
+        bounds[h, 0] = min(start[h, 0], end[h, 0]) - reach
+        bounds[h, 1] = min(start[h, 1], end[h, 1]) - reach
+        bounds[h, 2] = max(start[h, 0], end[h, 0]) + reach
+        bounds[h, 3] = max(start[h, 1], end[h, 1]) + reach
+    return bounds
+
+
+@njit(cache=True, error_model="numpy")
+def meets(bounds: FloatArray, h: int, west: float, south: float, east: float, north: float) -> bool:
+    """Whether the h-th of some bounds meet others."""
+    return bool(
+        bounds[h, 0] <= east
+        and bounds[h, 2] >= west
+        and bounds[h, 1] <= north
+        and bounds[h, 3] >= south
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def boxes_near(path: FloatArray, distance: float, bounds: FloatArray) -> IntArray:
+    """Which bounds (e, 4) meet those of a leg of a path (n, 2), widened by a distance: (k,)."""
+    close = np.zeros(len(bounds), dtype=np.bool_)
+    for k in range(len(path) - 1):
+        west, east = min(path[k, 0], path[k + 1, 0]), max(path[k, 0], path[k + 1, 0])
+        south, north = min(path[k, 1], path[k + 1, 1]), max(path[k, 1], path[k + 1, 1])
+        for h in range(len(bounds)):
+            if not close[h]:
+                close[h] = meets(
+                    bounds, h, west - distance, south - distance, east + distance, north + distance
+                )
+    return np.flatnonzero(close)
 
 
 @njit(cache=True, error_model="numpy")
@@ -136,39 +177,89 @@ def legs_are_clear(
 
 
 @njit(cache=True, error_model="numpy")
-def tracks_touch(
-    tracks: FloatArray, start: FloatArray, end: FloatArray, radius: float
-) -> BoolArray:
-    """Whether each track (n, steps, 2) comes within radius of each segment (e, 2): (n, e)."""
-    touched = np.zeros((len(tracks), len(start)), dtype=np.bool_)
-    for i in range(len(tracks)):
-        xs, ys = tracks[i, :, 0], tracks[i, :, 1]
-        west, east = xs.min() - radius, xs.max() + radius
-        south, north = ys.min() - radius, ys.max() + radius
+def near_segments(
+    points: FloatArray, reach: FloatArray, start: FloatArray, end: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Segments (e, 2) within reach (n,) of each of points (n, 2) that follow each other.
+
+    Point i's are near[first[i] : first[i + 1]].
+    """
+    first = np.zeros(len(points) + 1, dtype=np.int64)
+    near = [np.int64(0)]
+    near.clear()
+    chosen = np.empty(len(start), dtype=np.int64)
+    bounds = capsule_bounds(start, end, np.zeros(len(start)))
+    for block in range(0, len(points), _BLOCK):
+        last = min(block + _BLOCK, len(points))
+        xs, ys, furthest = points[block:last, 0], points[block:last, 1], reach[block:last].max()
+        west, east = xs.min() - furthest, xs.max() + furthest
+        south, north = ys.min() - furthest, ys.max() + furthest
+        count = 0
         for h in range(len(start)):
-            if (
-                max(start[h, 0], end[h, 0]) < west
-                or min(start[h, 0], end[h, 0]) > east
-                or max(start[h, 1], end[h, 1]) < south
-                or min(start[h, 1], end[h, 1]) > north
-            ):
-                continue
-            for k in range(len(xs) - 1):
-                enter, leave = capsule_interval(
-                    xs[k],
-                    ys[k],
-                    xs[k + 1],
-                    ys[k + 1],
-                    start[h, 0],
-                    start[h, 1],
-                    end[h, 0],
-                    end[h, 1],
-                    radius,
-                )
-                if enter <= leave:
-                    touched[i, h] = True
-                    break
-    return touched
+            if meets(bounds, h, west, south, east, north):
+                chosen[count] = h
+                count += 1
+        for i in range(block, last):
+            near += [h for h in chosen[:count] if _is_within(points[i], start[h], end[h], reach[i])]
+            first[i + 1] = len(near)
+    return first, np.array(near, dtype=np.int64)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_within(point: FloatArray, p: FloatArray, q: FloatArray, reach: float) -> bool:
+    """Whether a point lies within reach of the segment pq."""
+    x, y = point
+    ux, uy = q[0] - p[0], q[1] - p[1]
+    square = ux * ux + uy * uy
+    place = ((x - p[0]) * ux + (y - p[1]) * uy) / square if square > 0.0 else 0.0
+    place = min(max(place, 0.0), 1.0)
+    dx, dy = x - p[0] - place * ux, y - p[1] - place * uy
+    return bool(dx * dx + dy * dy <= reach * reach)
+
+
+@njit(cache=True, error_model="numpy")
+def tracks_touch(
+    tracks: FloatArray,
+    first: IntArray,
+    near: IntArray,
+    start: FloatArray,
+    end: FloatArray,
+    radius: float,
+) -> tuple[IntArray, IntArray]:
+    """Which tracks (n, turns, steps, 2) come within radius of which segments (e, 2).
+
+    Those near point i are as :func:`near_segments` gives them. Returns pairs: the number of a track
+    among all n x turns, and the segment.
+    """
+    touching, touched = [np.int64(0)], [np.int64(0)]
+    touching.clear()
+    touched.clear()
+    turns = tracks.shape[1]
+    bounds = capsule_bounds(start, end, np.zeros(len(start)))
+    for i in range(len(tracks)):
+        for turn in range(turns):
+            xs, ys = tracks[i, turn, :, 0], tracks[i, turn, :, 1]
+            west, east = xs.min() - radius, xs.max() + radius
+            south, north = ys.min() - radius, ys.max() + radius
+            for h in near[first[i] : first[i + 1]]:
+                if meets(bounds, h, west, south, east, north) and _touches(
+                    xs, ys, start[h], end[h], radius
+                ):
+                    touching.append(np.int64(i * turns + turn))
+                    touched.append(h)
+    return np.array(touching, dtype=np.int64), np.array(touched, dtype=np.int64)
+
+
+@njit(cache=True, error_model="numpy")
+def _touches(xs: FloatArray, ys: FloatArray, p: FloatArray, q: FloatArray, radius: float) -> bool:
+    """Whether a track (steps,) comes within radius of the segment pq."""
+    for k in range(len(xs) - 1):
+        enter, leave = capsule_interval(
+            xs[k], ys[k], xs[k + 1], ys[k + 1], p[0], p[1], q[0], q[1], radius
+        )
+        if enter <= leave:
+            return True
+    return False
 
 
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:

@@ -31,17 +31,22 @@ Word: TypeAlias = tuple[int, ...]
 IDENTITY = "e"
 """The name of the empty word: no ray is crossed."""
 
+# Names up to this long are given whole.
+_LONGEST = 60
+
 
 @dataclass(frozen=True, slots=True)
 class Rays:
     """Rays of the islands from west to east: origins `x`, `y` (i,) in m, and their `island` (i,).
 
-    Islands are numbered from 1, the largest first.
+    Islands are numbered from 1, the largest first. They `are_few` where some have no ray: a class
+    then has many channels.
     """
 
     x: FloatArray
     y: FloatArray
     island: IntArray
+    are_few: bool
 
     @classmethod
     def of(cls, chart: Chart, smallest: float = 0.0, closed: BaseGeometry | None = None) -> Rays:
@@ -55,7 +60,7 @@ class Rays:
         origins = np.concatenate([_origins(polygons, chart, smallest) for polygons in kinds])
         order = np.argsort(origins[:, 0], kind="stable")
         x, y = np.ascontiguousarray(origins[order].T)
-        return cls(x, y, order + 1)
+        return cls(x, y, order + 1, smallest > 0 and len(origins) < sum(map(len, kinds)))
 
     def word(self, path: FloatArray) -> Word:
         """Reduced word of a path (n, 2)."""
@@ -134,3 +139,8 @@ def name(word: Word) -> str:
     Who crosses an island's ray towards +x leaves the island to starboard (s), else to port (p).
     """
     return ".".join(f"{'s' if letter > 0 else 'p'}{abs(letter)}" for letter in word) or IDENTITY
+
+
+def shortened(name: str) -> str:
+    """A class's name as a sentence can hold it: among many islands its middle is left out."""
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}...{name[-_LONGEST // 2 :]}"

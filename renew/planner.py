@@ -11,6 +11,7 @@ from renew.current import CurrentLike, as_field
 from renew.errors import ParameterError, UnreachableError
 from renew.examine import Examined, examine
 from renew.fuel import Drift, check_drift
+from renew.homotopy import shortened
 from renew.padding import Padder, Padding, check_padding
 from renew.request import as_point, check_counts, check_ends
 from renew.route import Plan, Rejected, Route
@@ -102,11 +103,8 @@ def plan(
     check_ends(chart, field, vessel, start, goal)
     waters = Waters(chart, field, vessel, start, goal, drift, distinct_by)
 
-    def examined(
-        *, padding: Padding, clearance: float, risk: float, classes: int = classes
-    ) -> tuple[ChannelSearch, Examined]:
-        floor = clearance if isinstance(padding, str) else max(clearance, float(padding))
-        finder = ChannelSearch(
+    def finder(clearance: float) -> ChannelSearch:
+        return ChannelSearch(
             waters.triangulation,
             waters.rays,
             start,
@@ -115,8 +113,16 @@ def plan(
             table=waters.table,
             speed=vessel.speed,
             drift=drift,
-            clearance=floor,
+            clearance=clearance,
         )
+
+    def examined(
+        *, padding: Padding, clearance: float, risk: float, classes: int = classes
+    ) -> Examined:
+        floor = clearance if isinstance(padding, str) else max(clearance, float(padding))
+        adaptive = padding == "adaptive"
+        # Hardly any padding is less than v/ω: a turn is twice as wide.
+        likely = finder(max(floor, vessel.turning_radius) if adaptive else floor)
         padder = Padder(
             waters.triangulation,
             waters.quick_current,
@@ -126,17 +132,16 @@ def plan(
             risk=risk,
             seed=seed,
         )
-        proves = padding == "adaptive"
-        search = ClassSearch(waters, padder, method, samples, seed, proves)
-        return finder, examine(finder, search, classes)
+        search = ClassSearch(waters, padder, method, samples, seed, proves=adaptive)
+        return examine(likely, lambda: finder(floor) if adaptive else likely, search, classes)
 
     def attempt(*, padding: Padding, clearance: float, risk: float) -> Route | None:
-        _, found = examined(padding=padding, clearance=clearance, risk=risk, classes=1)
+        found = examined(padding=padding, clearance=clearance, risk=risk, classes=1)
         return found.routes[0] if found.routes else None
 
-    finder, found = examined(padding=padding, clearance=clearance, risk=risk)
+    found = examined(padding=padding, clearance=clearance, risk=risk)
     if not found.routes:
-        advice = advise(attempt, padding, clearance, risk, finder.widest_gap())
+        advice = advise(attempt, padding, clearance, risk, finder(0.0).widest_gap())
         raise UnreachableError(_no_class(found.rejected, advice))
     chosen = min(range(len(found.routes)), key=lambda i: found.routes[i].harmonic_mean)
     return Plan(found.routes, found.rejected, chosen, waters.closed)
@@ -144,7 +149,7 @@ def plan(
 
 def _no_class(rejected: tuple[Rejected, ...], advice: list[str]) -> str:
     """Message for a plan in which every class fell away."""
-    reasons = "; ".join(f"class {r.homotopy}: {r.reason}" for r in rejected[:3])
+    reasons = "; ".join(f"class {shortened(r.homotopy)}: {r.reason}" for r in rejected[:3])
     more = f" (and {len(rejected) - 3} more)" if len(rejected) > 3 else ""
     return (
         f"all {len(rejected)} classes fell away: {reasons}{more}. To find a route: "

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from renew.contingency import fly_turns, stations
-from renew.geometry import segment_distance, tracks_touch
+from renew.geometry import near_segments, segment_distance, tracks_touch
 from renew.reach import MOST_DEVIATIONS, TurnReach
 
 if TYPE_CHECKING:
@@ -21,9 +21,13 @@ if TYPE_CHECKING:
 # Turns are proved against land this much wider (share of v/ω), so that draws of another seed,
 # or the field between two stations, don't find what these missed; growing adds as much again.
 _MARGIN = 0.05
+# What is short is overdone by this factor: the path that gives way meets other water.
+_OVERDONE = 1.3
 # Stations of the proof stand this share of v/ω apart.
 _SPACING = 0.6
 _MOST_STATIONS = 1_000_000
+# Headings of a proof's turn, every 15 degrees: chords leave its arc by under 1 % of v/ω.
+_STEPS = 24
 # The field itself, and the corners of the box from which contingency draws its deviations: a
 # turn reaches furthest where the field deviates most.
 _CORNERS = MOST_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
@@ -50,20 +54,21 @@ def padding_shortfall(
     spacing = max(_SPACING * vessel.turning_radius, length / _MOST_STATIONS)
     points, course = stations(path, spacing)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
-    edges = shapely.linestrings(np.stack([hazards.start, hazards.end], axis=1))
-    found = shapely.STRtree(edges).query(
-        shapely.points(points), predicate="dwithin", distance=reach(points) + margin
-    )
-    near = np.unique(found[0])
-    near = near[~_in_soft_ends(points[near], ends, hazards)]
-    turns = fly_turns(points[near], course[near], field, vessel, _CORNERS)
-    tracks = turns.reshape(-1, *turns.shape[2:])
-    touched = tracks_touch(tracks, hazards.start, hazards.end, margin)
-    if not touched.any():
+    first, near = near_segments(points, reach(points) + margin, hazards.start, hazards.end)
+    close = np.flatnonzero(np.diff(first))
+    close = close[~_in_soft_ends(points[close], ends, hazards)]
+    if not len(close):
         return None
-    track, edge = np.nonzero(touched)
+    turns = fly_turns(points[close], course[close], field, vessel, _CORNERS, steps=_STEPS)
+    counts = np.diff(first)[close]
+    own = np.concatenate([near[first[i] : first[i + 1]] for i in close])
+    bounds = np.concatenate([[0], np.cumsum(counts)])
+    track, edge = tracks_touch(turns, bounds, own, hazards.start, hazards.end, margin)
+    if not len(track):
+        return None
+    tracks = turns.reshape(-1, *turns.shape[2:])
     hit, back = np.unique(track, return_inverse=True)
-    return hazards.edge[edge], _depths(tracks[hit], chart)[back] + 2 * margin
+    return hazards.edge[edge], _OVERDONE * _depths(tracks[hit], chart)[back] + 2 * margin
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:

@@ -112,11 +112,27 @@ def across_rungs(
     arrival, chain = quickest_chain(points, velocity, speed, crab, start, end, radius, left_out)
     if arrival == np.inf:
         return path
-    chosen, current = np.empty((rows, 2)), np.empty((rows, 2))
+    chosen = np.empty((rows, 2))
     for k in range(rows):
-        chosen[k], current[k] = points[k, chain[k]], velocity[k, chain[k]]
+        chosen[k] = points[k, chain[k]]
     # Rungs that cross beside a bend may be visited back and forth.
-    return chosen[without_detours(chosen, current, speed, crab, start, end, radius, longest)]
+    return cut_short(chosen, longest, table, speed, crab, start, end, radius)
+
+
+@njit(cache=True, error_model="numpy")
+def cut_short(
+    path: FloatArray,
+    longest: float,
+    table: Table,
+    speed: float,
+    crab: bool,
+    start: FloatArray,
+    end: FloatArray,
+    radius: FloatArray,
+) -> FloatArray:
+    """Path (n', 2) less the points that a shortcut of up to `longest` m passes no slower."""
+    current = velocities(table, path)
+    return path[without_detours(path, current, speed, crab, start, end, radius, longest)]
 
 
 @njit(cache=True, error_model="numpy")

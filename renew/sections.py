@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from renew.geometry import capsule_interval
+from renew.geometry import capsule_bounds, capsule_interval, meets
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
@@ -141,20 +141,23 @@ def free_intervals(
     left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, distance: FloatArray
 ) -> tuple[FloatArray, IntArray]:
     """Intervals (s, n, 2) of :class:`FreeParts`, and how many there are in each row."""
-    intervals = np.zeros((len(left), len(start) + 1, 2))
+    bounds = capsule_bounds(start, end, distance)
+    near = np.zeros(len(left), dtype=np.int64)
+    for i in range(len(left)):
+        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
+        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
+        for h in range(len(start)):
+            near[i] += meets(bounds, h, west, south, east, north)
+    most = near.max() if len(near) else 0
+    intervals = np.zeros((len(left), most + 1, 2))
     count = np.zeros(len(left), dtype=np.int64)
-    covered = np.empty((len(start), 2))
+    covered = np.empty((most, 2))
     for i in range(len(left)):
         found = 0
         west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
         south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
         for h in range(len(start)):
-            if (
-                max(start[h, 0], end[h, 0]) + distance[h] < west
-                or min(start[h, 0], end[h, 0]) - distance[h] > east
-                or max(start[h, 1], end[h, 1]) + distance[h] < south
-                or min(start[h, 1], end[h, 1]) - distance[h] > north
-            ):
+            if not meets(bounds, h, west, south, east, north):
                 continue
             enter, leave = capsule_interval(
                 left[i, 0],

@@ -6,7 +6,6 @@ What a plan reports is worked out in the field itself.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,17 +23,23 @@ _TOLERANCE = 1e-3
 # of 4 MB.
 _FIRST_CELLS, _MOST_CELLS = 64, 512
 
+# Steps of an even axis differ by rounding only: by this share of its largest coordinate.
+_EVEN = 1e-12
+
 
 class Table(NamedTuple):
     """Ascending nodes x (nx,), y (ny,) in metres and velocities uv (ny, nx, 2) there in m/s.
 
-    `error` (m/s) is how far the field was found to be off the table at the most.
+    `error` (m/s) is how far the field was found to be off the table at the most. `per_x` and
+    `per_y` are cells per metre, 0 where nodes don't stand evenly.
     """
 
     x: FloatArray
     y: FloatArray
     uv: FloatArray
     error: float
+    per_x: float
+    per_y: float
 
     @property
     def strongest(self) -> float:
@@ -47,7 +52,20 @@ class Table(NamedTuple):
         return self.error <= _TOLERANCE * self.strongest
 
 
-STILL = Table(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)), 0.0)
+def table_of(x: FloatArray, y: FloatArray, uv: FloatArray, error: float = 0.0) -> Table:
+    """Table of nodes and velocities; see :class:`Table`."""
+    x, y, uv = (np.ascontiguousarray(array, dtype=float) for array in (x, y, uv))
+    return Table(x, y, uv, error, _per_metre(x), _per_metre(y))
+
+
+def _per_metre(axis: FloatArray) -> float:
+    """Cells per metre of an even axis (n,); 0 if it is uneven by more than rounding."""
+    steps = np.diff(axis)
+    even = np.ptp(steps) <= _EVEN * np.abs(axis).max()
+    return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
+
+
+STILL = table_of(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)))
 """No current anywhere."""
 
 
@@ -63,7 +81,7 @@ def tabulated(
         middles = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2), axis=-1)
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
         error = float(np.linalg.norm(field(middles) - halfway, axis=-1).max())
-        table = Table(x, y, np.ascontiguousarray(uv), error)
+        table = table_of(x, y, uv, error)
         if table.is_fine or cells >= _MOST_CELLS:
             return table
         cells *= 2
@@ -72,8 +90,8 @@ def tabulated(
 @njit(cache=True, error_model="numpy")
 def velocity(table: Table, px: float, py: float) -> tuple[float, float]:
     """Velocity (m/s) at a point, held constant outside the table."""
-    i, s = _cell(table.x, px)
-    j, t = _cell(table.y, py)
+    i, s = _cell(table.x, table.per_x, px)
+    j, t = _cell(table.y, table.per_y, py)
     uv = table.uv
     sw, se, nw, ne = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
     return (
@@ -83,16 +101,14 @@ def velocity(table: Table, px: float, py: float) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def _cell(axis: FloatArray, value: float) -> tuple[int, float]:
+def _cell(axis: FloatArray, per_metre: float, value: float) -> tuple[int, float]:
     """Index of the cell that holds a value, and the place in it in [0, 1]."""
     last = len(axis) - 2
-    # Nodes mostly stand evenly: the guess is right then, or off by one for rounding.
-    guess = (value - axis[0]) / (axis[-1] - axis[0]) * (last + 1)
-    i = int(min(max(math.floor(guess), 0), last))
-    while i > 0 and value < axis[i]:
-        i -= 1
-    while i < last and value >= axis[i + 1]:
-        i += 1
+    if per_metre > 0.0:
+        along = min(max((value - axis[0]) * per_metre, 0.0), last + 1.0)
+        i = min(int(along), last)
+        return i, along - i
+    i = min(max(int(np.searchsorted(axis, value, side="right")) - 1, 0), last)
     place = (value - axis[i]) / (axis[i + 1] - axis[i])
     return i, min(max(place, 0.0), 1.0)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from renew.geometry import leg_is_clear
+from renew.geometry import capsule_bounds, leg_is_clear, meets
 
 if TYPE_CHECKING:
     from renew._types import BoolArray, FloatArray, IntArray
@@ -134,18 +134,13 @@ def quickest_chain(
     arrival[0, 0] = 0.0
     came_from = np.zeros((rows, count), dtype=np.int64)
     totals = np.empty(count)
+    bounds = capsule_bounds(start, end, radius)
     minds_all = np.zeros(len(radius), dtype=np.bool_)
     for row in range(rows - 1):
         width = 1 if row == 0 else count
         following = 1 if row == rows - 2 else count
         near = _near_rows(
-            x[row, :width],
-            y[row, :width],
-            x[row + 1, :following],
-            y[row + 1, :following],
-            start,
-            end,
-            radius,
+            x[row, :width], y[row, :width], x[row + 1, :following], y[row + 1, :following], bounds
         )
         out = left_out[0] if row == 0 else left_out[1] if row == rows - 2 else minds_all
         for j in range(following):
@@ -231,23 +226,15 @@ def _near_rows(
     y: FloatArray,
     next_x: FloatArray,
     next_y: FloatArray,
-    start: FloatArray,
-    end: FloatArray,
-    radius: FloatArray,
+    bounds: FloatArray,
 ) -> IntArray:
-    """Capsules whose bounds meet those of two rows of points: only they can be in the way."""
+    """Capsules whose bounds (e, 4) meet those of two rows of points: others are out of the way."""
     west, east = min(x.min(), next_x.min()), max(x.max(), next_x.max())
     south, north = min(y.min(), next_y.min()), max(y.max(), next_y.max())
-    near = np.empty(len(radius), dtype=np.int64)
+    near = np.empty(len(bounds), dtype=np.int64)
     count = 0
-    for h in range(len(radius)):
-        reach = max(radius[h], 0.0)
-        if (
-            max(start[h, 0], end[h, 0]) + reach >= west
-            and min(start[h, 0], end[h, 0]) - reach <= east
-            and max(start[h, 1], end[h, 1]) + reach >= south
-            and min(start[h, 1], end[h, 1]) - reach <= north
-        ):
+    for h in range(len(bounds)):
+        if meets(bounds, h, west, south, east, north):
             near[count] = h
             count += 1
     return near[:count]

@@ -1,4 +1,7 @@
-"""Measure every figure that RENEW is held to and print them beside what was asked."""
+"""Measure every figure that RENEW is held to and print them beside what was asked.
+
+Name some, as in `python -m tests.bench palawan islands`, to measure these only.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,32 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import pipeline_figures, planner_figures
+from tests.bench import (
+    archipelago_figures,
+    chart_figures,
+    palawan_figures,
+    pipeline_figures,
+    planner_figures,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from tests.bench.figure import Figure
 
-SUITES = {"planner": planner_figures.figures, "pipeline": pipeline_figures.figures}
+SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
+    "padding": planner_figures.paddings,
+    "gyre": planner_figures.single_gyre_fuel,
+    "sampled": planner_figures.sampled_method,
+    "scenes": planner_figures.random_scenes,
+    "times": planner_figures.times,
+    "palawan": palawan_figures.figures,
+    "islands": archipelago_figures.islands,
+    "growth": archipelago_figures.growth,
+    "pipeline": pipeline_figures.figures,
+    "pairs": chart_figures.pairs,
+    "far-east": chart_figures.far_east,
+}
 
 
 def main() -> int:

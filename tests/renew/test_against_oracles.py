@@ -239,4 +239,5 @@ def test_a_stronger_following_current_is_never_dearer(
         for peak in (0.0, 0.2, 0.5, 0.8)
     ]
     assert fuels[0] == pytest.approx(160)
-    assert all(stronger <= weaker for weaker, stronger in itertools.pairwise(fuels))
+    # Of two that differ by less than the current's table does from the current, either may be less.
+    assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))

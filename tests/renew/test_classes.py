@@ -120,7 +120,7 @@ def test_classes_come_in_the_order_of_their_cheapest_chains(seed: int) -> None:
     islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
     mesh, search = channels_of(chart_of(islands))
     start, goal = np.array([10.0, 10.0]), np.array([90.0, 90.0])
-    nodes = search._mesh
+    nodes = search._coarse.mesh
 
     def shortest(row: list[int]) -> float:
         points, lengths = start[None], np.zeros(1)
@@ -145,7 +145,7 @@ def test_points_on_passing_edges_keep_their_clearance() -> None:
     for clearance, classes in ((0.0, 4), (2.0, 4), (2.6, 2)):
         search = ChannelSearch(mesh, Rays.of(chart), *ends, clearance=clearance)
         corners = shapely.points(shapely.get_coordinates(chart.hard_no_go))
-        for point in shapely.points(search._mesh.points):
+        for point in shapely.points(search._coarse.mesh.points):
             assert shapely.distance(point, corners).min() >= clearance - 1e-9
         # Between the islands the gap is 5 m wide.
         assert len(search.channels(10)) == classes

@@ -1,0 +1,105 @@
+"""The same seed gives the same plan to the last bit: on one thread and on two, in any process."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import renew
+from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+# Everything that decides how many threads a numerical library starts.
+THREAD_LIMITS = (
+    "NUMBA_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+)
+
+
+def gyre(**options: Any) -> renew.Plan:  # noqa: ANN401  # as plan() has them
+    chart, current = single_gyre()
+    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), **options)
+
+
+def islands(**options: Any) -> renew.Plan:  # noqa: ANN401
+    chart, current, start, goal = random_scene(2)
+    return renew.plan(chart, current, PAPER_VESSEL, start, goal, **options)
+
+
+CASES: dict[str, Callable[[], renew.Plan]] = {
+    "adaptive": gyre,
+    "clearance, exact drift": partial(gyre, padding="none", clearance=12.55, drift="crab"),
+    "sampled": partial(gyre, method="sampled", samples=100, seed=7),
+    "islands": partial(islands, classes=4),
+    "islands, distinct": partial(islands, classes=4, padding="none", distinct_by=20.0),
+}
+
+
+def digest(plan: renew.Plan) -> str:
+    """Hash of every figure, every shape and every word of a plan."""
+    told = hashlib.sha256(f"{plan.chosen}".encode())
+    for route in plan.routes:
+        for figures in (route.path, route.trajectory, route.channel, route.padding_used):
+            told.update(np.ascontiguousarray(figures, dtype=float).tobytes())
+        told.update(route.soft_no_go.wkb)
+        scalars = route.fuel, route.length, route.clearance, route.duration, route.optimality_gap
+        told.update(np.array(scalars).tobytes())
+        told.update(route.homotopy.encode())
+    for rejected in plan.rejected:
+        told.update(f"{rejected.homotopy} {rejected.reason}".encode())
+        told.update(np.ascontiguousarray(rejected.channel, dtype=float).tobytes())
+    return told.hexdigest()
+
+
+def digests() -> dict[str, str]:
+    """Hash of every case's plan."""
+    return {name: digest(make()) for name, make in CASES.items()}
+
+
+@pytest.fixture(scope="module")
+def here() -> dict[str, str]:
+    """Give the plans of this process, made in its one thread."""
+    return digests()
+
+
+def test_plans_that_differ_have_other_hashes(here: dict[str, str]) -> None:
+    assert len(set(here.values())) == len(CASES)
+    assert digest(gyre(method="sampled", samples=100, seed=8)) != here["sampled"]
+
+
+def test_two_threads_that_plan_at_once_do_not_disturb_each_other(here: dict[str, str]) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        both = [pool.submit(digests) for _ in range(2)]
+    assert [done.result() for done in both] == [here, here]
+
+
+@pytest.mark.parametrize(("threads", "hash_seed"), [(1, 1), (2, 4242)])
+def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
+    threads: int, hash_seed: int, here: dict[str, str], root: Path
+) -> None:
+    limits = dict.fromkeys(THREAD_LIMITS, str(threads))
+    program = "from tests.renew.test_determinism import digests; print(digests())"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, **limits, "PYTHONHASHSEED": str(hash_seed)},
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(here)
