@@ -129,6 +129,7 @@ class ClassSearch:
                 path, trajectory = steer_inside(path, attempt)
                 if rays.word(path) != word:
                     continue
+                self._check_current(trajectory)
             except InfeasibleError as error:
                 if error.strait is not None:
                     raise
@@ -136,6 +137,18 @@ class ClassSearch:
                 continue
             return _Found(path, trajectory, self._fuel(path))
         raise first or InfeasibleError("its least-fuel path slips into another class")
+
+    def _check_current(self, trajectory: FloatArray) -> None:
+        """Refuse a trajectory through water that outruns the vessel."""
+        waters = self.waters
+        strength = np.linalg.norm(waters.current(trajectory[:, 1:3]), axis=1)
+        worst = int(strength.argmax())
+        if strength[worst] >= waters.vessel.speed:
+            _, x, y, _ = trajectory[worst]
+            raise InfeasibleError(
+                f"the current at ({x:.1f}, {y:.1f}) m runs at {strength[worst]:.3g} m/s and "
+                f"outruns the vessel, which makes {waters.vessel.speed:.3g} m/s"
+            )
 
     def _best_sample(self, corridor: Corridor) -> _Found:
         """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""

@@ -10,29 +10,31 @@ import shapely
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+    from renew._types import FloatArray
     from renew.chart import Chart
     from renew.table import Table
 
-# The outline of cells is a staircase. It is drawn in by so many cells and then straightened by a
-# little less, so that it never reaches over water that can be sailed.
-_DRAWN_IN, _STRAIGHTENED = 1.0, 0.9
+# The outline of cells is a staircase; it is straightened by this share of a cell.
+_STRAIGHTENED = 0.5
+# So many cells around an end stay open: what the water is like there a path finds out for itself.
+_AROUND_ENDS = 2.0
 
 
-def overpowering_water(table: Table, speed: float, chart: Chart) -> BaseGeometry:
+def overpowering_water(
+    table: Table, speed: float, chart: Chart, ends: tuple[FloatArray, FloatArray]
+) -> BaseGeometry:
     """Water where the current is at least as strong as the vessel is fast, as one geometry.
 
-    It lies well inside of the true one: of cells with all four nodes that strong, the rim is left
-    out. What the rim is like a path finds out for itself (:mod:`renew.viterbi`).
+    It is made of the table's cells with a node that strong, and so reaches up to a cell further.
     """
     strong = np.linalg.norm(table.uv, axis=-1) >= speed
-    cells = strong[1:, 1:] & strong[1:, :-1] & strong[:-1, 1:] & strong[:-1, :-1]
-    row, column = np.nonzero(cells)
+    row, column = np.nonzero(strong[1:, 1:] | strong[1:, :-1] | strong[:-1, 1:] | strong[:-1, :-1])
     if not len(row):
         return shapely.MultiPolygon()
     x, y = table.x, table.y
-    squares = shapely.box(x[column], y[row], x[column + 1], y[row + 1])
     cell = float(max(np.diff(x).max(), np.diff(y).max()))
-    core = shapely.coverage_union_all(squares).buffer(-_DRAWN_IN * cell, join_style="mitre")
-    return shapely.intersection(
-        core.simplify(_STRAIGHTENED * cell), chart.water, grid_size=chart.precision
-    )
+    cells = shapely.box(x[column], y[row], x[column + 1], y[row + 1])
+    zone = shapely.coverage_union_all(cells).simplify(_STRAIGHTENED * cell)
+    around = shapely.union_all(shapely.buffer(shapely.points(ends), _AROUND_ENDS * cell))
+    open_water = shapely.difference(chart.water, around)
+    return shapely.intersection(zone, open_water, grid_size=chart.precision)

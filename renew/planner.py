@@ -133,7 +133,7 @@ def plan(
             seed=seed,
         )
         search = ClassSearch(waters, padder, method, samples, seed, proves=adaptive)
-        return examine(likely, lambda: finder(floor) if adaptive else likely, search, classes)
+        return examine(likely, lambda: finder(0.0), search, classes)
 
     def attempt(*, padding: Padding, clearance: float, risk: float) -> Route | None:
         found = examined(padding=padding, clearance=clearance, risk=risk, classes=1)

@@ -48,7 +48,8 @@ class Waters:
     @cached_property
     def closed(self) -> BaseGeometry:
         """Water that outruns the vessel."""
-        return overpowering_water(self.table, self.vessel.speed, self.chart)
+        ends = self.start, self.goal
+        return overpowering_water(self.table, self.vessel.speed, self.chart, ends)
 
     @cached_property
     def triangulation(self) -> Triangulation:
