@@ -140,7 +140,7 @@ def fly_turns(
     draws, 2): so many times the spread of its speed and of its direction.
     """
     heading = _crab_heading(points, course, field, vessel)
-    faster, turned = _changes(points, field, vessel, deviations)
+    faster, turned = changes(points, field, vessel, deviations)
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
             _flown_by_table(
@@ -271,7 +271,7 @@ def _crab_heading(
     return np.arctan2(through[:, 1], through[:, 0])
 
 
-def _changes(
+def changes(
     points: FloatArray, field: CurrentField, vessel: Vessel, deviations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Changes of the field (n, draws): speed added (m/s) and direction turned (rad).

@@ -224,9 +224,9 @@ def tracks_touch(
     near: IntArray,
     start: FloatArray,
     end: FloatArray,
-    radius: float,
+    radius: FloatArray,
 ) -> tuple[IntArray, IntArray]:
-    """Which tracks (n, turns, steps, 2) come within radius of which segments (e, 2).
+    """Which tracks (n, turns, steps, 2) come within a radius (n,) of which segments (e, 2).
 
     Those near point i are as :func:`near_segments` gives them. Returns pairs: the number of a track
     among all n x turns, and the segment.
@@ -239,11 +239,11 @@ def tracks_touch(
     for i in range(len(tracks)):
         for turn in range(turns):
             xs, ys = tracks[i, turn, :, 0], tracks[i, turn, :, 1]
-            west, east = xs.min() - radius, xs.max() + radius
-            south, north = ys.min() - radius, ys.max() + radius
+            west, east = xs.min() - radius[i], xs.max() + radius[i]
+            south, north = ys.min() - radius[i], ys.max() + radius[i]
             for h in near[first[i] : first[i + 1]]:
                 if meets(bounds, h, west, south, east, north) and _touches(
-                    xs, ys, start[h], end[h], radius
+                    xs, ys, start[h], end[h], radius[i]
                 ):
                     touching.append(np.int64(i * turns + turn))
                     touched.append(h)

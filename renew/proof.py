@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import shapely
 
-from renew.contingency import fly_turns, stations
+from renew.contingency import changes, fly_turns, stations
 from renew.geometry import near_segments, segment_distance, tracks_touch
 from renew.reach import MOST_DEVIATIONS, TurnReach
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from renew.current import CurrentField
     from renew.padding import Hazards
     from renew.vessel import Vessel
+
+    _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
 # Turns are proved against land this much wider (share of v/ω), so that draws of another seed,
 # or the field between two stations, don't find what these missed; growing adds as much again.
@@ -54,21 +56,44 @@ def padding_shortfall(
     spacing = max(_SPACING * vessel.turning_radius, length / _MOST_STATIONS)
     points, course = stations(path, spacing)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
-    first, near = near_segments(points, reach(points) + margin, hazards.start, hazards.end)
+    furthest = reach(points)
+    first, near = near_segments(points, furthest + margin, hazards.start, hazards.end)
     close = np.flatnonzero(np.diff(first))
     close = close[~_in_soft_ends(points[close], ends, hazards)]
+
+    def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
+        turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, steps=_STEPS)
+        counts = np.diff(first)[chosen]
+        own = [near[first[i] : first[i + 1]] for i in chosen]
+        bounds = np.concatenate([[0], np.cumsum(counts)])
+        edges = hazards.start, hazards.end
+        return turns, *tracks_touch(turns, bounds, np.concatenate(own), *edges, radius)
+
+    if len(close):
+        # Nor need the field be changed where its own turns stay so far off that none gets there.
+        drift = (furthest[close] - 2 * vessel.turning_radius) / 2
+        off = _furthest_off(points[close], field, vessel, drift)
+        turns, track, _ = touching(close, margin + off, _CORNERS[:, :1])
+        close = close[np.unique(track // turns.shape[1])]
     if not len(close):
         return None
-    turns = fly_turns(points[close], course[close], field, vessel, _CORNERS, steps=_STEPS)
-    counts = np.diff(first)[close]
-    own = np.concatenate([near[first[i] : first[i + 1]] for i in close])
-    bounds = np.concatenate([[0], np.cumsum(counts)])
-    track, edge = tracks_touch(turns, bounds, own, hazards.start, hazards.end, margin)
+    turns, track, edge = touching(close, np.full(len(close), margin), _CORNERS)
     if not len(track):
         return None
     tracks = turns.reshape(-1, *turns.shape[2:])
     hit, back = np.unique(track, return_inverse=True)
     return hazards.edge[edge], _OVERDONE * _depths(tracks[hit], chart)[back] + 2 * margin
+
+
+def _furthest_off(
+    points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray
+) -> FloatArray:
+    """How far the field's changes can carry a turn off its own track (n,), m; `drift` its own, m.
+
+    The changes of one turn's water, twice: a track that is carried off meets other water.
+    """
+    faster, turned = changes(points, field, vessel, _CORNERS[:, 1:2])
+    return 2 * (vessel.turn_period * faster[:, 0] + drift * turned[:, 0])
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:

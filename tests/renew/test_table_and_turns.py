@@ -116,7 +116,7 @@ def test_near_segments_and_touching_tracks_match_shapely(seed: int) -> None:
             np.flatnonzero(apart[i] <= reach[i]).tolist()
         )
     tracks = points[:, None, None] + np.cumsum(rng.normal(0, 0.3, (70, 2, 6, 2)), axis=2)
-    track, segment = tracks_touch(tracks, first, near, start, end, 0.2)
+    track, segment = tracks_touch(tracks, first, near, start, end, np.full(70, 0.2))
     lines = shapely.linestrings(tracks.reshape(140, 6, 2))
     edges = shapely.linestrings(np.stack([start, end], axis=1))
     expected = {
