@@ -75,7 +75,7 @@ lock:  ## resolve requirements.lock anew (needs uv)
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 
 clean:  ## remove .venv, caches and packages (not outputs/)
-	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache renew/__pycache__
 
 # A scenario of the catalogue by its name: `make palawan-season`.
 $(SCENARIOS): $(READY)

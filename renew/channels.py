@@ -132,13 +132,18 @@ class ChannelSearch:
         )
         self._coarse = _Nodes.on(self._mesh_of(spread=gates.COARSE))
 
-    def channels(self, count: int, shut: Collection[Move] = ()) -> list[Channel]:
-        """The first `count` channels, but for those that make a move found shut."""
+    def channels(
+        self, count: int, shut: Collection[Move] = (), *, roughly: bool = False
+    ) -> list[Channel]:
+        """The first `count` channels, but for those that make a move found shut.
+
+        Roughly, a class with several channels comes by any that is nearly the best.
+        """
         if self._order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(shut)), count))
         moves = self._closed(shut)
         rows, words = self._coarse.cheapest(count, moves)
-        if self._rays.are_few or len(moves) > _MANY_TRIANGLES:
+        if not roughly and (self._rays.are_few or len(moves) > _MANY_TRIANGLES):
             # As many classes, now that it is known how many there are.
             rows, words = self._fine.cheapest(len(rows), moves)
         return [

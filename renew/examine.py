@@ -51,7 +51,7 @@ def examine(
         if len(shut) == known:
             break
     if len(outcomes.routes) < classes:
-        for channel in every().channels(classes):
+        for channel in every().channels(classes, roughly=True):
             if channel.word not in outcomes.fell:
                 outcomes.add(channel)
     routes = sorted(outcomes.routes.values(), key=lambda route: route.fuel)

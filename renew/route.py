@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -135,8 +136,8 @@ class Rejected:
     homotopy: str
     reason: str
     channel: FloatArray
-    strait: Strait | None
-    _work_out: Callable[[], float] = field(repr=False)
+    strait: Strait | None = None
+    _work_out: Callable[[], float] = field(default=lambda: math.inf, repr=False)
 
     @cached_property
     def unpadded_fuel(self) -> float:
