@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 # in the middle of any cell. What a path found with it needs more than the least is of second order.
 _TOLERANCE = 1e-3
 # Cells a side of the first table, which are halved while it is not fine enough, and of the last,
-# of 4 MB.
-_FIRST_CELLS, _MOST_CELLS = 64, 512
+# of 16 MB. Halves of a smooth field's cells have a quarter of the error; a field in which they have
+# hardly less has a step, and stays coarse.
+_FIRST_CELLS, _MOST_CELLS, _SMOOTH = 64, 1024, 0.5
 
 # Steps of an even axis differ by rounding only: by this share of its largest coordinate.
 _EVEN = 1e-12
@@ -74,7 +75,7 @@ def tabulated(
 ) -> Table:
     """Table of a field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
     xmin, ymin, xmax, ymax = bounds
-    cells = _FIRST_CELLS
+    cells, last = _FIRST_CELLS, np.inf
     while True:
         x, y = np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)
         uv = field(np.stack(np.meshgrid(x, y), axis=-1))
@@ -82,9 +83,9 @@ def tabulated(
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
         error = float(np.linalg.norm(field(middles) - halfway, axis=-1).max())
         table = table_of(x, y, uv, error)
-        if table.is_fine or cells >= _MOST_CELLS:
+        if table.is_fine or cells >= _MOST_CELLS or error > _SMOOTH * last:
             return table
-        cells *= 2
+        cells, last = 2 * cells, error
 
 
 @njit(cache=True, error_model="numpy")
