@@ -31,11 +31,33 @@ ValueT = TypeVar("ValueT")
 
 # What a stage's result depends on in code: files and packages, from the folder above `pipeline`.
 CODE: dict[str, tuple[str, ...]] = {
-    "land": ("pipeline/sources/osm.py", "pipeline/sources/osm_adapter.py", "pipeline/plane.py"),
+    "land": (
+        "pipeline/sources/osm.py",
+        "pipeline/sources/osm_adapter.py",
+        "pipeline/sources/polygons.py",
+        "pipeline/sources/s57.py",
+        "pipeline/sources/s57_adapter.py",
+        "pipeline/sources/s57_cells.py",
+        "pipeline/sources/stack.py",
+        "pipeline/sources/vector.py",
+        "pipeline/projection.py",
+        "pipeline/plane.py",
+    ),
     "current": (
         "pipeline/sources/embedded.py",
         "pipeline/sources/copernicus.py",
+        "pipeline/sources/copernicus_child.py",
+        "pipeline/sources/copernicus_steps.py",
         "pipeline/sources/acceptance.py",
+        "pipeline/sources/cf.py",
+        "pipeline/sources/cf_axes.py",
+        "pipeline/sources/cf_contents.py",
+        "pipeline/sources/cf_grid.py",
+        "pipeline/sources/cf_time.py",
+        "pipeline/sources/field.py",
+        "pipeline/sources/plausible.py",
+        "pipeline/sources/shifted.py",
+        "pipeline/sources/turned.py",
     ),
     "simplify": (
         "pipeline/simplify.py",
@@ -217,3 +239,9 @@ def libraries() -> tuple[str, ...]:
         with contextlib.suppress(PackageNotFoundError):
             found.append(f"{name} {version(name)}")
     return tuple(found)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,7 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
 from pipeline.faults import model_faults, near_miss, shown
-from pipeline.scenario import Name, NotNegative, Positive, Strictly, VesselSpec
+from pipeline.scenario import Latitude, Name, NotNegative, Positive, Strictly, VesselSpec, Whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -43,6 +43,19 @@ class OsmLandSpec(SourceBase):
     adapter: Literal["osm-land"]
 
 
+class S57Spec(SourceBase):
+    """S-57 cells in a folder that the user names; they say themselves whose they are."""
+
+    adapter: Literal["s57"]
+
+
+class VectorSpec(SourceBase, Licence):
+    """Land polygons in a vector file that the user names."""
+
+    adapter: Literal["vector"]
+    accuracy_m: Positive
+
+
 class TableSeason(Licence):
     """One season of an embedded table: its key in the `season` column, and its time."""
 
@@ -57,28 +70,46 @@ class EmbeddedTableSpec(SourceBase):
     seasons: dict[str, TableSeason]
 
 
+StepLength = Literal["month", "day", "6 hours", "hour"]
+StepKind = Literal["mean", "instant", "climatology"]
+
+
 class CopernicusSpec(SourceBase, Licence):
-    """A dataset of the Copernicus Marine Service, monthly means."""
+    """A dataset of the Copernicus Marine Service.
+
+    Without a `version` the newest is asked for. `covers` says for people what `first_day` and
+    `days_ahead` (the last day counted from today) say for the program; both are generous, as the
+    service itself knows best. Figures may still change until `settles_after_days`.
+    """
 
     adapter: Literal["copernicus"]
     product: str
     doi: str
     dataset: str
-    version: str
+    version: str = Field(default="", pattern=r"^(\d{6})?$")
     eastward: str = "uo"
     northward: str = "vo"
     cell_deg: Positive
+    latitudes: tuple[Latitude, Latitude] = (-80.0, 90.0)
+    across_180: bool = True
     depth_m: NotNegative | None = None
-    step: Literal["month"]
+    step: StepLength
+    kind: StepKind
+    covers: str
+    first_day: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$")
+    days_ahead: Whole = 0
+    settles_after_days: NotNegative = 0.0
+    gaps_vary: bool = False
     speed_limit_m_s: Positive
     deadline_s: Positive = 900.0
     attempts: Annotated[int, Field(ge=1)] = 3
+    pause_s: NotNegative = 20.0
 
 
-SourceSpec = Annotated[
-    OsmLandSpec | EmbeddedTableSpec | CopernicusSpec, Field(discriminator="adapter")
-]
-_SOURCE: TypeAdapter[OsmLandSpec | EmbeddedTableSpec | CopernicusSpec] = TypeAdapter(SourceSpec)
+ChartEntry = OsmLandSpec | S57Spec | VectorSpec
+CurrentEntry = EmbeddedTableSpec | CopernicusSpec
+SourceSpec = Annotated[ChartEntry | CurrentEntry, Field(discriminator="adapter")]
+_SOURCE: TypeAdapter[ChartEntry | CurrentEntry] = TypeAdapter(SourceSpec)
 
 
 @cache
@@ -108,7 +139,7 @@ def table(name: str) -> Path:
     return root() / "currents" / name
 
 
-def source(name: str) -> OsmLandSpec | EmbeddedTableSpec | CopernicusSpec:
+def source(name: str) -> ChartEntry | CurrentEntry:
     """Read a source's entry."""
     if name not in names("sources"):
         raise RequestError([f"unknown source {name!r}: {near_miss(name, names('sources'))}"])

@@ -83,6 +83,17 @@ def run(
     offline: Annotated[
         bool, typer.Option("--offline", help="Ask no source that needs the network.")
     ] = False,
+    charts: Annotated[
+        Path | None,
+        typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart."),
+    ] = None,
+    currents: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A NetCDF file or Zarr store of currents, in place of the scenario's; say it "
+            "again for each of several that belong together, or quote a pattern: 'daily/*.nc'."
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
@@ -92,7 +103,7 @@ def run(
         from pipeline.reading import load_scenario
 
         # Before the heavy imports: a wrong request is told at once.
-        wanted = load_scenario(scenario)
+        wanted = load_scenario(scenario, charts=charts, currents=currents or ())
         from pipeline.progress import listening
         from pipeline.run import run as run_scenario
         from pipeline.summary import season_table

@@ -13,14 +13,20 @@ from typing import TYPE_CHECKING
 from pipeline import artefact, plane
 from pipeline.errors import RequestError, StageError
 from pipeline.model import CurrentGrid, Fetched, Land
+from pipeline.outrun import outrun_note
 from pipeline.sources import current_source, land_source
+from pipeline.sources.osm_adapter import OsmLand
+from pipeline.sources.stack import Stack
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pipeline.artefact import Store
     from pipeline.scenario import Region, Scenario, Season
-    from pipeline.sources import CurrentSource
+    from pipeline.sources import CurrentSource, LandSource
+
+# Where in the store sources keep their files.
+DOWNLOADS = "downloads"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +51,8 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Parts:
     """
     if scenario.region is None:
         return _planar(scenario)
-    fetcher = _Fetcher(scenario.region, scenario.chart.source, store, offline)
+    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    fetcher = _Fetcher(scenario.region, land, store, offline)
     found = {season.name: fetcher.current(season) for season in scenario.seasons}
     grids = tuple(got.grid for got in found.values() if got.grid is not None)
     failures = {
@@ -57,8 +64,10 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Parts:
         reasons = [f"season {name!r}: {why}" for name, why in failures.items()]
         asked = any(got.asked for got in found.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
+    region, speed_m_s = scenario.region.shape, scenario.vessel.speed_m_s
+    outruns = [note for grid in grids for note in outrun_note(grid, region, speed_m_s)]
     return Parts(
-        fetched=Fetched(fetcher.land, grids, _notes(found)),
+        fetched=Fetched(fetcher.land, grids, (*fetcher.land.notes, *_notes(found), *outruns)),
         land_key=fetcher.land_key,
         current_keys={name: got.key for name, got in found.items() if got.grid is not None},
         failures=failures,
@@ -79,9 +88,14 @@ class _Got:
 
 
 def _notes(found: Mapping[str, _Got]) -> tuple[str, ...]:
-    """What a reader should know of currents that are not the preferred ones; each thing once."""
+    """What a reader should know of the currents; each thing once.
+
+    Of those that are not the preferred ones, why.
+    """
     told: dict[str, list[str]] = {}
     for season, got in found.items():
+        for note in got.grid.notes if got.grid is not None else ():
+            told.setdefault(note, []).append(season)
         if got.grid is not None and got.passed_over:
             for reason in got.passed_over:
                 told.setdefault(reason, []).append(season)
@@ -95,20 +109,29 @@ class _Fetcher:
     """Asks the sources for one region."""
 
     region: Region
-    land_name: str
+    land_source: LandSource
     store: Store
     offline: bool
 
     @cached_property
     def land_key(self) -> str:
         """Name of the land's artefact."""
-        return artefact.key("land", land_source(self.land_name).identity, self._outline)
+        return artefact.key("land", self.land_source.identity, self._outline)
 
     @cached_property
     def land(self) -> Land:
         """Land near the region; fetched once it is needed, as it takes seconds."""
-        source = land_source(self.land_name)
-        return self.store.made("land", self.land_key, Land, lambda: source.land(self.region.shape))
+        return self._land(self.land_source)
+
+    @cached_property
+    def ground(self) -> Land:
+        """Land proper: a chart's no-go is also shoals and what nobody charted."""
+        return self._land(Stack((OsmLand(),)))
+
+    def _land(self, source: LandSource) -> Land:
+        """Take a source's land from the store, or fetch it."""
+        key = artefact.key("land", source.identity, self._outline)
+        return self.store.made("land", key, Land, lambda: source.land(self.region.shape))
 
     @cached_property
     def _outline(self) -> str:
@@ -119,31 +142,35 @@ class _Fetcher:
         """Take the first source that gives the season's current."""
         passed_over: list[str] = []
         asked = False
-        for name in season.currents:
-            source = current_source(name)
+        for named in season.currents:
+            source = current_source(named)
             key = artefact.key("current", source.identity(season), self._outline, season.name)
             # What was fetched before needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
-            if grid is None and (refusal := self._refusal(source, name, season)):
+            if grid is None and (refusal := self._refusal(source, named, season)):
                 passed_over.append(refusal)
                 continue
             if grid is None:
-                asked = True
                 try:
-                    folder = self.store.folder("downloads")
-                    grid = source.current(self.region.shape, season, self.land, folder)
-                except StageError as error:
-                    passed_over.append(str(error))
+                    folder = self.store.folder(DOWNLOADS)
+                    grid = source.current(self.region.shape, season, self.ground, folder)
+                except (StageError, RequestError) as error:
+                    asked = asked or isinstance(error, StageError)
+                    passed_over.append("; ".join(str(error).splitlines()))
                     continue
                 self.store.save("current", key, grid)
             return _Got(grid, key, tuple(passed_over), asked)
         return _Got(None, "", tuple(passed_over), asked)
 
-    def _refusal(self, source: CurrentSource, name: str, season: Season) -> str:
+    def _refusal(self, source: CurrentSource, named: str | tuple[str, ...], season: Season) -> str:
         """Say why a source can't be asked; empty when it can."""
-        if self.offline and source.uses_network:
-            return f"{name} needs the network; leave --offline out"
-        return source.uncovered(self.region.shape, season) or source.unavailable()
+        shape, folder = self.region.shape, self.store.root / DOWNLOADS
+        uncovered = source.uncovered(shape, season)
+        if uncovered or not source.asks_network(shape, season, folder):
+            return uncovered
+        if self.offline:
+            return f"{named} needs the network; leave --offline out"
+        return source.unavailable()
 
 
 def _planar(scenario: Scenario) -> Parts:

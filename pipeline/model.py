@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
     from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
 
     import renew
     from pipeline.projection import Projection
@@ -35,15 +36,35 @@ class Credit:
 
 
 @dataclass(frozen=True, slots=True)
-class Land:
-    """Land polygons (lon/lat degrees), clipped to the region and a little beyond.
+class Zone:
+    """An area of a chart that a reader wants to see (lon/lat degrees).
 
-    `accuracy_m` is how far the source's coast may lie from the true one, in metres.
+    A `shoal` is too shallow for the vessel, and no source covers what is `uncharted`: both are
+    no-go, so they are among the polygons of their Land as well. A `restricted` area and a `traffic`
+    scheme may be entered; `rule` says what holds there for a passing vessel, where the chart does.
+    """
+
+    kind: Literal["shoal", "uncharted", "restricted", "traffic"]
+    name: str
+    rule: str
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """What no route may enter (lon/lat degrees), clipped to the region and a little beyond.
+
+    Land; from charts with depths, also water that is too shallow, hazards, and what no chart
+    covers. `accuracy_m` is how far the source's coast may lie from the true one, in metres;
+    `credits` has one for each source, `notes` what a reader should know of the chart, and `zones`
+    what the chart shows beside.
     """
 
     polygons: tuple[Polygon, ...]
-    credit: Credit
+    credits: tuple[Credit, ...]
     accuracy_m: float
+    notes: tuple[str, ...] = ()
+    zones: tuple[Zone, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +72,8 @@ class CurrentGrid:
     """A season's surface current on a lon/lat grid.
 
     `lon` (nx,) and `lat` (ny,) ascend, in degrees; `u` (east) and `v` (north) are (ny, nx) in m/s,
-    NaN where the source has no water. `valid` says which time the figures stand for.
+    NaN where the source has no water. `valid` says which time the figures stand for, `notes` what
+    a reader should know of them, and `files` names those that they came from, with their hashes.
     """
 
     season: str
@@ -61,6 +83,8 @@ class CurrentGrid:
     v: FloatArray
     valid: str
     credit: Credit
+    notes: tuple[str, ...] = ()
+    files: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +92,8 @@ class Fetched:
     """What the sources gave: land, and one current grid a season.
 
     `currents` is empty for a planar scenario, whose current is given as figures in the scenario.
-    `notes` says in plain words which preferred source was passed over and why.
+    `notes` says in plain words which preferred source was passed over and why, and what there is
+    to know of those that were used.
     """
 
     land: Land

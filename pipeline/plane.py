@@ -29,7 +29,7 @@ def fetched(scenario: Scenario) -> Fetched:
         name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""
     )
     polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(scenario))
-    return Fetched(Land(polygons, credit, accuracy_m=0.0), ())
+    return Fetched(Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
 def unsimplified(land: Land) -> Simplified:

@@ -35,6 +35,8 @@ _LARGEST_SAG = 2e-3
 _MOST_HALVINGS = 3
 # Nodes of the planner's current a cell of the source: linear between them either way.
 _NODES_PER_CELL = 2
+# Nodes stand no closer than cells of this share of their height would want them.
+_NARROWEST = 4
 _METRES_PER_DEGREE = 111_195.0
 
 
@@ -59,7 +61,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     check_ends(scenario, chart, projection)
     return Scene(
         chart=chart,
-        land=tuple(projection.geometry_to_plane(polygon) for polygon in fetched.land.polygons),
+        land=tuple(projection.geometry_to_plane(np.array(fetched.land.polygons, dtype=object))),
         currents={
             grid.season: gridded(grid, projection, chart.bounds) for grid in fetched.currents
         },
@@ -100,28 +102,35 @@ def gridded(
 ) -> renew.GriddedCurrent:
     """Put a lon/lat current on a planar grid over bounds (xmin, ymin, xmax, ymax), planar metres.
 
-    Bilinear on the source's own grid, held constant beyond its ends; vectors (m/s) turned into the
-    plane's axes; nodes at half the source's cell.
+    Vectors (m/s) are turned into the plane's axes. Nodes stand at half the source's cell: so a
+    triangle's spread is that of the source's cells in it, within a tenth on real fields.
     """
-    from scipy.interpolate import RegularGridInterpolator
-
     xmin, ymin, xmax, ymax = bounds
-    cell = min(np.diff(grid.lat).min(), np.diff(grid.lon).min()) * _METRES_PER_DEGREE
-    step = cell / _NODES_PER_CELL / projection.scale
+    step = _cell_m(grid) / _NODES_PER_CELL / projection.scale
     x = np.linspace(xmin, xmax, max(2, int(np.ceil((xmax - xmin) / step)) + 1))
     y = np.linspace(ymin, ymax, max(2, int(np.ceil((ymax - ymin) / step)) + 1))
     lonlat = projection.to_lonlat(np.stack(np.meshgrid(x, y), axis=-1))
-    field = filled(np.stack([grid.u, grid.v], axis=-1))
-    bilinear = RegularGridInterpolator((grid.lat, grid.lon), field)
-    at = np.stack(
-        [
-            np.clip(lonlat[..., 1], grid.lat[0], grid.lat[-1]),
-            np.clip(lonlat[..., 0], grid.lon[0], grid.lon[-1]),
-        ],
-        axis=-1,
-    )
-    uv = projection.rotate_to_plane(lonlat, np.asarray(bilinear(at)))
+    uv = projection.rotate_to_plane(lonlat, bilinear(grid, lonlat))
     return renew.GriddedCurrent(x, y, uv[..., 0], uv[..., 1])
+
+
+def bilinear(grid: CurrentGrid, lonlat: FloatArray) -> FloatArray:
+    """East and north velocity (..., 2) in m/s at lon/lat (..., 2): the source's own at its nodes.
+
+    Gaps are filled first; beyond the grid's ends its figures are held constant.
+    """
+    from scipy.interpolate import RegularGridInterpolator
+
+    field = filled(np.stack([grid.u, grid.v], axis=-1))
+    at = [np.clip(lonlat[..., i], axis[0], axis[-1]) for i, axis in ((1, grid.lat), (0, grid.lon))]
+    return np.asarray(RegularGridInterpolator((grid.lat, grid.lon), field)(np.stack(at, axis=-1)))
+
+
+def _cell_m(grid: CurrentGrid) -> float:
+    """The shorter side of a source's cell, in true metres; near a pole cells grow too narrow."""
+    up = float(np.diff(grid.lat).min())
+    across = float(np.diff(grid.lon).min() * np.cos(np.radians(grid.lat.mean())))
+    return max(min(up, across), up / _NARROWEST) * _METRES_PER_DEGREE
 
 
 def filled(field: FloatArray) -> FloatArray:

@@ -53,6 +53,9 @@ _METRES_PER_DEGREE = math.pi / 180 * _GEOD.a
 # Half a step of the central difference: 11 m, where rounding (1e-10 of it) and curvature (1e-11)
 # are both far below what a heading needs.
 _STEP_DEG = 1e-4
+# Lengths are taken geodesic by geodesic of this length: between its ends a straight line of the
+# plane is longer by (κs)²/24, 1e-7 of it where the plane bends geodesics by as much as the earth.
+_LONGEST_LEG_M = 10_000.0
 # A CRS that turns some angle by more than this is refused: directions are promised to 0.1 degrees.
 _LARGEST_ANGULAR_DISTORTION_DEG = 0.1
 # Points per side of the region at which scale and distortion are looked at.
@@ -212,8 +215,12 @@ class Projection:
         return scale
 
     def geodesic_length_m(self, xy: npt.ArrayLike) -> float:
-        """Length of a planar path (n, 2) in true metres, geodesic from vertex to vertex."""
-        lonlat = self.to_lonlat(xy)
+        """Length of a planar path (n, 2) in true metres.
+
+        Legs are straight in the plane; where they are long, that is not the shortest way on earth.
+        """
+        path = np.asarray(xy, dtype=np.float64)
+        lonlat = self.to_lonlat(in_pieces(path, _LONGEST_LEG_M / self.scale))
         return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
 
     def angular_distortion(self, lonlat: npt.ArrayLike) -> FloatArray:
@@ -254,6 +261,15 @@ class Projection:
         east = columns[0] / metres_east[..., None]
         north = columns[1] / metres_north[..., None]
         return np.stack([east, north], axis=-1)
+
+
+def in_pieces(path: FloatArray, longest: float) -> FloatArray:
+    """Return a path (n, 2) with points added, so that no leg is longer than so many metres."""
+    legs = np.diff(path, axis=0)
+    pieces = np.maximum(1, np.ceil(np.linalg.norm(legs, axis=1) / longest)).astype(np.int64)
+    leg = np.repeat(np.arange(len(legs)), pieces)
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+    return np.vstack([path[leg] + share[:, None] * legs[leg], path[-1:]])
 
 
 def _proj4(name: str, longitude: float, latitude: float) -> str:

@@ -7,6 +7,7 @@ those that are sound, so that one bad key hides no other fault.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -15,17 +16,29 @@ from pipeline import catalogue
 from pipeline.catalogue import EXAMPLE
 from pipeline.errors import RequestError
 from pipeline.faults import model_faults
-from pipeline.scenario import Plane, Point, Region, Scenario, Season
+from pipeline.scenario import ChartSpec, Plane, Point, Region, Scenario, Season, looks_like_path
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 _POINT: TypeAdapter[Point] = TypeAdapter(Point)
+_AS_PATH = "; a folder or file is written as a path, './charts', './field.nc'"
 
 
-def load_scenario(asked: str) -> Scenario:
+def load_scenario(
+    asked: str, *, charts: Path | None = None, currents: Sequence[Path] = ()
+) -> Scenario:
     """Read a scenario by its name in the catalogue or its path.
+
+    Parameters
+    ----------
+    asked
+        The name, or the path. Paths in the file are from its own folder.
+    charts
+        A vector file or a folder of S-57 cells to take in place of the scenario's chart.
+    currents
+        Files that belong together, to take in place of every season's currents.
 
     Raises
     ------
@@ -38,24 +51,29 @@ def load_scenario(asked: str) -> Scenario:
         raise RequestError(
             [f"{path} is TOML but no scenario: it has no start, goal or seasons; {EXAMPLE}"]
         )
-    return parse_scenario(data)
+    if charts is not None:
+        data = _with_chart(data, charts)
+    if currents:
+        data = _with_currents(data, currents)
+    return parse_scenario(data, path.parent)
 
 
-def parse_scenario(data: dict[str, Any]) -> Scenario:
-    """Check a scenario's table and resolve its catalogue names."""
+def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
+    """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
+    folder = folder or Path.cwd()
     faults = list(_unknown_names(data))
     resolved = _with_vessel(data)
     try:
-        scenario = Scenario.model_validate(resolved)
+        scenario = _with_paths(Scenario.model_validate(resolved), folder)
     except ValidationError as error:
         faults += model_faults(error, Scenario, resolved)
     else:
         if not faults:
-            faults += _between(_Sound.of(data))
+            faults += [*_missing_paths(scenario), *_between(_Sound.of(data, folder))]
             if not faults:
                 return scenario
             raise RequestError(faults)
-    raise RequestError(faults + list(_between(_Sound.of(data))))
+    raise RequestError(faults + list(_between(_Sound.of(data, folder))))
 
 
 @dataclass(frozen=True)
@@ -68,8 +86,8 @@ class _Sound:
     seasons: tuple[Season, ...]
 
     @classmethod
-    def of(cls, data: dict[str, Any]) -> _Sound:
-        """Pick them out of a scenario's table."""
+    def of(cls, data: dict[str, Any], folder: Path) -> _Sound:
+        """Pick them out of a scenario's table; paths are from `folder`."""
         seasons = data.get("seasons")
         found = [_sound(Season, item) for item in seasons] if isinstance(seasons, list) else []
         ends = {}
@@ -82,7 +100,7 @@ class _Sound:
             region=_sound(Region, data.get("region")),
             plane=_sound(Plane, data.get("plane")),
             ends=ends,
-            seasons=tuple(season for season in found if season is not None),
+            seasons=tuple(_with_files(season, folder) for season in found if season is not None),
         )
 
 
@@ -105,27 +123,104 @@ def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "vessel": {"length_m": 1.0, "speed_m_s": 1.0, "turn_rate_deg_s": 1.0}}
 
 
+def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
+    """Replace a scenario's chart by the user's."""
+    chart = data.get("chart", {})
+    source = {"path": str(charts.expanduser().resolve())}
+    return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
+
+
+def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any]:
+    """Replace the currents of a scenario's seasons by the user's files."""
+    if "plane" in data:
+        raise RequestError(
+            ["--currents needs a scenario with a [region]; a [plane] gives its current as figures"]
+        )
+    seasons = data.get("seasons")
+    paths = [_absolute(str(file), Path.cwd()) for file in files]
+    return {
+        **data,
+        "seasons": [
+            {**season, "currents": [paths]} if isinstance(season, dict) else season
+            for season in (seasons if isinstance(seasons, list) else [])
+        ],
+    }
+
+
+def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Make the paths of charts and of currents absolute."""
+    chart = scenario.chart
+    source = tuple(
+        one.model_copy(update={"path": _absolute(one.path, folder)}) if one.path else one
+        for one in chart.source
+    )
+    return scenario.model_copy(
+        update={
+            "chart": chart.model_copy(update={"source": source}),
+            "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
+        }
+    )
+
+
+def _with_files(season: Season, folder: Path) -> Season:
+    """Make the paths of a season's files of currents absolute."""
+    currents = tuple(
+        named if isinstance(named, str) else tuple(_absolute(path, folder) for path in named)
+        for named in season.currents
+    )
+    return season.model_copy(update={"currents": currents})
+
+
+def _absolute(path: str, folder: Path) -> str:
+    """Resolve a path, or a pattern of paths, that may begin at a folder or at home."""
+    return str((folder / Path(path).expanduser()).resolve())
+
+
+def _missing_paths(scenario: Scenario) -> Iterator[str]:
+    """Say which charts are not there."""
+    for one in scenario.chart.source:
+        if one.path and not Path(one.path).exists():
+            yield (
+                f"chart.source = {one.path!r} does not exist; give a vector file, or a folder of "
+                "S-57 cells"
+            )
+
+
 def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
     """Find names of vessels and sources that the catalogue does not have."""
     vessel = data.get("vessel")
     if isinstance(vessel, str) and vessel not in catalogue.names("vessels"):
         yield catalogue.unknown("vessel", "vessel", vessel, catalogue.names("vessels"))
     sources = catalogue.names("sources")
-    chart = data.get("chart")
-    if isinstance(chart, dict) and isinstance(land := chart.get("source"), str):
-        if land not in sources:
-            yield catalogue.unknown("source", "chart.source", land, sources)
-        elif catalogue.source(land).adapter != "osm-land":
-            yield f"chart.source = {land!r} gives currents, not land; use 'osm-land'"
+    for key, name in _chart_names(data.get("chart")):
+        if name not in sources:
+            yield catalogue.unknown("source", key, name, sources) + _AS_PATH
+        elif not isinstance(catalogue.source(name), catalogue.ChartEntry):
+            yield f"{key} = {name!r} gives currents, not land; use 'osm-land'"
     seasons = data.get("seasons")
     for i, season in enumerate(seasons if isinstance(seasons, list) else ()):
         named = season.get("currents") if isinstance(season, dict) else None
         for j, name in enumerate(named if isinstance(named, list) else ()):
             key = f"seasons[{i}].currents[{j}]"
+            if not isinstance(name, str) or looks_like_path(name):
+                continue
             if name not in sources:
-                yield catalogue.unknown("source", key, name, sources)
-            elif catalogue.source(name).adapter == "osm-land":
+                yield catalogue.unknown("source", key, name, sources) + _AS_PATH
+            elif isinstance(catalogue.source(name), catalogue.ChartEntry):
                 yield f"{key} = {name!r} gives land, not currents; name a source of currents"
+
+
+def _chart_names(chart: object) -> Iterator[tuple[str, str]]:
+    """Names of catalogue entries in a chart's table, with their keys."""
+    if not isinstance(chart, dict) or "source" not in chart:
+        return
+    try:
+        given = ChartSpec.model_validate({"source": chart["source"]})
+    except ValidationError:
+        return
+    for i, one in enumerate(given.source):
+        if one.name:
+            yield (f"chart.source[{i}]" if len(given.source) > 1 else "chart.source"), one.name
 
 
 def _between(sound: _Sound) -> Iterator[str]:
@@ -169,12 +264,23 @@ def _ends_outside_region(region: Region, ends: dict[str, Point]) -> Iterator[str
 
 
 def _uncovered(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
-    """Say which season has no source whose figures reach over the region."""
+    """Say which seasons have no source whose figures reach over the region."""
     from pipeline.sources import current_source
 
+    lacking: dict[str, list[str]] = {}
     for season in seasons:
-        known = [name for name in season.currents if name in catalogue.names("sources")]
-        known = [name for name in known if catalogue.source(name).adapter != "osm-land"]
-        reasons = [current_source(name).uncovered(region.shape, season) for name in known]
+        reasons = [
+            current_source(named).uncovered(region.shape, season)
+            for named in season.currents
+            if not isinstance(named, str) or _gives_currents(named)
+        ]
         if reasons and all(reasons):
-            yield f"season {season.name!r}: {'; '.join(reasons)}"
+            lacking.setdefault("; ".join(reasons), []).append(repr(season.name))
+    for reason, names in lacking.items():
+        yield f"season{'s' * (len(names) > 1)} {', '.join(names)}: {reason}"
+
+
+def _gives_currents(name: str) -> bool:
+    """Whether a name is that of a source of currents; of another it is told already."""
+    known = name in catalogue.names("sources")
+    return known and not isinstance(catalogue.source(name), catalogue.ChartEntry)

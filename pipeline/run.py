@@ -14,7 +14,6 @@ from pipeline import artefact, plane
 from pipeline.artefact import Store
 from pipeline.errors import RequestError, StageError
 from pipeline.fetch import Parts, fetch
-from pipeline.formats.manifest import file_hash
 from pipeline.model import Scene, SeasonPlan
 from pipeline.projection import Projection
 from pipeline.season import SeasonTask, Status, run_tasks
@@ -204,7 +203,9 @@ class _Run:
                     self.directory,
                     self.timings,
                 )
-                self.store.save("write", stamp, {file.name: file_hash(file) for file in files})
+                self.store.save(
+                    "write", stamp, {file.name: artefact.file_hash(file) for file in files}
+                )
         seconds = time.perf_counter() - begun
         return Outcome(
             self.scenario, self.directory, plans, evaluation, fetched.notes, fresh, seconds
@@ -238,6 +239,7 @@ class _Run:
                 land.polygons,
                 region.shape,
                 margin_m=chart.margin_m,
+                accuracy_m=land.accuracy_m,
                 join_gap_m=chart.join_gap_m,
                 tolerance_m=chart.tolerance_m,
                 vertex_budget=chart.vertex_budget,
@@ -331,6 +333,7 @@ class _Run:
         if not hashes:
             return False
         return all(
-            (self.directory / name).is_file() and file_hash(self.directory / name) == digest
+            (self.directory / name).is_file()
+            and artefact.file_hash(self.directory / name) == digest
             for name, digest in hashes.items()
         )

@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     Strict,
     model_validator,
 )
+
+from pipeline.period import Period, period
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -141,12 +144,58 @@ class Plane(Strictly):
         return shapely.box(*self.extent)
 
 
-class ChartSpec(Strictly):
-    """Which land, and how it becomes the planner's no-go zone (true metres)."""
+class ChartSource(Strictly):
+    """One source of a chart: an entry of the catalogue, a file or folder of the user's, or both.
 
-    source: str = Field(default="osm-land", description="`renew list` names the sources")
-    margin_m: NotNegative = Field(
-        default=60.0, description="give the metres added to every coast, such as its accuracy"
+    An entry says whose data a path holds and how accurate they are; what is given here goes before.
+    """
+
+    name: str = Field(default="", description="`renew list` names the sources")
+    path: str = Field(default="", description="give a vector file, or a folder of S-57 cells")
+    layer: str = Field(default="", description="give the name of a layer of the file")
+    crs: str = Field(default="", description="give what pyproj knows, such as 'EPSG:4326'")
+    radius_m: Positive | None = Field(
+        default=None, description="give the metres around each point and line that are no-go"
+    )
+    accuracy_m: NotNegative | None = Field(
+        default=None, description="give how far in metres the file's coast may be off"
+    )
+    credit: str = ""
+    licence: str = ""
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if not (self.name or self.path):
+            raise ValueError("has neither 'name' nor 'path'; give one of the two, or both")
+        return self
+
+
+def _as_sources(given: object) -> object:
+    """Take one source for a list of one, and a text for a name, or for the path it looks like."""
+    return [
+        {"path" if looks_like_path(one) else "name": one} if isinstance(one, str) else one
+        for one in (given if isinstance(given, (list, tuple)) else (given,))
+    ]
+
+
+class ChartSpec(Strictly):
+    """Which land, and how it becomes the planner's no-go zone (true metres).
+
+    Several sources are laid on top of each other: what one of them forbids is no-go.
+    """
+
+    source: Annotated[
+        tuple[ChartSource, ...], Field(min_length=1), BeforeValidator(_as_sources)
+    ] = Field(
+        default=(ChartSource(name="osm-land"),),
+        description="give a source's name (`renew list`), a path, or a list of them",
+    )
+    under_keel_clearance_m: NotNegative = Field(
+        default=1.0, description="give the metres of water to be left below the keel"
+    )
+    margin_m: NotNegative | None = Field(
+        default=None,
+        description="give the metres added to every coast, or leave it out: the chart's accuracy",
     )
     join_gap_m: NotNegative = Field(
         default=0.0, description="give the widest gap in metres that is closed, or 0"
@@ -166,6 +215,9 @@ class VesselSpec(Strictly):
     title: str = ""
     origin: str = ""
     length_m: Positive = Field(description="give the length overall in metres")
+    draught_m: Positive | None = Field(
+        default=None, description="give the metres it reaches below the water line"
+    )
     speed_m_s: Positive = Field(description="give the speed through water in m/s")
     turn_rate_deg_s: Positive = Field(description="give the hard-over turn rate in degrees/s")
     fuel_coefficient: Positive = Field(
@@ -205,15 +257,46 @@ class Uniform(Strictly):
     v: Number = 0.0
 
 
+def _a_period(valid: str) -> str:
+    """Refuse what is no time; nothing is one where the current is given as figures."""
+    try:
+        if valid:
+            period(valid)
+    except ValueError as error:
+        raise ValueError(f"= {error}") from None
+    return valid
+
+
+def looks_like_path(text: str) -> bool:
+    """Whether a source is named by its path: names in the catalogue have none of these signs."""
+    return bool(set(text) & set("/\\.~"))
+
+
+def _as_files(given: object) -> object:
+    """Take a text that looks like a path for a file of currents by itself."""
+    return (given,) if isinstance(given, str) and looks_like_path(given) else given
+
+
+Valid = Annotated[str, AfterValidator(_a_period)]
+# A source of the catalogue by its name; or files that belong together, by paths and patterns.
+Files = Annotated[tuple[str, ...], Field(min_length=1)]
+Currents = Annotated[str | Files, BeforeValidator(_as_files)]
+
+
 class Season(Strictly):
     """One set of currents to plan in: from sources in order of preference, or as figures."""
 
     name: Name
     title: str = ""
-    valid: str = Field(
-        default="", pattern=r"^(\d{4}-(0[1-9]|1[0-2]))?$", description="give a month as 'YYYY-MM'"
+    valid: Valid = Field(default="", description="give a month as 'YYYY-MM', or a day")
+    time: Literal["mean", "nearest", "linear"] | None = Field(
+        default=None,
+        description="give 'mean', 'nearest' or 'linear', or leave it out: the mean of a month or a "
+        "day, the field nearest to an instant",
     )
-    currents: tuple[str, ...] = Field(default=(), description="`renew list` names the sources")
+    currents: tuple[Currents, ...] = Field(
+        default=(), description="give sources' names (`renew list`), and paths of files"
+    )
     gyre: Gyre | None = None
     uniform: Uniform | None = None
 
@@ -228,6 +311,16 @@ class Season(Strictly):
         if self.currents and not self.valid:
             raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
         return self
+
+    @property
+    def period(self) -> Period:
+        """The time that its figures are to stand for."""
+        return period(self.valid)
+
+    @property
+    def how(self) -> Literal["mean", "nearest", "linear"]:
+        """How a source's time steps become the one field of the period."""
+        return self.time or ("nearest" if self.period.is_instant else "mean")
 
 
 class PlannerOptions(Strictly):

@@ -57,12 +57,7 @@ class Sides:
 
     def _mark_in(self, scene: Scene) -> FloatArray | None:
         """A point on the largest island between start and goal."""
-        inner = [
-            island
-            for island in _islands(scene)
-            if not island.intersects(scene.chart.extent.boundary)
-        ]
-        for island in sorted(inner, key=lambda polygon: polygon.area, reverse=True):
+        for island in _islands(scene):
             between = shapely.intersection(island, self._strip(scene))
             if not between.is_empty and between.area > 0:
                 mark: FloatArray = shapely.get_coordinates(between.representative_point())[0]
@@ -78,7 +73,10 @@ class Sides:
 
 
 def _islands(scene: Scene) -> list[Polygon]:
-    """Original land that reaches into the chart, holes left out."""
+    """Original land that lies whole inside the chart, holes left out, the largest first."""
     extent = scene.chart.extent
     shapely.prepare(extent)
-    return [shapely.Polygon(land.exterior) for land in scene.land if extent.intersects(land)]
+    land = np.array(scene.land, dtype=object)
+    inner = land[shapely.contains_properly(extent, land)]
+    islands = shapely.polygons(shapely.get_exterior_ring(inner))
+    return list(islands[np.argsort(-shapely.area(islands), kind="stable")])

@@ -83,10 +83,11 @@ def simplify_land(
     polygons: Sequence[Polygon],
     region: Polygon,
     *,
-    margin_m: float,
+    margin_m: float | None,
     join_gap_m: float,
     tolerance_m: float,
     vertex_budget: int,
+    accuracy_m: float = 0.0,
     keep_water: Sequence[tuple[float, float]] = (),
     projection: Projection | None = None,
 ) -> SimplifiedLand:
@@ -99,12 +100,15 @@ def simplify_land(
     region
         Lon/lat degrees. Land that meets its edge runs a little over it in the result.
     margin_m
-        True metres added to every coast.
+        True metres added to every coast: no less than the land's accuracy, and just that by default
+        (None).
     join_gap_m
         Gaps narrower than this (true metres) become land.
     tolerance_m
         How far the coast may stand off the joined land (true metres); grows while there are more
         vertices than `vertex_budget`.
+    accuracy_m
+        How far the coast may be off (true metres).
     keep_water
         Start, goal: points (lon, lat) that must stay in water, and joined if they are. The widest
         way between them is left open where it is narrower than the gap.
@@ -124,6 +128,13 @@ def simplify_land(
     StageError
         The result failed a check.
     """
+    notes = []
+    if margin_m is not None and margin_m < accuracy_m:
+        notes.append(
+            f"chart.margin_m is {margin_m:g} m, below the {accuracy_m:g} m by which the coast may "
+            f"be off: {accuracy_m:g} m were added"
+        )
+    margin_m = max(margin_m or 0.0, accuracy_m)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
     extent = plane.geometry_to_plane(region, _EDGE_M)
     diagonal = math.hypot(extent.bounds[2] - extent.bounds[0], extent.bounds[3] - extent.bounds[1])
@@ -131,11 +142,10 @@ def simplify_land(
     original = _planar_land(polygons, plane, extent.buffer(overrun + 2 * margin_m + join_gap_m))
     keep = plane.to_plane(np.array(keep_water, dtype=np.float64).reshape(-1, 2))
     stretch = max(1.0, float(plane.point_scale(shapely.get_coordinates(region)).max()))
-    whole = shapely.intersection(shapely.union_all(original), extent)
+    whole = shapely.intersection(shapely.disjoint_subset_union_all(original), extent)
     margin = margin_m * stretch + _ROUNDING * diagonal
     thinning = _THINNING * (min(join_gap_m, tolerance_m) if join_gap_m > 0 else tolerance_m)
     land = grown(original, margin, thinning, keep)
-    notes = []
     if not _meet(land, extent, keep) and _meet(whole, extent, keep):
         # The thinning is for speed only: it may not close a harbour. The margin may.
         land = grown(original, margin, 0.0, keep)
@@ -171,11 +181,12 @@ def grown(
     # Half of the thinning before the buffer, whose time it saves, and half after it.
     radius = (margin_m + thinning_m) * _RADIUS
     thin = shapely.simplify(polygons, thinning_m / 2)
-    land = shapely.union_all(
+    land = shapely.disjoint_subset_union_all(
         shapely.buffer(thin, radius, join_style="mitre", mitre_limit=_MITRE_LIMIT)
     )
     if thinning_m > 0:
-        land = shapely.union_all(shapely.get_parts(shapely.simplify(land, thinning_m / 2)))
+        thin = shapely.get_parts(shapely.simplify(land, thinning_m / 2))
+        land = shapely.disjoint_subset_union_all(thin)
     tree = shapely.STRtree(polygons)
     for point in shapely.points(keep):
         if not shapely.intersects(land, point):
@@ -303,8 +314,8 @@ def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon
     degrees = _mended(np.array(polygons, dtype=object))
     planar = shapely.get_parts(_mended(plane.geometry_to_plane(degrees, _EDGE_M)))
     shapely.prepare(window)
-    planar = planar[shapely.intersects(planar, window)]
-    crossing = ~shapely.covered_by(planar, window)
+    planar = planar[shapely.intersects(window, planar)]
+    crossing = ~shapely.covers(window, planar)
     planar[crossing] = shapely.intersection(planar[crossing], window)
     parts = shapely.get_parts(planar)
     kind = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON

@@ -161,8 +161,18 @@ def _draw_sea(axes: Axes, result: RunResult, season: str, sea: PathPatch) -> Non
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         )
     )
+    shoals = result.scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
+    layers.append(
+        _patch(
+            shapely.simplify(shoals, detail),
+            facecolor=COLOURS["shoal"],
+            edgecolor="none",
+            zorder=4,
+        )
+    )
     for layer in layers:
-        axes.add_patch(layer)
+        # add_patch would look at each vertex for limits that are set already: a minute for a coast.
+        axes.add_artist(layer)
         layer.set_clip_path(sea)
 
 
@@ -289,6 +299,7 @@ def _draw_legend(panel: SubFigure, result: RunResult) -> None:
         Line2D([], [], color=COLOURS["best"], linewidth=2.2, label="best route"),
         Line2D([], [], color=COLOURS["other"], linewidth=0.8, label="other classes"),
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
+        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
         Patch(facecolor=COLOURS["soft"], alpha=_SOFT_ALPHA, label="soft no-go"),
     ]
     labels = speed_scale(result).labels

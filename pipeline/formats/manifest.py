@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from pipeline import artefact
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -39,7 +41,6 @@ _PACKAGES = (
     "triangle",
     "xarray",
 )
-_CHUNK = 1 << 20
 
 
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
@@ -69,7 +70,8 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         ],
         "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
         "outputs": {
-            path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in outputs
+            path.name: {"bytes": path.stat().st_size, "sha256": artefact.file_hash(path)}
+            for path in outputs
         },
     }
 
@@ -79,7 +81,7 @@ def provenance(result: RunResult) -> dict[str, object]:
     return {
         "scenario": result.scenario.name,
         "created_utc": result.created.isoformat(timespec="seconds"),
-        "land_source": asdict(result.fetched.land.credit),
+        "land_sources": [asdict(credit) for credit in result.fetched.land.credits],
         "current_sources": [
             {"season": grid.season, "valid": grid.valid, **asdict(grid.credit)}
             for grid in result.fetched.currents
@@ -102,15 +104,6 @@ def versions() -> dict[str, str]:
     found["GEOS"] = shapely.geos_version_string
     found["PROJ"] = pyproj.proj_version_str
     return found
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file, as hex."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-    return digest.hexdigest()
 
 
 def _inputs(result: RunResult) -> dict[str, object]:
@@ -140,6 +133,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
                 "sha256": _arrays_hash(grid.lon, grid.lat, grid.u, grid.v),
                 "shape": list(grid.u.shape),
                 "valid": grid.valid,
+                "files": dict(grid.files),
             }
             for grid in result.fetched.currents
         },

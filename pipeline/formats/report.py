@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pipeline.formats.result import RankedRoute, RunResult
     from pipeline.model import Credit, RouteMetrics, SeasonPlan, Simplified
     from pipeline.scenario import PlannerOptions, PublishedRow, VesselSpec
+    from renew import Rejected
 
 _FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
 
@@ -40,10 +41,11 @@ class Row:
 
 @dataclass(frozen=True)
 class RejectedGroup:
-    """Classes that fell away for one reason."""
+    """Classes that fell away for one reason, and the least fuel that one needs with no padding."""
 
     reason: str
     homotopies: tuple[str, ...]
+    unpadded_fuel: float
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ class Report:
     comparison: tuple[Comparison, ...]
     comparison_origin: str
     polygons: int
+    has_shoals: bool
     accuracy_m: float
     simplified: Simplified
     credits: tuple[Credit, ...]
@@ -161,6 +164,7 @@ def gather(result: RunResult) -> Report:
         comparison=_comparison(result),
         comparison_origin=scenario.published.origin if scenario.published else "",
         polygons=len(result.fetched.land.polygons),
+        has_shoals=bool(result.shoals),
         accuracy_m=result.fetched.land.accuracy_m,
         simplified=result.simplified,
         credits=result.credits,
@@ -256,10 +260,13 @@ def _rows(metrics: list[RouteMetrics]) -> tuple[Row, ...]:
 
 def _rejected(entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
     """Group the classes that fell away by reason, in the order of first appearance."""
-    groups: dict[str, list[str]] = {}
+    groups: dict[str, list[Rejected]] = {}
     for rejected in entry.plan.rejected if entry.plan else ():
-        groups.setdefault(rejected.reason, []).append(rejected.homotopy)
-    return tuple(RejectedGroup(reason, tuple(names)) for reason, names in groups.items())
+        groups.setdefault(rejected.reason, []).append(rejected)
+    return tuple(
+        RejectedGroup(reason, tuple(r.homotopy for r in group), min(r.unpadded_fuel for r in group))
+        for reason, group in groups.items()
+    )
 
 
 def _remarks(best: RankedRoute) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     import numpy.typing as npt
+    from shapely.geometry.base import BaseGeometry
 
     import renew
     from pipeline.model import (
@@ -83,7 +84,12 @@ class RunResult:
     @property
     def credits(self) -> tuple[Credit, ...]:
         """Every source that was used: land first."""
-        return (self.fetched.land.credit, *self.current_credits)
+        return (*self.fetched.land.credits, *self.current_credits)
+
+    @property
+    def shoals(self) -> tuple[BaseGeometry, ...]:
+        """Water that the chart says is too shallow, lon/lat degrees: no-go like land."""
+        return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
     def is_stand_in(self, season: str) -> bool:
         """Whether another source was preferred for the season's current.

@@ -1,80 +1,89 @@
 """Currents of the Copernicus Marine Service through its official client, unattended.
 
-The client hangs, returns None, leaves partial files behind and reads naive times as local ones
-(each seen). So a download is a child process with a deadline, the whole call is tried again, the
-request is strict and in UTC, and a file is taken only after `acceptance` has looked at it.
+The client hangs, returns None, leaves partial files behind, fills what it does not get with gaps
+and reads naive times as local ones (each seen). So a download is a child process with a deadline,
+the whole call is tried again, the request is strict and in UTC, and a file is taken only after
+`acceptance` has looked at it.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
-import calendar
+import contextlib
 import hashlib
 import json
-import os
-import shutil
-import sys
-import time
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources import acceptance
-from pipeline.sources.child import run_with_deadline
-from pipeline.sources.copernicus_child import NO_ANSWER
+from pipeline.sources.copernicus_account import PASSWORD, USERNAME, has_account
+from pipeline.sources.copernicus_download import download
+from pipeline.sources.copernicus_kept import Kept
+from pipeline.sources.copernicus_steps import Steps, selection
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
     from shapely.geometry import Polygon
 
     from pipeline.catalogue import CopernicusSpec
     from pipeline.model import Land
     from pipeline.scenario import Season
+    from pipeline.sources.copernicus_steps import Selection
+    from pipeline.sources.field import Field
 
-USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
-PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
-# The client's own file, under COPERNICUSMARINE_CREDENTIALS_DIRECTORY or the home directory.
-_FOLDER, _FILE = ".copernicusmarine", ".copernicusmarine-credentials"
-# Pause before the second and third attempt; the client itself retries for minutes inside one.
-_PAUSES_S = (20.0, 60.0)
-# Asking again can't help where the account or the request is wrong.
-_FINAL = (
-    "InvalidUsernameOrPassword",
-    "CredentialsCannotBeNone",
-    "CoordinatesOutOfDatasetBounds",
-    "DatasetNotFound",
-    "DatasetVersionNotFound",
-    "VariableDoesNotExistInTheDataset",
-)
 # Grid cells fetched beyond the region, so that its edge is interpolated and not held constant.
 _BEYOND_CELLS = 2.5
-# The grid's own limits: 80 S to 90 N.
-_SOUTH, _NORTH = -80.0, 90.0
-_LONGEST_REASON = 300
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """What is asked of the service for a season: the client's arguments, and the time steps."""
+
+    request: dict[str, Any]
+    version: str
+    chosen: Selection
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """How the sidecar has it."""
+        times = list(self.chosen.labels)
+        return {**self.request, "version": self.version, "times": times}
+
+    @property
+    def fingerprint(self) -> str:
+        """A short name for it."""
+        return hashlib.sha256(json.dumps(self.facts).encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
 class Copernicus:
-    """A dataset of monthly means."""
+    """One dataset of the service."""
 
     spec: CopernicusSpec
 
-    @property
-    def uses_network(self) -> bool:
-        """Always."""
-        return True
+    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+        """Unless the season's file is kept."""
+        order = self._order(region, season)
+        return self._still_good(order, self._kept(order, season, folder)) is None
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Dataset, version and month."""
-        return (self.spec.name, self.spec.model_dump_json(), season.valid)
+        """Dataset, version and time; and the day, as long as the figures may still change."""
+        now = datetime.now(UTC)
+        try:
+            is_settled = self._is_settled(self._selection(season), now)
+        except ValueError:
+            is_settled = True  # there are no figures, as `uncovered` says
+        today = "" if is_settled else now.date().isoformat()
+        return (self.spec.name, self.spec.model_dump_json(), season.valid, season.how, today)
 
     def unavailable(self) -> str:
         """Without an account's name and password it can't be asked."""
-        if (os.environ.get(USERNAME) and os.environ.get(PASSWORD)) or credentials_file().is_file():
+        if has_account():
             return ""
         return (
             f"{self.spec.name} needs a free Copernicus Marine account: set {USERNAME} and "
@@ -82,79 +91,75 @@ class Copernicus:
         )
 
     def uncovered(self, region: Polygon, season: Season) -> str:
-        """The whole ocean from 80 S; any month, as the service itself knows which it has."""
-        del season
-        south = region.bounds[1]
-        if south >= _SOUTH:
-            return ""
-        return f"{self.spec.name} ends at {_SOUTH:g} degrees; the region reaches {south:g}"
+        """Say what of the region or of the time lies outside the dataset."""
+        spec = self.spec
+        remedy = "name another source in 'currents'"
+        (west, south, east, north), (lowest, highest) = region.bounds, spec.latitudes
+        if south < lowest or north > highest:
+            return (
+                f"{spec.name} reaches from {lowest:g} to {highest:g} degrees north, the region "
+                f"from {south:g} to {north:g}; shrink the region or {remedy}"
+            )
+        beyond = self._beyond
+        if not spec.across_180 and (west - beyond + 180) // 360 != (east + beyond + 180) // 360:
+            return (
+                f"{spec.name} can't be asked across 180 degrees, and the region reaches from "
+                f"{west:g} to {east:g}; move the region or {remedy}"
+            )
+        try:
+            chosen = self._selection(season)
+        except ValueError as error:
+            return f"{spec.name}, asked for {season.valid}, {error}; {remedy}"
+        if not self._may_cover(chosen):
+            return f"{spec.name} covers {spec.covers}, not {season.valid}; {remedy}"
+        return ""
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Download the month, look at it, keep it with its sidecar."""
-        kept = folder / f"{self.spec.dataset}_{season.valid}_{self._fingerprint(region, season)}.nc"
-        workshop = folder / f"{kept.stem}.partial"
-        # Whatever an earlier run left when it was killed, the client's own leftovers included.
-        shutil.rmtree(workshop, ignore_errors=True)
-        workshop.mkdir(parents=True)
-        try:
-            request = self.request(region, season, workshop, kept.name)
-            self._download(request)
-            fresh = workshop / kept.name
-            expected = acceptance.Expected(
-                month=season.valid,
-                region=region.bounds,
-                cell_deg=self.spec.cell_deg,
-                eastward=self.spec.eastward,
-                northward=self.spec.northward,
-                speed_limit_m_s=self.spec.speed_limit_m_s,
-            )
-            field = acceptance.accept(fresh, expected, land)
-            retrieved = datetime.now(UTC).isoformat(timespec="seconds")
-            sidecar = workshop / f"{kept.stem}.json"
-            facts = self._sidecar(request, fresh, retrieved)
-            sidecar.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-            fresh.replace(kept)
-            sidecar.replace(folder / sidecar.name)
-        finally:
-            shutil.rmtree(workshop, ignore_errors=True)
+        """Take the file that was kept, or download it, look at it and keep it with its sidecar."""
+        order = self._order(region, season)
+        kept = self._kept(order, season, folder)
+
+        def look(file: Path, facts: dict[str, Any]) -> Field:
+            return acceptance.accept(file, self._expected(region, order, facts), land)
+
+        field, facts = None, self._still_good(order, kept)
+        if facts is not None:
+            # A file that no longer passes, as the checks have grown, is fetched again.
+            with contextlib.suppress(StageError):
+                field = look(kept.file, facts)
+        if field is None or facts is None:
+            field, facts = self._fetched(order, kept, look)
         return CurrentGrid(
             season=season.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,
             v=field.v,
-            valid=season.valid,
+            valid=self._valid(season, order.chosen),
             credit=Credit(
-                name=f"{self.spec.product}, {self.spec.dataset}",
+                name=f"{self.spec.product}, {self.spec.dataset} {facts['version']}",
                 kind="current",
                 text=self.spec.credit,
                 licence=self.spec.licence,
                 url=self.spec.url,
-                retrieved=retrieved,
+                retrieved=facts["retrieved_utc"],
             ),
+            notes=field.doubts,
+            files=((kept.file.name, facts["sha256"]),),
         )
 
-    def request(
-        self, region: Polygon, season: Season, folder: Path, name: str
-    ) -> dict[str, object]:
-        """Arguments of `copernicusmarine.subset`; times are UTC strings."""
+    def request(self, region: Polygon) -> dict[str, Any]:
+        """Arguments of `copernicusmarine.subset`, without version, times and the file's place."""
         west, south, east, north = region.bounds
-        beyond = _BEYOND_CELLS * self.spec.cell_deg
-        year, month = (int(part) for part in season.valid.split("-"))
-        last = calendar.monthrange(year, month)[1]
-        request: dict[str, object] = {
+        lowest, highest = self.spec.latitudes
+        request: dict[str, Any] = {
             "dataset_id": self.spec.dataset,
-            "dataset_version": self.spec.version,
             "variables": [self.spec.eastward, self.spec.northward],
-            "minimum_longitude": west - beyond,
-            "maximum_longitude": east + beyond,
-            "minimum_latitude": max(south - beyond, _SOUTH),
-            "maximum_latitude": min(north + beyond, _NORTH),
-            "start_datetime": f"{season.valid}-01T00:00:00Z",
-            "end_datetime": f"{season.valid}-{last:02d}T23:59:59Z",
+            "minimum_longitude": west - self._beyond,
+            "maximum_longitude": east + self._beyond,
+            "minimum_latitude": max(south - self._beyond, lowest),
+            "maximum_latitude": min(north + self._beyond, highest),
             "coordinates_selection_method": "strict-inside",
-            "output_directory": str(folder),
-            "output_filename": name,
             "disable_progress_bar": True,
             "raise_if_updating": True,
         }
@@ -163,82 +168,102 @@ class Copernicus:
             request |= {"minimum_depth": self.spec.depth_m, "maximum_depth": self.spec.depth_m}
         return request
 
-    def _download(self, request: dict[str, object]) -> None:
-        """Try the whole call up to so many times, each with its own deadline."""
-        reason = ""
-        for attempt in range(self.spec.attempts):
-            if attempt:
-                time.sleep(_PAUSES_S[min(attempt, len(_PAUSES_S)) - 1])
-            reason, is_final = self._attempt(request)
-            if not reason:
-                return
-            if is_final:
-                break
-        raise StageError(f"{self.spec.name}: {reason}")
+    @property
+    def _beyond(self) -> float:
+        """Degrees asked for beyond the region."""
+        return _BEYOND_CELLS * self.spec.cell_deg
 
-    def _attempt(self, request: dict[str, object]) -> tuple[str, bool]:
-        """Say why one call failed, and whether another may help; an empty reason is success."""
-        command = [sys.executable, "-m", "pipeline.sources.copernicus_child"]
-        ended = run_with_deadline(command, json.dumps(request), self.spec.deadline_s)
-        if ended.code is None:
-            return f"no answer within {self.spec.deadline_s:g} s; the download was stopped", False
-        if ended.code == NO_ANSWER:
-            silent = "the client gave up without a reason, as it does where it finds no credentials"
-            return f"{silent}; set {USERNAME} and {PASSWORD}", True
-        if ended.code != 0:
-            said = without_secrets(_last_line(ended.errors)) or f"exit {ended.code}"
-            return f"the client failed: {said}", said.startswith(_FINAL)
-        return "", True
+    @property
+    def _steps(self) -> Steps:
+        """How the dataset steps through time."""
+        return Steps(self.spec.step, self.spec.kind)
 
-    def _fingerprint(self, region: Polygon, season: Season) -> str:
-        """Short name for what is asked for."""
-        bounds = [round(bound, 9) for bound in region.bounds]
-        text = json.dumps([*self.identity(season), *bounds])
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
+    def _selection(self, season: Season) -> Selection:
+        """The steps that make up the season's field; ValueError where there can be none."""
+        return selection(season.period, self._steps, season.how)
 
-    def _sidecar(self, request: dict[str, object], file: Path, retrieved: str) -> dict[str, object]:
-        """What the file is, where it came from and how to know it again; no credentials."""
-        asked = {key: value for key, value in request.items() if key != "output_directory"}
+    def _may_cover(self, chosen: Selection) -> bool:
+        """Whether the steps may lie in the dataset; in doubt the service is asked."""
+        if self.spec.kind == "climatology":
+            return True
+        today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
+        last = today + timedelta(days=self.spec.days_ahead + 1)
+        first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
+        return first <= chosen.begins[0] and chosen.end <= last
+
+    def _is_settled(self, chosen: Selection, moment: datetime) -> bool:
+        """Whether the figures of some steps no longer changed at a moment."""
+        settled = chosen.end + timedelta(days=self.spec.settles_after_days)
+        return self.spec.kind == "climatology" or moment >= settled
+
+    def _order(self, region: Polygon, season: Season) -> _Order:
+        """What is asked of the service."""
+        return _Order(self.request(region), self.spec.version, self._selection(season))
+
+    def _kept(self, order: _Order, season: Season, folder: Path) -> Kept:
+        """Where the season's file is kept."""
+        valid = season.valid.replace(":", "")
+        return Kept(folder / f"{self.spec.dataset}_{valid}_{order.fingerprint}.nc")
+
+    def _still_good(self, order: _Order, kept: Kept) -> dict[str, Any] | None:
+        """The sidecar of a kept file that is whole, of this order, and not stale; else None."""
+        facts = kept.facts(order.facts)
+        if facts is None:
+            return None
+        retrieved = datetime.fromisoformat(facts["retrieved_utc"])
+        is_of_today = retrieved.date() == datetime.now(UTC).date()
+        return facts if is_of_today or self._is_settled(order.chosen, retrieved) else None
+
+    def _fetched(
+        self, order: _Order, kept: Kept, look: Callable[[Path, dict[str, Any]], Field]
+    ) -> tuple[Field, dict[str, Any]]:
+        """Download the file, and keep it once it has passed; its field and its sidecar."""
+        with kept.workshop() as workshop:
+            fresh = workshop / kept.file.name
+
+            def judge(answer: dict[str, Any]) -> tuple[Field, dict[str, Any]]:
+                facts = self._facts(order, answer)
+                return look(fresh, facts), facts
+
+            form, labels = self._steps.form, order.chosen.labels
+            field, facts = download(self.spec, order.request, form, labels, fresh, judge)
+            return field, kept.keep(fresh, facts)
+
+    def _facts(self, order: _Order, answer: dict[str, Any]) -> dict[str, Any]:
+        """What a file is and where it came from; no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
             "dataset": self.spec.dataset,
-            "version": self.spec.version,
+            "version": answer["version"],
+            "part": answer["part"],
             "doi": self.spec.doi,
             "credit": self.spec.credit,
             "client": f"copernicusmarine {version('copernicusmarine')}",
-            "request": asked,
-            "retrieved_utc": retrieved,
-            "bytes": file.stat().st_size,
-            "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+            "request": order.facts,
+            "stamps_utc": answer["stamps"],
+            "missing_boxes": answer["missing"],
         }
 
+    def _expected(
+        self, region: Polygon, order: _Order, facts: dict[str, Any]
+    ) -> acceptance.Expected:
+        """What the file must hold."""
+        return acceptance.Expected(
+            labels=order.chosen.labels,
+            weights=order.chosen.weights,
+            form=self._steps.form,
+            region=region.bounds,
+            cell_deg=self.spec.cell_deg,
+            eastward=self.spec.eastward,
+            northward=self.spec.northward,
+            speed_limit_m_s=self.spec.speed_limit_m_s,
+            missing=tuple(tuple(box) for box in facts["missing_boxes"]),
+            gaps_vary=self.spec.gaps_vary,
+        )
 
-def credentials_file() -> Path:
-    """Where the client keeps the credentials of `copernicusmarine login`."""
-    folder = os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY")
-    return (Path(folder) if folder else Path.home()) / _FOLDER / _FILE
-
-
-def without_secrets(text: str) -> str:
-    """Blank every credential that is known here out of a text."""
-    for secret in sorted(_secrets(), key=len, reverse=True):
-        text = text.replace(secret, "***")
-    return text
-
-
-def _secrets() -> set[str]:
-    """User names and passwords of the environment and of the client's own file."""
-    found = {os.environ.get(USERNAME, ""), os.environ.get(PASSWORD, "")}
-    try:
-        stored = base64.standard_b64decode(credentials_file().read_bytes()).decode("utf-8")
-    except (OSError, binascii.Error, UnicodeDecodeError):
-        stored = ""
-    found |= {line.partition("=")[2].strip() for line in stored.splitlines()}
-    return found - {""}
-
-
-def _last_line(text: str) -> str:
-    """Last line that says something, cut where it is long."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1][:_LONGEST_REASON] if lines else ""
+    def _valid(self, season: Season, chosen: Selection) -> str:
+        """The time that the field stands for, which may be near the one asked for."""
+        if self.spec.kind == "climatology":
+            return f"month {chosen.labels[0]} of the mean year"
+        return season.valid if len(chosen.labels) > 1 else chosen.labels[0]

@@ -40,9 +40,9 @@ class EmbeddedTable:
 
     spec: EmbeddedTableSpec
 
-    @property
-    def uses_network(self) -> bool:
+    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Never."""
+        del region, season, folder
         return False
 
     @cached_property

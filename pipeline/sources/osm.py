@@ -7,7 +7,6 @@ takes 1.1 GB; here they are built a few thousand at a time and only those near t
 
 from __future__ import annotations
 
-import math
 import struct
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -15,9 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from shapely import affinity
 
 from pipeline.model import Credit, Land
+from pipeline.sources.polygons import (
+    BEYOND_M,
+    box_around,
+    clipped,
+    mended,
+    mended_note,
+    polygonal,
+    turns_into,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,11 +37,7 @@ if TYPE_CHECKING:
 NAME = "roaring-landmask"
 # 0.0005 degrees are 55.7 m along a meridian: how far the thinned coast may lie off the mapped one.
 ACCURACY_M = 60.0
-# Land this far outside the region's bounds is kept too: it may reach over the edge once it is
-# buffered or joined, and a map needs its surroundings.
-BEYOND_M = 20_000.0
 
-_METRES_PER_DEGREE = 111_195.0
 # Polygons built at one time: 20,000 are 250,000 vertices on average, some 30 MB.
 _CHUNK = 20_000
 
@@ -62,7 +65,9 @@ class LandPolygons:
 
 def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
-    return Land(land_polygons(region, beyond_m).polygons, credit(), ACCURACY_M)
+    found = land_polygons(region, beyond_m)
+    notes = mended_note("OpenStreetMap land", found.mended)
+    return Land(found.polygons, (credit(),), ACCURACY_M, notes=notes)
 
 
 def credit() -> Credit:
@@ -101,50 +106,26 @@ def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
     return tidy(near(Shapes.wkb(LandmaskProvider.Osm), box), box)
 
 
-def box_around(region: Polygon, beyond_m: float) -> Polygon:
-    """Return the region's bounds, wider by `beyond_m`; at most one turn wide, poles included."""
-    west, south, east, north = region.bounds
-    rise = beyond_m / _METRES_PER_DEGREE
-    south, north = max(south - rise, -90.0), min(north + rise, 90.0)
-    cosine = math.cos(math.radians(max(abs(south), abs(north))))
-    room = (360 - (east - west)) / 2
-    run = min(rise / cosine, room) if cosine > rise / 360 else room
-    return shapely.box(west - run, south, east + run, north)
-
-
 def near(wkb: bytes, box: Polygon) -> Polygons:
     """Return the polygons of a WKB MultiPolygon whose bounds meet a box (degrees), as they are.
 
     Each is moved by whole turns into the box's longitudes; one that meets it both ways round comes
     twice, moved.
     """
-    west, south, east, north = box.bounds
-    kept: list[Polygons] = [np.empty(0, dtype=object)]
-    for polygons in _chunks(wkb):
-        xmin, ymin, xmax, ymax = shapely.bounds(polygons).T
-        for turn in (-360.0, 0.0, 360.0):
-            met = (xmin + turn <= east) & (xmax + turn >= west) & (ymin <= north) & (ymax >= south)
-            chosen = polygons[met]
-            kept.append(chosen if turn == 0 else _shifted(chosen, turn))
-    return np.concatenate(kept)
+    return np.concatenate(
+        [np.empty(0, dtype=object), *(turns_into(polygons, box)[0] for polygons in _chunks(wkb))]
+    )
 
 
 def tidy(polygons: Polygons, box: Polygon) -> LandPolygons:
     """Mend, clip to the box, leave out duplicates and join along 180 degrees."""
-    unsound = ~shapely.is_valid(polygons)
-    if unsound.any():
-        polygons = polygons.copy()
-        polygons[unsound] = shapely.make_valid(
-            polygons[unsound], method="structure", keep_collapsed=False
-        )
-    over = ~shapely.covered_by(polygons, box)
-    clipped = [polygons[~over], shapely.intersection(polygons[over], box)]
-    parts = _polygonal(np.concatenate(clipped))
+    sound, unsound = mended(polygons)
+    parts = clipped(sound, box)
     single = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
     joined, seams = _join_seam(single)
     return LandPolygons(
         polygons=tuple(joined.tolist()),
-        mended=int(unsound.sum()),
+        mended=unsound,
         duplicates=len(parts) - len(single),
         seams=seams,
     )
@@ -166,21 +147,6 @@ def _chunks(wkb: bytes) -> Iterator[Polygons]:
         begin = position
 
 
-def _shifted(polygons: Polygons, turn: float) -> Polygons:
-    """Move polygons by whole turns of longitude."""
-    moved = np.empty(len(polygons), dtype=object)
-    moved[:] = [affinity.translate(polygon, turn) for polygon in polygons]
-    return moved
-
-
-def _polygonal(geometries: Polygons) -> Polygons:
-    """Take the polygons out of any geometries; lines and points that clipping left go."""
-    parts: Polygons = shapely.get_parts(shapely.get_parts(geometries))
-    kind = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    polygons: Polygons = parts[kind & ~shapely.is_empty(parts)]
-    return polygons
-
-
 def _join_seam(polygons: Polygons) -> tuple[Polygons, int]:
     """Join the polygons that share an edge on an odd multiple of 180 degrees; count such pieces.
 
@@ -192,5 +158,5 @@ def _join_seam(polygons: Polygons) -> tuple[Polygons, int]:
     at_seam = ((xmin % 360 == 180) | (xmax % 360 == 180)) & (xmax - xmin < 360)
     if not at_seam.any():
         return polygons, 0
-    merged = _polygonal(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
+    merged = polygonal(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
     return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())

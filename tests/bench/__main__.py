@@ -15,6 +15,7 @@ from rich.table import Table
 from tests.bench import (
     archipelago_figures,
     chart_figures,
+    fault_figures,
     palawan_figures,
     pipeline_figures,
     planner_figures,
@@ -35,6 +36,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "islands": archipelago_figures.islands,
     "growth": archipelago_figures.growth,
     "pipeline": pipeline_figures.figures,
+    "faults": fault_figures.figures,
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,
 }

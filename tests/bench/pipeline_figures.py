@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 def figures() -> Iterator[Figure]:
     """Yield the pipeline's figures, one by one as they are measured."""
     with tempfile.TemporaryDirectory() as folder:
-        seconds, peak = _run(Path(folder))
+        seconds, peak = run_scenario("palawan-season", Path(folder), "--offline")
         yield at_most("palawan-season, both seasons, k = 16: time", seconds, 60, " s", 1)
         yield at_most("palawan-season: largest process", peak, 1.5, " GB")
-        seconds, _ = _run(Path(folder))
+        seconds, _ = run_scenario("palawan-season", Path(folder), "--offline")
         yield at_most("palawan-season, second run: time", seconds, 5, " s", 1)
         yield from _of_results(Path(folder) / "palawan-season")
 
 
-def _run(folder: Path) -> tuple[float, float]:
-    """Run the scenario; wall time (s) and the largest process's memory (GB)."""
-    command = [sys.executable, "-m", "pipeline.cli", "run", "palawan-season", "--offline"]
+def run_scenario(name: str, folder: Path, *options: str) -> tuple[float, float]:
+    """Run a scenario as a user does; wall time (s) and the process's largest memory (GB)."""
+    command = [sys.executable, "-m", "pipeline.cli", "run", name, *options]
     begin = time.perf_counter()
     child = subprocess.Popen(
         [*command, "--output", str(folder)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

@@ -108,7 +108,9 @@ def with_line(text: str, old: str, new: str) -> str:
         ("paper-asv", "paper-avs", ["vessel", "paper-avs", "did you mean 'paper-asv'"]),
         ("embedded-palawan", "embeded-palawan", ["seasons[0].currents[0]", "'embedded-palawan'"]),
         ('"summer"', '"sumer"', ["no season 'sumer'", "did you mean 'summer'"]),
-        ('"2024-07"', '"July"', ['seasons[0].valid = "July"', "YYYY-MM"]),
+        ('"2024-07"', '"July"', ["seasons[0].valid = 'July' is no time", "YYYY-MM-DDTHH:MMZ"]),
+        ('"2024-07"', '"2024-02-30"', ["seasons[0].valid = '2024-02-30'", "day is out of range"]),
+        ("valid =", 'time = "median"\nvalid =', ['seasons[0].time = "median"', "'nearest'"]),
         ("goal = [118.60, 10.30]", "", ["goal is missing", "[lon, lat]"]),
         ("goal = [118.60, 10.30]", "goal = [10.3, 118.6]", ["no place on earth", "[longitude"]),
         (

@@ -11,7 +11,9 @@ from typer.testing import CliRunner
 
 from pipeline import catalogue
 from pipeline.cli import app
+from pipeline.errors import RequestError
 from pipeline.reading import load_scenario
+from pipeline.scenario import ChartSpec
 from pipeline.sources import current_source, land_source
 
 SHARED = Path(__file__).parents[2].parent / "shared"
@@ -34,8 +36,11 @@ def test_every_vessel_turns_within_five_lengths(name: str) -> None:
 def test_every_source_has_its_adapter(name: str) -> None:
     spec = catalogue.source(name)
     assert spec.name == name
-    if spec.adapter == "osm-land":
-        assert land_source(name).identity
+    if isinstance(spec, catalogue.OsmLandSpec):
+        assert land_source(ChartSpec.model_validate({"source": name}), None).identity
+    elif isinstance(spec, catalogue.ChartEntry):
+        with pytest.raises(RequestError, match=f"{name}.*--charts"):
+            land_source(ChartSpec.model_validate({"source": name}), None)
     else:
         season = load_scenario("palawan-season").seasons[0]
         assert current_source(name).identity(season)

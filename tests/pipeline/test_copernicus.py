@@ -2,50 +2,30 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import os
-import subprocess
-import sys
+import re
 import time
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
 
-import netCDF4
-import numpy as np
 import pytest
 import shapely
 from typer.testing import CliRunner
 
 from pipeline import catalogue
 from pipeline.artefact import Store
-from pipeline.catalogue import CopernicusSpec
 from pipeline.cli import app
 from pipeline.errors import StageError
 from pipeline.fetch import fetch
-from pipeline.model import Credit, Land
 from pipeline.reading import load_scenario
-from pipeline.sources.acceptance import Expected, Field, accept
-from pipeline.sources.child import run_with_deadline
-from pipeline.sources.copernicus import PASSWORD, USERNAME, Copernicus, without_secrets
+from pipeline.sources.copernicus import Copernicus
+from pipeline.sources.copernicus_account import PASSWORD, USERNAME
+from tests.loopback_store import world
+from tests.loopback_store.world import LAND, REGION, season, spec
 from tests.pipeline.conftest import ACROSS_BOX
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-REGION = shapely.box(117, 8, 120, 11)
-ISLAND = shapely.box(118, 9, 119.5, 10.5)
-LAND = Land((ISLAND,), Credit("an island", "land", "", ""), 0.0)
-STEP = 1 / 12
-EXPECTED = Expected(
-    month="2024-07",
-    region=REGION.bounds,
-    cell_deg=STEP,
-    eastward="uo",
-    northward="vo",
-    speed_limit_m_s=3.0,
-)
+    from pathlib import Path
 
 
 @pytest.fixture(autouse=True)
@@ -57,18 +37,16 @@ def _no_account(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("COPERNICUSMARINE_CREDENTIALS_DIRECTORY", str(tmp_path / "home"))
 
 
-def glorys() -> Copernicus:
-    """Return the source of the catalogue."""
-    spec = catalogue.source("copernicus-glorys-monthly")
-    assert isinstance(spec, CopernicusSpec)
-    return Copernicus(spec)
+def source(name: str = "copernicus-glorys-monthly") -> Copernicus:
+    """Return a source of the catalogue."""
+    return Copernicus(spec(name))
 
 
 # --- without an account -------------------------------------------------------------------------
 
 
 def test_without_credentials_it_is_unavailable_and_says_what_to_set() -> None:
-    reason = glorys().unavailable()
+    reason = source().unavailable()
     assert USERNAME in reason
     assert PASSWORD in reason
 
@@ -77,14 +55,14 @@ def test_credentials_of_either_kind_make_it_available(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(USERNAME, "someone")
-    assert glorys().unavailable()
+    assert source().unavailable()
     monkeypatch.setenv(PASSWORD, "something")
-    assert not glorys().unavailable()
+    assert not source().unavailable()
     monkeypatch.delenv(USERNAME)
     file = tmp_path / "home" / ".copernicusmarine" / ".copernicusmarine-credentials"
     file.parent.mkdir(parents=True)
     file.write_text("")
-    assert not glorys().unavailable()
+    assert not source().unavailable()
 
 
 def test_without_credentials_the_embedded_table_steps_in_and_says_so(across_outputs: Path) -> None:
@@ -96,7 +74,8 @@ def test_without_credentials_the_embedded_table_steps_in_and_says_so(across_outp
         catalogue.source("embedded-palawan").title
     ] * 2
     assert not parts.failures
-    asked, summer, winter = parts.fetched.notes
+    told = [note for note in parts.fetched.notes if note.startswith(("summer", "winter"))]
+    asked, summer, winter = told
     assert asked.startswith("summer, winter: ")
     assert USERNAME in asked
     assert summer.startswith("summer: planned on Embedded table")
@@ -117,217 +96,136 @@ def test_with_nothing_else_to_ask_the_request_is_refused(tmp_path: Path) -> None
         assert not (output / "only").exists()
 
 
-def test_the_request_is_strict_utc_pinned_and_one_month(tmp_path: Path) -> None:
-    scenario = load_scenario("palawan-season")
-    season = scenario.seasons[1]
-    request = glorys().request(scenario.waters, season, tmp_path, "x.nc")
-    assert request["start_datetime"] == "2024-12-01T00:00:00Z"
-    assert request["end_datetime"] == "2024-12-31T23:59:59Z"
-    assert request["coordinates_selection_method"] == "strict-inside"
-    assert request["dataset_version"] == "202311"
-    assert "skip_existing" not in request
-    west, _, east, _ = scenario.waters.bounds
-    assert request["minimum_longitude"] < west
-    assert request["maximum_longitude"] > east
-    json.dumps(request)
-
-
-def test_the_clients_signature_takes_the_request(tmp_path: Path) -> None:
-    scenario = load_scenario("palawan-season")
-    request = glorys().request(scenario.waters, scenario.seasons[0], tmp_path, "x.nc")
-    script = (
-        "import inspect, json, sys, copernicusmarine\n"
-        "inspect.signature(copernicusmarine.subset).bind(**json.load(sys.stdin))\n"
-    )
-    subprocess.run([sys.executable, "-c", script], input=json.dumps(request), text=True, check=True)
-
-
 @pytest.mark.slow
-def test_the_real_client_without_credentials_ends_as_a_reason_and_leaves_nothing(
+def test_the_real_client_without_a_network_ends_as_a_reason_and_leaves_nothing(
     tmp_path: Path,
 ) -> None:
     # No proxy answers on port 9 (discard), and nothing else is reachable through it.
-    source = Copernicus(glorys().spec.model_copy(update={"deadline_s": 60.0, "attempts": 1}))
-    scenario = load_scenario("palawan-season")
+    unlucky = Copernicus(source().spec.model_copy(update={"deadline_s": 60.0, "attempts": 1}))
     with pytest.MonkeyPatch.context() as patch:
         for name in ("HTTP_PROXY", "HTTPS_PROXY", "http_proxy", "https_proxy"):
             patch.setenv(name, "http://127.0.0.1:9")
         begun = time.monotonic()
         with pytest.raises(StageError, match="copernicus-glorys-monthly: "):
-            source.current(scenario.waters, scenario.seasons[0], LAND, tmp_path / "downloads")
-    assert time.monotonic() - begun < 90
+            unlucky.current(REGION, season("2024-07"), LAND, tmp_path / "downloads")
+    assert time.monotonic() - begun < 70
     assert list((tmp_path / "downloads").iterdir()) == []
 
 
-# --- the child ----------------------------------------------------------------------------------
+# --- what is asked for --------------------------------------------------------------------------
 
 
-def test_a_child_that_hangs_is_killed_with_its_children_at_the_deadline(tmp_path: Path) -> None:
-    pid_file = tmp_path / "pid"
-    script = (
-        "import subprocess, sys, time\n"
-        f"child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
-        f"open({str(pid_file)!r}, 'w').write(str(child.pid))\n"
-        "time.sleep(60)\n"
-    )
-    begun = time.monotonic()
-    ended = run_with_deadline([sys.executable, "-c", script], "", 1.5)
-    assert ended.code is None
-    assert 1.4 < time.monotonic() - begun < 10
-    grandchild = int(pid_file.read_text())
-    for _ in range(50):
-        status = Path(f"/proc/{grandchild}/stat")
-        if not status.exists() or status.read_text().rsplit(")", 1)[1].split()[0] == "Z":
-            return
-        time.sleep(0.1)
-    pytest.fail("the child's own child lives on")
+@pytest.mark.parametrize("name", world.names())
+def test_a_request_is_strict_pinned_and_wider_than_the_region(name: str) -> None:
+    request = source(name).request(REGION)
+    assert request["coordinates_selection_method"] == "strict-inside"
+    assert "skip_existing" not in request
+    assert "overwrite" not in request
+    west, south, east, north = REGION.bounds
+    assert request["minimum_longitude"] < west - spec(name).cell_deg
+    assert request["maximum_longitude"] > east + spec(name).cell_deg
+    assert request["minimum_latitude"] < south - spec(name).cell_deg
+    assert request["maximum_latitude"] > north + spec(name).cell_deg
+    assert len(spec(name).version) == 6, "the release is pinned"
 
 
-def test_a_childs_input_exit_code_and_errors_come_through() -> None:
-    script = "import sys; sys.stderr.write(sys.stdin.read() * 2); sys.exit(3)"
-    ended = run_with_deadline([sys.executable, "-c", script], "ab", 30)
-    assert (ended.code, ended.errors) == (3, "abab")
+def test_at_the_grids_own_ends_no_more_is_asked_for_than_there_is() -> None:
+    request = source().request(shapely.box(10, -80, 20, 90))
+    assert (request["minimum_latitude"], request["maximum_latitude"]) == (-80, 90)
 
 
-def test_credentials_are_blanked_out_of_what_the_client_says(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv(USERNAME, "captain")
-    monkeypatch.setenv(PASSWORD, "captain-nemo")
-    file = tmp_path / "home" / ".copernicusmarine" / ".copernicusmarine-credentials"
-    file.parent.mkdir(parents=True)
-    stored = "[credentials]\nusername = ahab\npassword = moby=dick\n"
-    file.write_bytes(base64.standard_b64encode(stored.encode()))
-    said = without_secrets("login captain-nemo of captain or ahab with moby=dick failed")
-    assert said == "login *** of *** or *** with *** failed"
+# --- what is covered ----------------------------------------------------------------------------
 
 
-# --- the acceptance check -----------------------------------------------------------------------
+_TODAY = re.compile(r"today([+-]\d+)")
 
 
-def field(step: float = STEP, region: tuple[float, ...] = REGION.bounds) -> Field:
-    """Make a plausible field around the island: a smooth current, NaN on land."""
-    west, south, east, north = region
-    beyond = 2 * step
-    lon = np.arange(west - beyond, east + beyond + step / 2, step)
-    lat = np.arange(south - beyond, north + beyond + step / 2, step)
-    x, y = np.meshgrid(lon, lat)
-    u, v = 0.4 * np.sin(x) + 0.1, 0.3 * np.cos(y)
-    on_land = shapely.contains_xy(ISLAND, x, y)
-    u[on_land] = v[on_land] = np.nan
-    return Field(lon, lat, u, v)
+def dated(text: str) -> str:
+    """Write the day for "today+3"; tests are named without a date."""
+    text = text.replace("this month", day(0)[:7]).replace("next month", day(40)[:7])
+    return _TODAY.sub(lambda found: day(int(found[1])), text)
 
 
-def write(
-    path: Path,
-    made: Field,
-    *,
-    time_value: float = 0.0,
-    units: str = "m s-1",
-    names: tuple[str, str] = ("uo", "vo"),
-    depth: tuple[float, ...] = (0.494025,),
-) -> Path:
-    """Write a field as the service does: time, depth, latitude, longitude; packed values."""
-    with netCDF4.Dataset(path, "w") as dataset:
-        for name, size in (
-            ("time", 1),
-            ("depth", len(depth)),
-            ("latitude", made.lat.size),
-            ("longitude", made.lon.size),
-        ):
-            dataset.createDimension(name, size)
-        dataset.createVariable("time", "f8", ("time",))[:] = [time_value]
-        dataset["time"].units = "hours since 2024-07-01 00:00:00"
-        dataset["time"].calendar = "gregorian"
-        dataset.createVariable("depth", "f4", ("depth",))[:] = depth
-        dataset.createVariable("latitude", "f4", ("latitude",))[:] = made.lat
-        dataset.createVariable("longitude", "f4", ("longitude",))[:] = made.lon
-        standard = ("eastward_sea_water_velocity", "northward_sea_water_velocity")
-        for name, values, meaning in zip(names, (made.u, made.v), standard, strict=True):
-            shape = ("time", "depth", "latitude", "longitude")
-            variable = dataset.createVariable(name, "i2", shape, fill_value=-32767)
-            variable.scale_factor, variable.add_offset = 6.1e-4, 0.0
-            variable.units, variable.standard_name = units, meaning
-            layer = np.ma.masked_array(np.nan_to_num(values), mask=np.isnan(values))
-            variable[:] = np.ma.stack([np.ma.stack([layer] * len(depth))])
-    return path
-
-
-def test_a_sound_file_is_accepted_as_it_is(tmp_path: Path) -> None:
-    made = field()
-    read = accept(write(tmp_path / "sound.nc", made), EXPECTED, LAND)
-    assert np.allclose(read.lon, made.lon, atol=1e-5)
-    assert np.allclose(read.lat, made.lat, atol=1e-5)
-    assert np.allclose(read.u, made.u, atol=4e-4, equal_nan=True)
-    assert np.allclose(read.v, made.v, atol=4e-4, equal_nan=True)
-
-
-def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
-    made = field()
-    turned = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
-    read = accept(write(tmp_path / "turned.nc", turned), EXPECTED, LAND)
-    straight = accept(write(tmp_path / "straight.nc", made), EXPECTED, LAND)
-    assert np.allclose(read.lon, straight.lon, atol=1e-4)
-    assert np.allclose(read.lat, straight.lat)
-    assert np.array_equal(read.u, straight.u, equal_nan=True)
-
-
-def _shifted(cells: int) -> Field:
-    made = field()
-    return replace(made, u=np.roll(made.u, cells, axis=1), v=np.roll(made.v, cells, axis=1))
-
-
-def _without_a_chunk() -> Field:
-    made = field()
-    u, v = made.u.copy(), made.v.copy()
-    u[:10, :20] = v[:10, :20] = np.nan
-    return replace(made, u=u, v=v)
+def day(days_ahead: int) -> str:
+    """Spell a day, counted from today."""
+    return (datetime.now(UTC) + timedelta(days=days_ahead)).date().isoformat()
 
 
 @pytest.mark.parametrize(
-    ("make", "how", "said"),
+    ("name", "valid"),
     [
-        (field, {"time_value": 24 * 40}, "months are ['2024-08']"),
-        (field, {"units": "km h-1"}, "uo is in 'km h-1', not m/s"),
-        (field, {"names": ("ugos", "vgos")}, "no variable 'uo'"),
-        (field, {"names": ("vo", "uo")}, "not the eastward velocity"),
-        (field, {"depth": (0.5, 1.5)}, "not the surface alone"),
-        (field, {"depth": (92.3,)}, "not the surface alone"),
-        (lambda: field(step=0.25), {}, "longitude steps by 0.25"),
-        (lambda: field(region=(117, 8, 119, 11)), {}, "longitude ends at 119.1"),
-        (lambda: field(region=(117, 9, 120, 11)), {}, "latitude ends at 8.8"),
-        (lambda: replace(field(), u=field().u * 10), {}, "speeds reach"),
-        (lambda: replace(field(), u=field().u * 0, v=field().v * 0), {}, "every speed is 0"),
-        (lambda: replace(field(), u=field().u * np.nan), {}, "gaps where the other has none"),
-        (lambda: _shifted(6), {}, "the field is shifted"),
-        (_without_a_chunk, {}, "a part was not delivered"),
+        ("copernicus-glorys-monthly", "1993-01"),
+        ("copernicus-glorys-monthly", "2024-07"),
+        ("copernicus-glorys-daily", "1993-01"),
+        ("copernicus-glorys-daily", "2024-07-15"),
+        ("copernicus-glorys-climatology", "1802-07"),
+        ("copernicus-glorys-climatology", "2100-07-15"),
+        ("copernicus-forecast-daily", "today+0"),
+        ("copernicus-forecast-daily", "today+10"),
+        ("copernicus-forecast-6hourly", "today+9T18:00Z"),
+        ("copernicus-forecast-hourly", "today-30T18:20Z"),
+        ("copernicus-total-hourly", "today+3T18:20Z"),
+        ("copernicus-observed-recent", "today-1"),
     ],
 )
-def test_every_defect_is_refused_with_its_reason(
-    tmp_path: Path, make: Callable[[], Field], how: dict[str, Any], said: str
+def test_times_that_a_dataset_may_hold_are_asked_for(name: str, valid: str) -> None:
+    assert source(name).uncovered(REGION, season(dated(valid))) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "valid", "said"),
+    [
+        ("copernicus-glorys-monthly", "1992-12", "covers January 1993 to some months ago"),
+        ("copernicus-glorys-monthly", "this month", "covers January 1993 to some months ago"),
+        ("copernicus-glorys-monthly", "2024-07-15", "holds steps of a month, which are longer"),
+        ("copernicus-glorys-daily", "today-5", "to some months ago"),
+        ("copernicus-forecast-daily", "today+11", "to ten days ahead"),
+        ("copernicus-forecast-daily", "next month", "to ten days ahead"),
+        ("copernicus-forecast-daily", "2010-07-15", "from November 2020 at the earliest"),
+        ("copernicus-total-hourly", "today+12T00:00Z", "to ten days ahead"),
+        ("copernicus-observed-recent", "today+0", "covers May 2022 to yesterday"),
+        ("copernicus-forecast-monthly", "this month", "the whole months of recent years"),
+    ],
+)
+def test_times_that_it_cannot_hold_are_refused_before_anybody_is_asked(
+    name: str, valid: str, said: str
 ) -> None:
-    path = write(tmp_path / "bad.nc", make(), **how)
-    with pytest.raises(StageError) as caught:
-        accept(path, EXPECTED, LAND)
-    assert "bad.nc" in str(caught.value)
-    assert said in str(caught.value)
+    asked = season(dated(valid))
+    reason = source(name).uncovered(REGION, asked)
+    assert reason.startswith(name)
+    assert said in reason
+    assert "name another source in 'currents'" in reason
+    assert source(name).identity(asked), "which is asked for first"
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_file_cut_short_or_no_netcdf_is_refused(tmp_path: Path, share: float) -> None:
-    path = write(tmp_path / "cut.nc", field())
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(StageError, match=r"cut\.nc"):
-        accept(path, EXPECTED, LAND)
+def test_regions_beyond_the_grid_are_refused_with_its_limits() -> None:
+    reason = source().uncovered(shapely.box(10, -82, 20, -70), season("2024-07"))
+    assert "reaches from -80 to 90 degrees north, the region from -82 to -70" in reason
+    across = shapely.box(178, 10, 184, 20)
+    assert source().uncovered(across, season("2024-07")) == ""
+    observed = source("copernicus-observed-daily")
+    for region in (across, shapely.box(170, 10, 180, 20)):
+        assert "can't be asked across 180 degrees" in observed.uncovered(region, season("2024-07"))
+    assert observed.uncovered(REGION, season("2024-07")) == ""
 
 
-def test_a_real_file_of_other_days_and_cells_is_refused(shared: Path) -> None:
-    path = (
-        shared
-        / "data"
-        / "currents"
-        / "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc"
-    )
-    with pytest.raises(StageError, match=r"longitude steps by 0\.99999 to 1 degrees, not 0\.08"):
-        accept(path, EXPECTED, LAND)
+def test_what_may_still_change_is_asked_for_anew_each_day() -> None:
+    final, forecast = source("copernicus-glorys-daily"), source("copernicus-forecast-daily")
+    assert final.identity(season("2024-07-15"))[-1] == ""
+    assert forecast.identity(season(day(-60)))[-1] == ""
+    today = datetime.now(UTC).date().isoformat()
+    for valid in (day(5), day(0), day(-10)):
+        assert forecast.identity(season(valid))[-1] == today
+
+
+@pytest.mark.parametrize("name", world.names())
+def test_every_entry_of_the_catalogue_is_whole(name: str) -> None:
+    entry = spec(name)
+    assert entry.doi in entry.credit
+    assert entry.credit.startswith("Generated using E.U. Copernicus Marine Service Information; ")
+    assert entry.url == f"https://doi.org/{entry.doi}"
+    assert bool(entry.first_day) == (entry.kind != "climatology")
+    # Their own names say it: "-m" is a mean, "-i" instantaneous.
+    assert entry.dataset.endswith("-i") == (entry.kind == "instant")
+    length = {"month": "_P1M-", "day": "_P1D-", "6 hours": "_PT6H-", "hour": "_PT1H-"}[entry.step]
+    assert length in entry.dataset

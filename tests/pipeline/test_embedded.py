@@ -11,11 +11,11 @@ import shapely
 
 from pipeline import catalogue
 from pipeline.catalogue import EmbeddedTableSpec
-from pipeline.model import Credit, Land
+from pipeline.model import Land
 from pipeline.scenario import Season
 from pipeline.sources.embedded import EmbeddedTable
 
-NO_LAND = Land((), Credit("none", "land", "", ""), 0.0)
+NO_LAND = Land((), (), 0.0)
 
 
 def palawan() -> EmbeddedTable:

@@ -18,6 +18,8 @@ from pipeline.evaluate import evaluate_season, joined
 from pipeline.model import Scene, SeasonPlan
 from pipeline.projection import Projection
 from pipeline.side import Sides
+from renew.fuel import passage_times
+from tests.true_scale import clearance_m
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -72,12 +74,54 @@ def test_lengths_clearances_and_times_are_true_ones(
         lon, lat = (np.broadcast_arrays(lonlat[:, None, i], coast[None, :, i]) for i in (0, 1))
         apart = GEOD.inv(lon[0], lat[0], lon[1], lat[1])[2].min()
         assert row.clearance_m == pytest.approx(apart, rel=0.01)
-        assert row.duration_s == pytest.approx(route.duration * SCALE)
+        # Times in the plane, stretched step by step as the plane's metres are.
+        planar = shapely.get_coordinates(path)
+        times = passage_times(planar, scene.currents["still"], VESSEL)
+        steps = GEOD.line_lengths(*lonlat.T) / np.linalg.norm(np.diff(planar, axis=0), axis=1)
+        assert row.duration_s == pytest.approx((times * steps).sum(), rel=1e-4)
+        assert row.duration_s == pytest.approx(route.duration * SCALE, rel=2e-3)
         assert row.land_m == 0
         assert row.collisions == 0
         assert row.trials == evaluation.contingency["still", row.rank].trials > 100
     assert [row.rank for row in evaluation.routes] == [1, 2]
     assert {row.side for row in evaluation.routes} == {"west", "east"}
+
+
+def test_the_nearest_land_is_the_nearest_on_earth() -> None:
+    # A plane of 3,000 km stretches its edges by 1 % and shrinks its middle: an island 40.0 km off
+    # the route near the edge lies further off in the plane than one 40.2 km off in the middle.
+    region = shapely.box(118, 22, 148, 45)
+    projection = Projection.for_region(region, 2000.0)
+    ends = projection.to_plane([(119.0, 22.5), (147.0, 44.0)])
+    line = projection.to_lonlat(ends[0] + np.linspace(0, 1, 20_001)[:, None] * (ends[1] - ends[0]))
+    islands = []
+    for step, apart in ((400, 40_000.0), (10_000, 40_200.0)):
+        here, ahead = line[step].tolist(), line[step + 1].tolist()
+        azimuth, _, _ = GEOD.inv(here[0], here[1], ahead[0], ahead[1])
+        lon, lat, _ = GEOD.fwd(here[0], here[1], azimuth + 90, apart)
+        islands.append(shapely.box(lon - 1e-3, lat - 1e-3, lon + 1e-3, lat + 1e-3))
+    planar = projection.geometry_to_plane(np.array(islands, dtype=object))
+    there = shapely.distance(planar, shapely.LineString(ends))
+    assert there[1] < there[0], "the plane has it the wrong way round"
+    scene = Scene(
+        chart=renew.Chart(projection.geometry_to_plane(region)),
+        land=tuple(planar),
+        currents={"still": renew.UniformCurrent(0.0, 0.0)},
+        start=ends[0],
+        goal=ends[1],
+        projection=projection,
+        vessel=VESSEL,
+    )
+    plan = renew.plan(scene.chart, scene.currents["still"], VESSEL, *ends, classes=1)
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    share = np.linspace(0, 1, 2_000)[:, None]
+    track = np.hstack([share * length, ends[0] + share * (ends[1] - ends[0]), 0 * share])
+    straight = replace(plan.best, path=ends, trajectory=track, length=length, duration=length)
+    season = SeasonPlan("still", replace(plan, routes=(straight,)), "", 1.0)
+    (row,) = evaluate_season(scene, season, 2000.0, seed=0).routes
+    assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
+    assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
+    assert row.duration_s == pytest.approx(row.length_m, rel=1e-3), "1 m/s in still water"
 
 
 def test_a_route_over_land_is_found_out(

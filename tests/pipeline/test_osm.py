@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.sources import osm
+from pipeline.sources.polygons import box_around
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -114,7 +115,7 @@ def test_nothing_near() -> None:
 @pytest.mark.parametrize("latitude", [0.0, 60.0, 89.0])
 def test_the_box_is_wider_by_so_many_metres(latitude: float) -> None:
     region = shapely.box(10, latitude, 11, latitude + 0.5)
-    west, south, east, north = osm.box_around(region, 20_000).bounds
+    west, south, east, north = box_around(region, 20_000).bounds
     assert 10 - west == pytest.approx(east - 11)
     assert (10 - west) * 111.2 * np.cos(np.radians(north)) >= 19.9
     assert south == pytest.approx(latitude - 0.18, abs=0.01)
@@ -122,8 +123,8 @@ def test_the_box_is_wider_by_so_many_metres(latitude: float) -> None:
 
 
 def test_the_box_is_one_turn_wide_at_most() -> None:
-    assert osm.box_around(shapely.box(-180, 80, 180, 90), 20_000).bounds[2] == 180
-    west, _, east, north = osm.box_around(shapely.box(0, 88, 10, 90), 20_000).bounds
+    assert box_around(shapely.box(-180, 80, 180, 90), 20_000).bounds[2] == 180
+    west, _, east, north = box_around(shapely.box(0, 88, 10, 90), 20_000).bounds
     assert east - west == pytest.approx(360)
     assert north == 90
 

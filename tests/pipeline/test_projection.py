@@ -122,6 +122,43 @@ def test_lengths_over_600_km(name: str, share: tuple[float, float], azimuth: flo
     assert projection.geodesic_length_m(xy) == pytest.approx(600_000, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("bounds", "start", "azimuth"),
+    [
+        ((118.0, 22.0, 148.0, 45.0), (120.0, 23.5), 45.0),
+        ((-20.0, -45.0, 20.0, -20.0), (-16.0, -40.0), 65.0),
+        ((-40.0, 62.0, 40.0, 78.0), (-34.0, 68.0), 50.0),
+        ((160.0, -30.0, 200.0, 5.0), (164.0, -26.0), 60.0),
+        ((150.0, 45.0, 200.0, 66.0), (153.0, 48.0), 50.0),
+        ((100.0, -8.0, 130.0, 9.0), (102.0, -6.0), 75.0),
+    ],
+    ids=["north", "south", "at 70 N", "across 180, south", "across 180, north", "equator"],
+)
+def test_lengths_and_directions_over_3000_km(
+    bounds: tuple[float, float, float, float], start: tuple[float, float], azimuth: float
+) -> None:
+    projection = Projection.for_region(shapely.box(*bounds), 2000.0)
+    end = GEOD.fwd(*start, azimuth, 3_000_000)[:2]
+    assert projection.geodesic_length_m(projection.to_plane([start, end])) < 3_003_000
+    # What a user sees of one straight leg: its line in steps of 3 km, each held against WGS 84.
+    ends = projection.to_plane([start, end])
+    share = np.linspace(0, 1, 1001)[:, None]
+    xy = ends[:1] * (1 - share) + ends[1:] * share
+    lon, lat = projection.to_lonlat(xy).T
+    forth, _, steps = GEOD.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
+    assert projection.geodesic_length_m(ends) == pytest.approx(steps.sum(), rel=1e-6)
+    # Planar lengths need the point scale, and with it are right.
+    planar = np.linalg.norm(np.diff(xy, axis=0), axis=1) * projection.scale
+    middles = np.stack([(lon[1:] + lon[:-1]) / 2, (lat[1:] + lat[:-1]) / 2], axis=-1)
+    assert (planar / projection.point_scale(middles)).sum() == pytest.approx(steps.sum(), rel=1e-5)
+    # The leg's course in the plane, turned to true north at every step.
+    ahead = np.broadcast_to(ends[1] - ends[0], middles.shape)
+    east, north = projection.rotate_to_lonlat(np.stack([lon, lat], axis=-1)[:-1], ahead).T
+    off = (np.degrees(np.arctan2(east, north)) - forth + 180) % 360 - 180
+    # A step of 3 km turns by less than 0.03 degrees from its start to its middle.
+    assert np.abs(off).max() < 0.05
+
+
 @regions
 def test_scale_is_balanced_and_the_plane_is_centred(name: str) -> None:
     projection = _projection(name)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import pyproj
 import pytest
 import shapely
 from hypothesis import assume, given, reject, settings
@@ -233,6 +234,77 @@ def test_invalid_and_overlapping_land_is_taken_as_it_covers() -> None:
     bowtie = shapely.Polygon([(0.1, 0.1), (0.2, 0.2), (0.2, 0.1), (0.1, 0.2)])
     land = [bowtie, shapely.box(0.15, 0.12, 0.3, 0.18), shapely.box(0.15, 0.12, 0.3, 0.18)]
     _assert_covers(_run(land), land, 60.0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        shapely.box(0.2, 0.2, 0.3, 0.3),  # in a corner
+        shapely.box(0.2, 0.12, 0.3, 0.18),  # along an edge
+        shapely.Polygon([(0.2, 0.15), (0.3, 0.1), (0.3, 0.2)]),  # a corner on an edge
+        shapely.box(0.2, 0.1, 0.200001, 0.4),  # a sliver of 10 cm
+    ],
+    ids=["corner", "edge", "corner on edge", "sliver"],
+)
+def test_islands_that_touch_become_one(other: shapely.Polygon) -> None:
+    land = [shapely.box(0.1, 0.1, 0.2, 0.2), other]
+    for gap in (0.0, 800.0):
+        result = _run(land, join_gap_m=gap)
+        _assert_covers(result, land, 60.0)
+        assert len(result.simplified.polygons) == 1
+
+
+def test_across_180_degrees_as_anywhere_else() -> None:
+    land = [
+        _blob((0.1 * i, 0.09 * j), [0.01, 0.02, 0.012, 0.016], 1, i)
+        for i in (1, 2, 3)
+        for j in (1, 3)
+    ]
+    here = _run(land)
+    there = simplify_land(
+        [shapely.affinity.translate(polygon, 179.8) for polygon in land],
+        shapely.affinity.translate(REGION, 179.8),
+        margin_m=60.0,
+        join_gap_m=800.0,
+        tolerance_m=400.0,
+        vertex_budget=10_000,
+    )
+    assert there.simplified.vertices == here.simplified.vertices
+    back = shapely.affinity.translate(shapely.MultiPolygon(there.simplified.polygons), -179.8)
+    apart = back.symmetric_difference(shapely.MultiPolygon(here.simplified.polygons))
+    assert apart.area < 1e-7 * back.area
+
+
+@pytest.mark.parametrize(
+    ("margin", "accuracy", "used", "told"),
+    [(None, 25.0, 25.0, False), (10.0, 25.0, 25.0, True), (60.0, 25.0, 60.0, False)],
+)
+def test_the_margin_is_never_below_the_chart_s_accuracy(
+    margin: float | None, accuracy: float, used: float, *, told: bool
+) -> None:
+    land = [shapely.box(0.1, 0.1, 0.2, 0.2)]
+    result = _run(land, margin_m=margin, accuracy_m=accuracy)
+    _assert_covers(result, land, used)
+    assert result.simplified.margin_m == used
+    assert bool(result.notes) is told
+    if told:
+        assert "chart.margin_m is 10 m, below the 25 m" in result.notes[0]
+
+
+def test_the_margin_is_in_true_metres_at_70_degrees() -> None:
+    region = shapely.box(5.0, 68.0, 55.0, 74.0)
+    island = shapely.box(30.0, 70.0, 31.0, 70.3)
+    result = simplify_land(
+        [island], region, margin_m=2_000.0, join_gap_m=0.0, tolerance_m=0.0, vertex_budget=10_000
+    )
+    edge = shapely.segmentize(shapely.union_all(result.simplified.polygons).boundary, 0.001)
+    shore = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.01))
+    geod = pyproj.Geod(ellps="WGS84")
+    apart = [
+        geod.inv(*np.broadcast_to(at, shore.shape).T, *shore.T)[2].min()
+        for at in shapely.get_coordinates(edge)[::20]
+    ]
+    assert 2_000.0 <= min(apart) < 2_060.0
 
 
 def test_land_on_the_edge_runs_over_it() -> None:

@@ -84,7 +84,7 @@ def fetched(asked: Scenario) -> Fetched:
         lonlat = [
             shapely.Polygon(np.array(corners) / 111_000.0) for corners in asked.plane.obstacles
         ]
-        return Fetched(Land(tuple(lonlat), LAND, 0.0), ())
+        return Fetched(Land(tuple(lonlat), (LAND,), 0.0), ())
     islands = (
         shapely.Polygon(
             [(119.4, 9.35), (119.6, 9.38), (119.62, 9.6), (119.45, 9.66), (119.38, 9.5)]
@@ -111,7 +111,7 @@ def fetched(asked: Scenario) -> Fetched:
         )
         if season in {spec.name for spec in asked.seasons}
     )
-    return Fetched(Land(islands, LAND, 60.0), grids, NOTES)
+    return Fetched(Land(islands, (LAND,), 60.0), grids, NOTES)
 
 
 def metrics(

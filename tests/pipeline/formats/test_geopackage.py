@@ -205,7 +205,7 @@ def test_sources_travel_inside_the_file(package: Path, result: RunResult) -> Non
     )
     assert [(mime, scope) for mime, _, scope in rows] == [("application/json", "geopackage")]
     content = json.loads(rows[0][1])
-    assert content["land_source"]["text"] == small_run.LAND.text
+    assert content["land_sources"][0]["text"] == small_run.LAND.text
     assert [s["name"] for s in content["current_sources"]] == ["Test table", "Better source"]
     assert content["notes"] == list(result.fetched.notes)
 

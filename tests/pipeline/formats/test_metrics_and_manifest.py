@@ -55,7 +55,7 @@ def test_the_manifest_accounts_for_inputs_and_outputs(result: RunResult, tmp_pat
     }
     assert content["scenario_as_run"]["name"] == "small-run"
     assert content["created_utc"] == "2026-01-02T03:04:05+00:00"
-    assert content["land_source"]["text"] == small_run.LAND.text
+    assert content["land_sources"][0]["text"] == small_run.LAND.text
     assert [(s["season"], s["valid"]) for s in content["current_sources"]] == [
         ("summer", "2020-06-17"),
         ("winter", "2024-01"),

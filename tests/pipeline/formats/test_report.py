@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
@@ -149,8 +151,12 @@ def test_classes_that_fell_away_give_their_reasons(result: RunResult) -> None:
 
     channel = entry.plan.routes[0].channel
     gone = tuple(
-        Rejected(name, reason, channel)
-        for name, reason in (("+7", "too narrow <b>"), ("-8", "too narrow <b>"), ("+9", "a twin"))
+        Rejected(name, reason, channel, None, partial(float, fuel))
+        for name, reason, fuel in (
+            ("+7", "too narrow <b>", 130.0),
+            ("-8", "too narrow <b>", 120.0),
+            ("+9", "a twin", math.inf),
+        )
     )
     plan = replace(entry.plan, rejected=gone)
     changed = replace(result, plans=(replace(entry, plan=plan), *others))
@@ -158,8 +164,8 @@ def test_classes_that_fell_away_give_their_reasons(result: RunResult) -> None:
     [details] = page.all("details")
     assert details.all("summary")[0].words == "3 classes fell away, and why"
     assert [[c.words for c in row.children] for row in details.all("tr")[1:]] == [
-        ["+7 -8", "too narrow <b>"],
-        ["+9", "a twin"],
+        ["+7 -8", "too narrow <b>", "120.0"],
+        ["+9", "a twin", "–"],
     ]
 
 
@@ -191,7 +197,7 @@ def test_hostile_names_stay_text(result: RunResult) -> None:
         }
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(1)")
-    land = replace(result.fetched.land, credit=credit)
+    land = replace(result.fetched.land, credits=(credit,))
     fetched = replace(result.fetched, land=land, notes=(HOSTILE,))
     page = Page(render(gather(replace(result, scenario=scenario, fetched=fetched))))
     assert [e.words for e in page.all("h1")] == [" ".join(HOSTILE.split())]

@@ -1,0 +1,46 @@
+"""Which time a season's figures are to stand for: a month, a day or an instant, always UTC."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+# As a season's `valid` may be written; what the numbers mean is left to the calendar.
+_INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """From `begin` to before `end`, aware UTC datetimes; an instant where they are the same."""
+
+    begin: datetime
+    end: datetime
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is one moment and lasts no time."""
+        return self.begin == self.end
+
+
+def period(valid: str) -> Period:
+    """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; ValueError says what to write."""
+    try:
+        if _INSTANT.fullmatch(valid):
+            moment = datetime.strptime(valid, "%Y-%m-%dT%H:%MZ").replace(tzinfo=UTC)
+            return Period(moment, moment)
+        if _DAY.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m-%d").replace(tzinfo=UTC)
+            return Period(begin, begin + timedelta(days=1))
+        if _MONTH.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m").replace(tzinfo=UTC)
+            return Period(begin, (begin + timedelta(days=31)).replace(day=1))
+        reason = "it has another form"
+    except (ValueError, OverflowError) as error:
+        reason = str(error)
+    raise ValueError(
+        f"{valid!r} is no time ({reason}): give a month 'YYYY-MM', a day 'YYYY-MM-DD' or an "
+        "instant 'YYYY-MM-DDTHH:MMZ', in UTC"
+    )

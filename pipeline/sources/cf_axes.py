@@ -1,0 +1,117 @@
+"""The axes of a variable by the CF conventions: what each is, and whether they make a grid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    import xarray as xr
+
+    FloatArray = npt.NDArray[np.float64]
+
+_DEGREES = {"lon": ("degrees_east", "degree_east"), "lat": ("degrees_north", "degree_north")}
+_AXIS_NAMES = {
+    "lon": {"lon", "longitude"},
+    "lat": {"lat", "latitude"},
+    "time": {"time", "month", "time_counter", "valid_time"},
+    "level": {"depth", "deptht", "lev", "level", "elevation", "z", "zlev"},
+}
+# Levels down to the first stand for the surface, down to the second with a note.
+_SURFACE_M, _DEEPEST_M = 2.0, 20.0
+# Coordinates are the same where they differ by less than this share of a cell.
+SAME = 1e-3
+
+
+def role(dataset: xr.Dataset, dim: str) -> str:
+    """What a dimension is: "lon", "lat", "time", "level", or nothing known."""
+    attributes = dataset[dim].attrs if dim in dataset.variables else {}
+    standard = str(attributes.get("standard_name", ""))
+    units = str(attributes.get("units", ""))
+    for kind, long in (("lon", "longitude"), ("lat", "latitude")):
+        if standard == long or units in _DEGREES[kind]:
+            return kind
+    if standard == "time" or " since " in units or attributes.get("axis") == "T":
+        return "time"
+    is_vertical = standard in {"depth", "height", "altitude"} or standard.startswith("ocean_")
+    if is_vertical or "positive" in attributes or attributes.get("axis") == "Z":
+        return "level"
+    for kind, names in _AXIS_NAMES.items():
+        if dim.lower() in names and not standard:
+            return kind
+    return ""
+
+
+def no_grid(dataset: xr.Dataset, array: xr.DataArray) -> str:
+    """Say what kind of grid it is instead of one along longitude and latitude."""
+    dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
+    remedy = "put it on a regular grid first, as with `cdo remapbil,r1440x720 in.nc out.nc`"
+    for name, other in dataset.variables.items():
+        is_lon = other.attrs.get("standard_name") == "longitude" or "lon" in str(name).lower()
+        if is_lon and other.ndim == 2 and set(other.dims) <= set(array.dims):
+            along = ", ".join(map(str, other.dims))
+            return f"{array.name}'s grid is curvilinear ({name} is along {along}); {remedy}"
+    return f"{array.name} is along {dims}, not along a latitude and a longitude; {remedy}"
+
+
+def surface(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
+    """Number of the uppermost level, and what to say of it; ValueError where it is too deep."""
+    levels = np.abs(np.atleast_1d(np.asarray(dataset[dim].values, dtype=float)))
+    attributes = dataset[dim].attrs if dim in dataset.variables else {}
+    if levels.size > 1 and not {"units", "positive", "standard_name"} & attributes.keys():
+        raise ValueError(f"{dim} says neither unit nor direction; keep the surface level alone")
+    index = int(levels.argmin())
+    if str(attributes.get("units", "m")).lower() not in {"m", "meter", "meters", "metre", "metres"}:
+        return index, []
+    if levels[index] > _DEEPEST_M:
+        raise ValueError(
+            f"its uppermost level ({dim}) is {levels[index]:g} m deep; give currents of the surface"
+        )
+    deep = levels[index] > _SURFACE_M
+    return index, [f"the currents are those at {levels[index]:g} m depth"] if deep else []
+
+
+def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, FloatArray | None]:
+    """A file's time coordinate and its bounds; neither where it is a bare count."""
+    if dim not in dataset.variables:
+        if dataset.sizes[dim] == 1:
+            return None, None
+        raise ValueError(f"{dim} has {dataset.sizes[dim]} steps and no values; say their times")
+    time = dataset[dim]
+    bounds = dataset.variables.get(time.attrs.get("bounds", ""))
+    if bounds is None or bounds.shape != (time.size, 2):
+        return time, None
+    return time, np.asarray(bounds.values, dtype=float)
+
+
+def axis(dataset: xr.Dataset, dim: str, turn: float = 0.0) -> FloatArray:
+    """A monotonic axis in degrees; one that jumps by a `turn` goes on. ValueError for another."""
+    if dim not in dataset.variables:
+        raise ValueError(f"{dim} has no values; add the coordinate")
+    values = np.asarray(dataset[dim].values, dtype=float)
+    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise ValueError(f"{dim} is no axis of a grid: {values.size} values, or some not finite")
+    if turn:
+        values = np.unwrap(values, period=turn)
+    step = np.diff(values)
+    if not ((step > 0).all() or (step < 0).all()):
+        raise ValueError(f"{dim} neither ascends nor descends; sort it")
+    name = dataset[dim].attrs.get("bounds", "")
+    bounds = dataset.variables.get(name)
+    if bounds is not None and bounds.shape == (values.size, 2):
+        away = np.asarray(bounds.values, dtype=float) - values[:, None]
+        if turn:
+            away = (away + turn / 2) % turn - turn / 2
+        slack = SAME * float(np.abs(step).min())
+        if (away.min(axis=1) > slack).any() or (away.max(axis=1) < -slack).any():
+            raise ValueError(f"{dim} lies outside its own bounds ({name}): it was shifted")
+    return values
+
+
+def same(own: FloatArray, other: FloatArray) -> bool:
+    """Whether two axes have the same values, but for rounding."""
+    if own.shape != other.shape:
+        return False
+    return bool(np.abs(own - other).max() <= SAME * np.abs(np.diff(other)).min())

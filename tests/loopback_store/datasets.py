@@ -1,0 +1,258 @@
+"""Datasets of the loopback store: their catalogue pages (STAC) and their chunks (zarr v2).
+
+The layout is that of the service: `<product>/<dataset>_<version>/dataset.stac.json` with one asset
+a way of chunking, and zarr arrays over time, elevation (negative, ascending), latitude and
+longitude. Nothing is stored: a chunk is computed when it is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numcodecs import Blosc
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from tests.loopback_store.ocean import Ocean
+
+    FloatArray = npt.NDArray[np.float64]
+
+ROOT = "http://mds.invalid"
+_EPOCH = datetime(1950, 1, 1, tzinfo=UTC)
+CODEC = Blosc(cname="lz4", clevel=5, shuffle=Blosc.SHUFFLE)
+_FILL = float(np.float32(9.96921e36))
+# As GLORYS12 packs its currents; the others are float32 as they are.
+_SCALE, _PACKED_FILL = 0.0006103701889514923, -32767
+# Chunks along time, elevation, latitude, longitude: small, so that a region needs several; beyond
+# fifty of them the client plans in tasks, one a chunk of the globe.
+_CHUNKS = {"timeChunked": (1, 1, 32, 32), "geoChunked": (64, 1, 32, 32)}
+_CHUNK = re.compile(r"(?P<name>\w+)/(?P<index>\d+(\.\d+)*)")
+_STANDARD_NAMES = {
+    "uo": "eastward_sea_water_velocity",
+    "vo": "northward_sea_water_velocity",
+    "utide": "surface_sea_water_x_velocity_due_to_tide",
+    "vtide": "surface_sea_water_y_velocity_due_to_tide",
+    "vsdx": "sea_surface_wave_stokes_drift_x_velocity",
+    "vsdy": "sea_surface_wave_stokes_drift_y_velocity",
+    "utotal": "surface_sea_water_x_velocity",
+    "vtotal": "surface_sea_water_y_velocity",
+}
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """One dataset: its name and release, its axes (degrees, metres down, UTC) and its variables.
+
+    `stored` are the times that the data have, where they are not those that the catalogue lists.
+    """
+
+    name: str
+    product: str
+    version: str
+    times: tuple[datetime, ...]
+    cell_deg: float
+    variables: tuple[str, ...] = ("uo", "vo")
+    depths: tuple[float, ...] = (0.49402499198913574, 1.5413750410079956, 92.32607269287110)
+    north: float = 90.0
+    packed: bool = False
+    updating_from: str = ""
+    stored: tuple[datetime, ...] | None = None
+
+    @cached_property
+    def axes(self) -> dict[str, FloatArray]:
+        """Values of the four axes; latitudes from 80 S where the grid has points on the poles."""
+        cells = round(360 / self.cell_deg)
+        # A grid of 1/12 degree has a point at 180 W; one of 1/4 degree has its cells' centres.
+        offset = 0.0 if self.cell_deg < 0.2 else self.cell_deg / 2
+        south = -80.0 if offset == 0 else -90 + offset
+        rows = round((self.north - offset - south) / self.cell_deg) + 1
+        return {
+            "time": np.array([(time - _EPOCH) / timedelta(hours=1) for time in self._stamps]),
+            "elevation": -np.array(self.depths[::-1]),
+            "latitude": south + self.cell_deg * np.arange(rows),
+            "longitude": -180 + offset + self.cell_deg * np.arange(cells),
+        }
+
+    @property
+    def folder(self) -> str:
+        """Its place below the product: with the version."""
+        return f"{self.name}_{self.version}"
+
+    @property
+    def _stamps(self) -> tuple[datetime, ...]:
+        """The times that the data have."""
+        return self.times if self.stored is None else self.stored
+
+    def page(self) -> dict[str, object]:
+        """The dataset's STAC item."""
+        return {
+            "type": "Feature",
+            "stac_version": "1.0.0",
+            "id": self.folder,
+            "collection": self.product,
+            "geometry": None,
+            "bbox": [-180, -90, 180, 90],
+            "links": [],
+            "properties": {
+                "title": self.name,
+                "datetime": "2020-01-01T00:00:00Z",
+                "cube:dimensions": {name: {"axis": _AXES[name]} for name in _AXES},
+                "cube:variables": {
+                    name: {
+                        "id": name,
+                        "dimensions": list(_AXES),
+                        "standardName": _STANDARD_NAMES[name],
+                        "unit": "m s-1",
+                    }
+                    for name in self.variables
+                },
+                **({"admp_updating_start_date": self.updating_from} if self.updating_from else {}),
+            },
+            "assets": {way: self._asset(way) for way in _CHUNKS},
+        }
+
+    def _asset(self, way: str) -> dict[str, object]:
+        """One way of chunking, with its axes as the client reads them."""
+        return {
+            "href": f"{ROOT}/arco/{self.product}/{self.folder}/{way}.zarr",
+            "type": "application/vnd+zarr",
+            "viewDims": {
+                name: {
+                    "units": _UNITS[name],
+                    "chunkLen": _CHUNKS[way][place],
+                    "coords": self._coords(name),
+                }
+                for place, name in enumerate(_AXES)
+            },
+        }
+
+    def _coords(self, name: str) -> dict[str, object]:
+        """Limits and step of an axis, or its values where the steps are unequal; times in ms."""
+        if name == "time":
+            stamps = [int(time.timestamp() * 1000) for time in self.times]
+            steps = set(np.diff(stamps).tolist())
+            if len(steps) == 1:
+                return {"min": stamps[0], "max": stamps[-1], "step": steps.pop()}
+            return {"values": stamps}
+        values = self.axes[name]
+        if name == "elevation":
+            return {"values": values.tolist()}
+        return {"min": values[0], "max": values[-1], "step": self.cell_deg}
+
+    def part(self, ocean: Ocean, path: str) -> bytes | None:
+        """A file of its zarr stores: `<way>.zarr/...`; None where there is none."""
+        way, _, key = path.partition(".zarr/")
+        if way not in _CHUNKS:
+            return None
+        entries = self._metadata(way)
+        if key == ".zmetadata":
+            return json.dumps({"metadata": entries, "zarr_consolidated_format": 1}).encode()
+        if key in entries:
+            return json.dumps(entries[key]).encode()
+        found = _CHUNK.fullmatch(key)
+        if found is None:
+            return None
+        index = tuple(int(place) for place in found["index"].split("."))
+        if found["name"] in self.axes:
+            return bytes(CODEC.encode(self._axis_values(found["name"])))
+        return self._chunk(ocean, way, found["name"], index)
+
+    def _axis_values(self, name: str) -> npt.NDArray[np.generic]:
+        """An axis as it is stored."""
+        return self.axes[name].astype("<f8" if name == "time" else "<f4")
+
+    def _metadata(self, way: str) -> dict[str, object]:
+        """The metadata of one store: the content of each file by its name."""
+        entries: dict[str, object] = {".zgroup": {"zarr_format": 2}, ".zattrs": {}}
+        for name in _AXES:
+            values = self._axis_values(name)
+            entries[f"{name}/.zarray"] = _array(values.shape, values.shape, values.dtype.str, None)
+            attributes = {"units": _UNITS[name], "standard_name": name}
+            if name == "time":
+                attributes = {"units": "hours since 1950-01-01", "calendar": "gregorian"}
+            entries[f"{name}/.zattrs"] = {"_ARRAY_DIMENSIONS": [name], **attributes}
+        shape = tuple(self.axes[name].size for name in _AXES)
+        for name in self.variables:
+            kind, fill = ("<i2", _PACKED_FILL) if self.packed else ("<f4", _FILL)
+            entries[f"{name}/.zarray"] = _array(shape, _CHUNKS[way], kind, fill)
+            entries[f"{name}/.zattrs"] = {
+                "_ARRAY_DIMENSIONS": list(_AXES),
+                "standard_name": _STANDARD_NAMES[name],
+                "units": "m s-1",
+                **({"scale_factor": _SCALE, "add_offset": 0.0} if self.packed else {}),
+            }
+        return entries
+
+    def _chunk(self, ocean: Ocean, way: str, name: str, index: tuple[int, ...]) -> bytes | None:
+        """A chunk of a variable, filled up beyond the axes' ends; None where it is all land."""
+        lengths = dict(zip(_AXES, _CHUNKS[way], strict=True))
+        place = dict(zip(_AXES, index, strict=True))
+        inside = {
+            axis: np.arange(place[axis] * length, (place[axis] + 1) * length)
+            for axis, length in lengths.items()
+        }
+        inside = {axis: cells[cells < self.axes[axis].size] for axis, cells in inside.items()}
+        lon, lat = (self.axes[axis][inside[axis]] for axis in ("longitude", "latitude"))
+        values = np.full(tuple(lengths.values()), np.nan)
+        for row, time in enumerate(inside["time"]):
+            field = ocean.value(name, self._stamps[time], lon, lat)
+            # Elevations ascend: the last is the surface, and deeper water goes slower.
+            for level, height in enumerate(inside["elevation"]):
+                slower = 0.5 ** (len(self.depths) - 1 - height)
+                values[row, level, : lat.size, : lon.size] = field * slower
+        # The service keeps no chunk without a figure.
+        if not np.isfinite(values).any():
+            return None
+        if self.packed:
+            packed = np.where(np.isfinite(values), np.rint(values / _SCALE), _PACKED_FILL)
+            return bytes(CODEC.encode(packed.astype("<i2")))
+        return bytes(CODEC.encode(np.where(np.isfinite(values), values, _FILL).astype("<f4")))
+
+
+_AXES = {"time": "t", "elevation": "z", "latitude": "y", "longitude": "x"}
+_UNITS = {
+    "time": "milliseconds since 1970-01-01",
+    "elevation": "m",
+    "latitude": "degrees_north",
+    "longitude": "degrees_east",
+}
+
+
+def _array(
+    shape: tuple[int, ...], chunks: tuple[int, ...], kind: str, fill: float | None
+) -> dict[str, object]:
+    """A `.zarray`."""
+    return {
+        "zarr_format": 2,
+        "shape": list(shape),
+        "chunks": list(chunks),
+        "dtype": kind,
+        "fill_value": fill,
+        "order": "C",
+        "filters": None,
+        "compressor": CODEC.get_config(),
+    }
+
+
+Step = Literal["month", "day", "6 hours", "hour"]
+
+
+def times(first: datetime, last: datetime, step: Step) -> tuple[datetime, ...]:
+    """Stamps of all steps from `first` to `last`, both included."""
+    if step == "month":
+        months = range((last.year - first.year) * 12 + last.month - first.month + 1)
+        count = [first.month - 1 + month for month in months]
+        return tuple(
+            first.replace(year=first.year + month // 12, month=month % 12 + 1) for month in count
+        )
+    hours = {"day": 24, "6 hours": 6, "hour": 1}[step]
+    steps = math.floor((last - first) / timedelta(hours=hours)) + 1
+    return tuple(first + timedelta(hours=hours * place) for place in range(steps))

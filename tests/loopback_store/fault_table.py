@@ -1,0 +1,133 @@
+"""Every way in which the service and its client were seen to fail, injected one by one."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import StageError
+from pipeline.sources.copernicus import Copernicus
+from tests.loopback_store import world
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.loopback_store.rows import Row
+    from tests.loopback_store.server import LoopbackStore
+
+# What starting and ending a process may take beside its deadline.
+_MARGIN_S = 8.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a row."""
+
+    wrong_by_m_s: float | None
+    reason: str
+    seconds: float
+    longest_s: float
+    leftovers: tuple[str, ...]
+    clients: int
+    written: str
+
+    def is_wrong(self, row: Row) -> bool:
+        """Whether a wrong field was accepted."""
+        return self.wrong_by_m_s is not None and self.wrong_by_m_s > row.at_most_m_s
+
+    @property
+    def is_hung(self) -> bool:
+        """Whether it took longer than its deadlines allow."""
+        return self.seconds > self.longest_s
+
+    @property
+    def is_littered(self) -> bool:
+        """Whether a file or a process is left behind."""
+        return bool(self.leftovers) or self.clients > 0
+
+
+def inject(row: Row, folder: Path) -> Outcome:
+    """Let a row's fault happen to a download into a folder."""
+    entry = row.entry()
+    source, season = Copernicus(entry), world.season(row.valid)
+    store = world.store(row.source, **row.service)
+    store.faults.extend(replace(fault) for fault in row.faults)
+    downloads, home = folder / "downloads", folder / "home"
+    downloads.mkdir(parents=True)
+    if row.prepare is not None:
+        row.prepare(downloads)
+    before = {path: path.read_bytes() for path in downloads.iterdir() if path.is_file()}
+    pauses = sum(entry.pause_s * 3**place for place in range(entry.attempts - 1))
+    longest = entry.attempts * (entry.deadline_s + _MARGIN_S) + pauses
+    reason, wrong_by = "", None
+    with world.connected(store, home, row.environment):
+        begun = time.monotonic()
+        with _killing(store, row.kill):
+            try:
+                grid = source.current(world.REGION, season, world.LAND, downloads)
+            except StageError as error:
+                reason = str(error)
+            else:
+                moments = source._selection(season).begins
+                wrong_by = world.wrong_by(grid, entry.eastward, entry.northward, *moments)
+        seconds = time.monotonic() - begun
+        clients = len(clients_of(store))
+    left = [path for path in downloads.rglob("*") if path.is_dir() or not _is_kept(path, before)]
+    if reason:
+        left += [path for path in downloads.iterdir() if path not in before]
+    return Outcome(
+        wrong_by_m_s=wrong_by,
+        reason=reason,
+        seconds=seconds,
+        longest_s=longest,
+        leftovers=tuple(sorted({path.name for path in left})),
+        clients=clients,
+        written="\n".join(
+            path.read_text("latin-1") for path in folder.rglob("*") if path.is_file()
+        ),
+    )
+
+
+def _is_kept(path: Path, before: dict[Path, bytes]) -> bool:
+    """Whether a file belongs here: it was there before, or is a field or its sidecar."""
+    return path in before or path.suffix in {".nc", ".json"}
+
+
+@contextlib.contextmanager
+def _killing(store: LoopbackStore, by: signal.Signals | None) -> Iterator[None]:
+    """Kill the first client as soon as it waits for a chunk."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(0.05):
+            if any("/uo/" in path for _, path, _ in store.heard):
+                for process in clients_of(store):
+                    os.kill(process, by or signal.SIGKILL)
+                return
+
+    thread = threading.Thread(target=watch, daemon=True)
+    if by is not None:
+        thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if by is not None:
+            thread.join()
+
+
+def clients_of(store: LoopbackStore) -> list[int]:
+    """Processes that have this store for their proxy, beside this one."""
+    mark = f"HTTP_PROXY=http://127.0.0.1:{store.server.server_address[1]}\0".encode()
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if int(place.name) != os.getpid() and mark in (place / "environ").read_bytes():
+                found.append(int(place.name))
+    return found
