@@ -103,3 +103,24 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == str(here)
+
+
+def test_the_compiler_changes_nothing(root: Path) -> None:
+    program = (
+        "from tests.renew.test_determinism import gyre; best = gyre(classes=1).best; "
+        "print(best.homotopy, best.fuel)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    name, fuel = done.stdout.split()
+    best = gyre(classes=1).best
+    assert name == best.homotopy
+    assert float(fuel) == pytest.approx(best.fuel, rel=1e-9)
