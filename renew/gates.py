@@ -200,9 +200,10 @@ def cheapest_rows(
     # States as columns that grow: node, word, state before, time so far.
     nodes, words, parents, times = [_START], [0], [-1], [0.0]
     # Words are a tree: word 0 is empty; each other is one letter longer than its stem.
-    stems, letters, longer = [-1], [0], {(0, 0): 0}
-    # What has nothing in it yet takes its type from what it is to hold.
-    seen, found = {(_START, 0)}, {0}
+    stems, letters, longer = [-1], [0], {0: 0}
+    # What has nothing in it yet takes its type from what it is to hold. Pairs are kept as one
+    # number: tuples take seconds to compile.
+    seen, found = {0}, {0}
     rows, spelled = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     seen.clear()
     found.clear()
@@ -214,9 +215,10 @@ def cheapest_rows(
             break
         _, state = heapq.heappop(queue)
         node, word = nodes[state], words[state]
-        if (node, word) in seen:
+        pair = word * (len(mesh.gate) + 2) - node
+        if pair in seen:
             continue
-        seen.add((node, word))
+        seen.add(pair)
         if node == _GOAL:
             if word not in found:
                 found.add(word)
@@ -297,7 +299,7 @@ def _appended(
     mesh: Mesh,
     stems: list[int],
     letters: list[int],
-    longer: dict[tuple[int, int], int],
+    longer: dict[int, int],
     word: int,
     ax: float,
     ay: float,
@@ -313,11 +315,12 @@ def _appended(
         if word and letters[word] == -letter:
             word = stems[word]
             continue
-        if (word, letter) not in longer:
+        pair = word * (2 * len(mesh.island) + 1) + letter
+        if pair not in longer:
             stems.append(word)
             letters.append(letter)
-            longer[word, letter] = len(stems) - 1
-        word = longer[word, letter]
+            longer[pair] = len(stems) - 1
+        word = longer[pair]
     return word
 
 

@@ -230,18 +230,17 @@ class Padder:
         s = statistics
         speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed_draws)
         towards = s.direction[:, None] + s.direction_std[:, None] * self._turn_draws
-        return np.asarray(
-            _reach_quantiles(
-                row,
-                _normals(edges, ((enter + leave) / 2)[row]),
-                heading,
-                speed * np.cos(towards),
-                speed * np.sin(towards),
-                self._vessel.speed,
-                self._vessel.turn_rate,
-                math.ceil((_DRAWS - 1) * (1 - _SAFE * self._risk)),
-            )
+        reach = _reaches(
+            row,
+            _normals(edges, ((enter + leave) / 2)[row]),
+            heading,
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+            self._vessel.speed,
+            self._vessel.turn_rate,
         )
+        rank = math.ceil((_DRAWS - 1) * (1 - _SAFE * self._risk))
+        return np.asarray(np.partition(reach, rank, axis=1)[:, rank])
 
 
 def _even_draws(seed: int) -> FloatArray:
@@ -257,7 +256,7 @@ def _even_draws(seed: int) -> FloatArray:
 
 
 @njit(cache=True, error_model="numpy")
-def _reach_quantiles(
+def _reaches(
     row: IntArray,
     normals: FloatArray,
     heading: FloatArray,
@@ -265,17 +264,15 @@ def _reach_quantiles(
     v: FloatArray,
     speed: float,
     turn_rate: float,
-    rank: int,
 ) -> FloatArray:
-    """The reach (p,) that ranks so among the draws (t, draws) of a row along normals (p, 2), m.
+    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m.
 
     :func:`turn_reach`, compiled.
     """
     cos, sin = np.cos(heading), np.sin(heading)
     draws = heading.shape[1]
     radius, period = speed / turn_rate, 2 * math.pi / turn_rate
-    reach = np.empty(draws)
-    result = np.empty(len(row))
+    reach = np.empty((len(row), draws))
     for p in range(len(row)):
         t = row[p]
         nx, ny = normals[p]
@@ -290,14 +287,13 @@ def _reach_quantiles(
             port, starboard = turned_to - begin, turned_to + begin
             port -= 2 * math.pi * math.floor(port / (2 * math.pi))
             starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
-            reach[k] = max(
+            reach[p, k] = max(
                 radius * (furthest - sine) + drift * port / turn_rate,
                 radius * (furthest + sine) + drift * starboard / turn_rate,
                 drift * period,
                 0.0,
             )
-        result[p] = np.partition(reach, rank)[rank]
-    return result
+    return reach
 
 
 def _normals(edges: FloatArray, from_points: FloatArray) -> FloatArray:

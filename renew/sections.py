@@ -171,10 +171,10 @@ def free_intervals(
                 distance[h],
             )
             if enter < leave:
-                covered[found] = enter, leave
+                _insert(covered, found, enter, leave)
                 found += 1
         behind = 0.0
-        for h in np.argsort(covered[:found, 0]):
+        for h in range(found):
             if covered[h, 0] - behind > _SLIVER:
                 intervals[i, count[i]] = behind, covered[h, 0]
                 count[i] += 1
@@ -183,6 +183,16 @@ def free_intervals(
             intervals[i, count[i]] = behind, 1.0
             count[i] += 1
     return intervals, count
+
+
+@njit(cache=True, error_model="numpy")
+def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> None:
+    """Put an interval among the first `count` of some (n, 2), in the order of their beginnings."""
+    place = count
+    while place > 0 and intervals[place - 1, 0] > enter:
+        intervals[place, 0], intervals[place, 1] = intervals[place - 1]
+        place -= 1
+    intervals[place, 0], intervals[place, 1] = enter, leave
 
 
 @njit(cache=True, error_model="numpy")

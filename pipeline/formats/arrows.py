@@ -98,7 +98,10 @@ def arrows(result: RunResult, season: str) -> Arrows:
     keep[shapely.STRtree(land).query(shapely.points(places), predicate="intersects")[0]] = False
     places = places[keep]
     velocity = result.scene.currents[season](places) if len(places) else np.empty((0, 2))
-    return Arrows(places, np.asarray(velocity, dtype=float), spacing)
+    velocity = np.asarray(velocity, dtype=float)
+    # Water that stands still has no direction to show.
+    moves = velocity.any(axis=1)
+    return Arrows(places[moves], velocity[moves], spacing)
 
 
 def _outline(places: FloatArray, velocity: FloatArray, length: float) -> BaseGeometry:

@@ -13,7 +13,8 @@ from pipeline.model import Credit, Land, Zone
 from pipeline.reading import load_scenario
 from pipeline.scenario import ChartSource, ChartSpec
 from pipeline.sources import land_source
-from pipeline.sources.stack import stacked
+from pipeline.sources.osm_adapter import OsmLand
+from pipeline.sources.stack import Stack, stacked
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.test_vector import write
 
@@ -87,12 +88,13 @@ def test_a_file_on_top_of_openstreetmap(tmp_path: Path) -> None:
     path.write_text(SCENARIO.format(source='["osm-land", "./rocks.geojson"]'), encoding="utf-8")
     scenario = load_scenario(str(path))
     assert [one.name or one.path for one in scenario.chart.source] == ["osm-land", str(file)]
-    found = land_source(scenario.chart, None).land(shapely.box(*ACROSS_BOX))
-    whole = shapely.union_all(found.polygons)
-    assert whole.covers(ROCK)
-    assert whole.intersects(shapely.Point(118.74, 9.74)), "Puerto Princesa"
-    assert len(found.credits) == 2
-    assert found.accuracy_m == 60.0
+    both = land_source(scenario.chart, None)
+    assert isinstance(both, Stack)
+    osm, rocks = both.sources
+    assert isinstance(osm, OsmLand)
+    (rock,) = rocks.land(shapely.box(*ACROSS_BOX)).polygons
+    assert rock.equals(ROCK)
+    assert set(osm.identity) | set(rocks.identity) <= set(both.identity)
 
 
 def test_the_command_line_s_chart_goes_before(tmp_path: Path) -> None:
