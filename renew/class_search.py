@@ -31,10 +31,11 @@ _MOST_REPAIRS = 8
 
 
 class _Found(NamedTuple):
-    """A path (n, 2), its trajectory (m, 4), and the figure by which its class is chosen."""
+    """A path (n, 2), trajectory (m, 4) and fuel, and the figure by which its class is chosen."""
 
     path: FloatArray
     trajectory: FloatArray
+    fuel: float
     harmonic_mean: float
 
 
@@ -135,7 +136,8 @@ class ClassSearch:
                     raise
                 first = first or error
                 continue
-            return _Found(path, trajectory, self._fuel(path))
+            fuel = self._fuel(path)
+            return _Found(path, trajectory, fuel, fuel)
         raise first or InfeasibleError("its least-fuel path slips into another class")
 
     def _check_current(self, trajectory: FloatArray) -> None:
@@ -167,9 +169,9 @@ class ClassSearch:
         fuels = np.array([self._fuel(chain) for chain in chains])
         if not np.isfinite(fuels).any():
             raise InfeasibleError("the current outruns the vessel on every sampled chain")
-        path = chains[fuels.argmin()]
+        path, fuel = chains[fuels.argmin()], float(fuels.min())
         harmonic_mean = float(len(fuels) / (1 / fuels).sum())
-        return _Found(path, steer(path, current, vessel), harmonic_mean)
+        return _Found(path, steer(path, current, vessel), fuel, harmonic_mean)
 
     def _fuel(self, path: FloatArray) -> float:
         """Eq. 4 along a path."""
@@ -180,7 +182,7 @@ class ClassSearch:
     def _finished(self, corridor: Corridor, found: _Found) -> Route:
         """Route with all its figures."""
         waters, hazards = self.waters, corridor.hazards
-        path, trajectory, harmonic_mean = found
+        path, trajectory, fuel, harmonic_mean = found
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
         apart = (
@@ -188,7 +190,6 @@ class ClassSearch:
             if waters.chart.no_go
             else math.inf
         )
-        fuel = self._fuel(path)
         return Route(
             path=path,
             trajectory=trajectory,

@@ -33,7 +33,7 @@ class Spread(NamedTuple):
     most: int
 
 
-COARSE, FINE = Spread(1 / 12, 5), Spread(1 / 600, 7)
+COARSE, FINE = Spread(1 / 12, 5), Spread(1 / 600, 5)
 """Among few islands the order of classes comes right with few points. More are needed among many,
 and to find the best of a class's channels, where islets without a ray give it several."""
 
