@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # A current of this share of the vessel's speed (squared) is too strong: between two points on a
 # leg it may be a little stronger.
-_TOO_STRONG = 0.97**2
+TOO_STRONG = 0.97**2
 # Where less way is made than this (m²/s: length times speed over ground), none is.
 _NO_WAY = 1e-300
 
@@ -148,7 +148,7 @@ def quickest_chain(
         out = left_out[0] if row == 0 else left_out[1] if row == rows - 2 else minds_all
         for j in range(following):
             bx, by, bu, bv = x[row + 1, j], y[row + 1, j], u[row + 1, j], v[row + 1, j]
-            if bu * bu + bv * bv >= _TOO_STRONG * speed * speed:
+            if bu * bu + bv * bv >= TOO_STRONG * speed * speed:
                 continue
             _arrivals(
                 x[row],
