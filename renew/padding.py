@@ -44,9 +44,9 @@ Larger values change little, since a turn reaches furthest when begun along the 
 LAYERS = 2
 """A path may bulge out of its channel by so many triangles."""
 
-# Draws that set a quantile. They lie evenly, so that their share beyond it is off by some 1/n
-# rather than 1/√n.
-_DRAWS = 256
+# Draws that set a quantile: some at the least, and so many that this many lie beyond it. They lie
+# evenly, so that their share beyond it is off by some 1/n rather than 1/√n.
+_FEWEST_DRAWS, _BEYOND = 256, 12.8
 # The share that may reach beyond is taken as this much smaller, for what the draws are off.
 _SAFE = 0.85
 
@@ -151,7 +151,8 @@ class Padder:
         self._clearance, self._risk = clearance, risk
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
-        speed, turn, heading = _even_draws(seed)
+        self._draws = max(_FEWEST_DRAWS, math.ceil(_BEYOND / risk))
+        speed, turn, heading = _even_draws(seed, self._draws)
         self._speed_draws, self._turn_draws = ndtri(speed), ndtri(turn)
         self._heading_draws = HEADING_SPREAD * (2 * heading - 1)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
@@ -239,20 +240,20 @@ class Padder:
             self._vessel.speed,
             self._vessel.turn_rate,
         )
-        rank = math.ceil((_DRAWS - 1) * (1 - _SAFE * self._risk))
+        rank = math.ceil((self._draws - 1) * (1 - _SAFE * self._risk))
         return np.asarray(np.partition(reach, rank, axis=1)[:, rank])
 
 
-def _even_draws(seed: int) -> FloatArray:
+def _even_draws(seed: int, count: int) -> FloatArray:
     """Draws (3, n), evenly in the unit cube: Roberts' additive sequence, shifted by the seed.
 
     Its steps are the powers of 1/φ, with φ the root of φ⁴ = φ + 1.
     """
     steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
     shift = np.random.default_rng(seed).random((3, 1))
-    draws = (shift + steps[:, None] * np.arange(_DRAWS)) % 1.0
+    draws = (shift + steps[:, None] * np.arange(count)) % 1.0
     # Neither 0 nor 1, where a normal draw would be infinite.
-    return np.asarray((draws * (_DRAWS - 1) + 0.5) / _DRAWS)
+    return np.asarray((draws * (count - 1) + 0.5) / count)
 
 
 @njit(cache=True, error_model="numpy")
