@@ -134,9 +134,9 @@ def safe_name(name: str) -> str:
 
 def _formats() -> dict[str, Format]:
     """The files of a run by name; what a format needs is imported only now."""
-    from pipeline.formats.geopackage import write_geopackage
+    from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.metrics import write_metrics
-    from pipeline.formats.report import write_report
+    from pipeline.formats.report.page import write_report
 
     return {
         "routes.gpkg": write_geopackage,

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.formats.geopackage import write_geopackage
-from pipeline.formats.report import gather, render
+from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.report.page import gather, render
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 

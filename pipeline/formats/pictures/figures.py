@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.arrows import arrows, speed_scale
-from pipeline.formats.graticule import graticule, scale_bar_m
-from pipeline.formats.page_svg import page_svg
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.pictures.arrows import arrows, speed_scale
+from pipeline.formats.pictures.graticule import graticule, scale_bar_m
+from pipeline.formats.pictures.page_svg import page_svg
+from pipeline.formats.pictures.palette import COLOURS
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.formats import phrases
 from pipeline.formats.manifest import versions
-from pipeline.formats.palette import COLOURS, DARK
+from pipeline.formats.pictures.palette import COLOURS, DARK
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,7 +132,7 @@ def render(report: Report) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("pipeline.formats"),
+        loader=PackageLoader("pipeline.formats.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -145,7 +145,7 @@ def render(report: Report) -> str:
 
 def gather(result: RunResult) -> Report:
     """Gather all that the page shows."""
-    from pipeline.formats.arrows import speed_scale
+    from pipeline.formats.pictures.arrows import speed_scale
 
     scenario = result.scenario
     return Report(
@@ -204,7 +204,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
     """Gather a season's part."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures import season_svg
+    from pipeline.formats.pictures.figures import season_svg
 
     ranked = result.season_routes(entry.season)
     metrics = [r.metrics for r in ranked]

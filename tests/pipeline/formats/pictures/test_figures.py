@@ -10,9 +10,9 @@ import pytest
 import shapely
 from matplotlib.image import imread
 
-from pipeline.formats.arrows import SpeedScale, arrows, speed_scale
-from pipeline.formats.figures import overview, season_map, season_svg
-from pipeline.formats.palette import COLOURS, DARK
+from pipeline.formats.pictures.arrows import SpeedScale, arrows, speed_scale
+from pipeline.formats.pictures.figures import overview, season_map, season_svg
+from pipeline.formats.pictures.palette import COLOURS, DARK
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import pyproj
 import pytest
 import shapely
 
-from pipeline.formats.geopackage import write_geopackage
+from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.layers import LAYERS
+from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.manifest import provenance
 
 if TYPE_CHECKING:

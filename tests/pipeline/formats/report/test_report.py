@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from pipeline.formats import phrases
-from pipeline.formats.report import gather, render
+from pipeline.formats.report.page import gather, render
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page

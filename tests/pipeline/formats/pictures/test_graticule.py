@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.formats.graticule import graticule, nice_step, scale_bar_m
+from pipeline.formats.pictures.graticule import graticule, nice_step, scale_bar_m
 from pipeline.projection import Projection
 
 

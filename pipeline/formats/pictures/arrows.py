@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.graticule import nice_step
+from pipeline.formats.pictures.graticule import nice_step
 
 if TYPE_CHECKING:
     import numpy.typing as npt

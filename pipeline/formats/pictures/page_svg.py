@@ -6,7 +6,7 @@ import io
 import re
 from typing import TYPE_CHECKING
 
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.pictures.palette import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

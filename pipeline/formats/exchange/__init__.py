@@ -1,0 +1,1 @@
+"""Routes for a bridge, a plotter, a phone: RTZ, GPX and GeoJSON over the same waypoints."""

@@ -1,0 +1,1 @@
+"""`routes.gpkg`: what a GIS opens."""
