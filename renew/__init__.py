@@ -19,6 +19,7 @@ from renew.errors import (
 from renew.fuel import fuel
 from renew.planner import plan
 from renew.route import Plan, Rejected, Route
+from renew.tightest import Tightest, tightest
 from renew.vessel import Vessel
 
 __all__ = [
@@ -36,10 +37,12 @@ __all__ = [
     "Rejected",
     "Route",
     "StartInNoGoError",
+    "Tightest",
     "UniformCurrent",
     "UnreachableError",
     "Vessel",
     "contingency",
     "fuel",
     "plan",
+    "tightest",
 ]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
 
-from renew.corridor import Corridor, least_fuel_path, sampled_paths
+from renew.corridor import Corridor, refined_path, rough_path, sampled_paths
+from renew.crossing import visits
 from renew.errors import InfeasibleError
 from renew.fuel import passage_times
 from renew.kinematics import steer, steerable
@@ -24,15 +26,23 @@ if TYPE_CHECKING:
     from renew.channels import Channel
     from renew.waters import Waters
 
+    Shortfall: TypeAlias = tuple[IntArray, FloatArray]
+    """Constrained edges, and what their padding is short of (m)."""
+
 Method: TypeAlias = Literal["optimal", "sampled"]
 
-# Rounds in which colliding turns may push the padding out before a class is given up.
+# Rounds in which the path's own triangles, and colliding turns, may push the padding out before a
+# class is given up.
 _MOST_REPAIRS = 8
 
 
 class _Found(NamedTuple):
-    """A path (n, 2), trajectory (m, 4) and fuel, and the figure by which its class is chosen."""
+    """A path (n, 2), its trajectory (m, 4) and fuel, and where it was found.
 
+    `harmonic_mean` is the figure by which its class is chosen.
+    """
+
+    corridor: Corridor
     path: FloatArray
     trajectory: FloatArray
     fuel: float
@@ -56,15 +66,15 @@ class ClassSearch:
         InfeasibleError says why there is none.
         """
         corridor = self._corridor(channel)
-        found: _Found | None = None
+        near: FloatArray | None = None
         for _ in range(_MOST_REPAIRS):
-            found = self._best_path(corridor, found.path if found else None)
-            shortfall = self._shortfall(corridor, found.path)
+            found = self._best_path(corridor, near)
+            shortfall = self._shortfall(found)
             if shortfall is None:
-                return self._finished(corridor, found)
-            corridor = replace(corridor, hazards=corridor.hazards.grown(*shortfall))
+                return self._finished(found)
+            corridor, near = _grown(found.corridor, shortfall), found.path
         raise InfeasibleError(
-            f"hard-over turns still touch land after {_MOST_REPAIRS} widenings of V"
+            f"its path is still not clear of hard-over turns after {_MOST_REPAIRS} widenings of V"
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
@@ -72,7 +82,9 @@ class ClassSearch:
         corridor = self._corridor(channel)
         bare = replace(corridor.hazards, padding=np.zeros(len(corridor.hazards.edge)))
         try:
-            return self._fuel(least_fuel_path(replace(corridor, hazards=bare)))
+            return self._fuel(
+                self._least_fuel_path(replace(corridor, hazards=bare), bulging=True)[1]
+            )
         except InfeasibleError:
             return math.inf
 
@@ -82,6 +94,7 @@ class ClassSearch:
         region = np.array(list(mesh.surroundings(channel.triangles.tolist(), LAYERS)))
         return Corridor(
             channel,
+            region,
             mesh.corners[region],
             mesh.open_outline(region),
             self.padder.hazards(channel, waters.start, waters.goal),
@@ -93,15 +106,13 @@ class ClassSearch:
             waters.drift,
         )
 
-    def _shortfall(
-        self, corridor: Corridor, path: FloatArray
-    ) -> tuple[IntArray, FloatArray] | None:
-        """What the padding lacks for the turns along a path, if they are flown and one touches."""
+    def _shortfall(self, found: _Found) -> Shortfall | None:
+        """What the padding lacks for the triangles a path crosses, or else for its turns."""
         if not self.proves:
             return None
-        waters = self.waters
-        return padding_shortfall(
-            path,
+        waters, corridor = self.waters, found.corridor
+        return self._unset(corridor, found.path) or padding_shortfall(
+            found.path,
             (waters.start, waters.goal),
             corridor.hazards,
             waters.chart,
@@ -109,6 +120,23 @@ class ClassSearch:
             waters.reach,
             waters.vessel,
         )
+
+    def _unset(self, corridor: Corridor, path: FloatArray) -> Shortfall | None:
+        """What the padding lacks where a path bulges out of the channel for which it was set."""
+        inside = visits(path, corridor.corners)
+        crossed = inside._replace(triangle=corridor.triangles[inside.triangle])
+        return self.padder.shortfall(crossed, corridor.channel, corridor.hazards)
+
+    def _least_fuel_path(self, corridor: Corridor, *, bulging: bool) -> tuple[Corridor, FloatArray]:
+        """Least-fuel path (n, 2), and the corridor with the padding that its bulges ask for."""
+        rough = rough_path(corridor, bulging=bulging)
+        if not (self.proves and (unset := self._unset(corridor, rough))):
+            return _refined(corridor, rough)
+        corridor = _grown(corridor, unset)
+        try:
+            return _refined(corridor, rough)
+        except InfeasibleError:
+            return _refined(corridor, rough_path(corridor, bulging=bulging))
 
     def _best_path(self, corridor: Corridor, near: FloatArray | None) -> _Found:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
@@ -118,13 +146,16 @@ class ClassSearch:
         # Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no convex
         # speed polar: such paths can't be steered. The crab model's path then can.
         drifts = dict.fromkeys((self.waters.drift, "crab"))
+        ways = [
+            partial(self._least_fuel_path, replace(corridor, drift=drift), bulging=bulging)
+            for drift, bulging in itertools.product(drifts, (True, False))
+        ]
+        if near is not None:
+            ways.insert(0, partial(_refined, corridor, near))
         first: InfeasibleError | None = None
-        nearby = [] if near is None else [(self.waters.drift, True, near)]
-        anywhere = itertools.product(drifts, (True, False), (None,))
-        for drift, bulging, beside in itertools.chain(nearby, anywhere):
-            attempt = replace(corridor, drift=drift)
+        for way in ways:
             try:
-                path = least_fuel_path(attempt, bulging=bulging, near=beside)
+                attempt, path = way()
                 if rays.word(path) != word:
                     continue
                 path, trajectory = steer_inside(path, attempt)
@@ -137,7 +168,7 @@ class ClassSearch:
                 first = first or error
                 continue
             fuel = self._fuel(path)
-            return _Found(path, trajectory, fuel, fuel)
+            return _Found(replace(attempt, drift=corridor.drift), path, trajectory, fuel, fuel)
         raise first or InfeasibleError("its least-fuel path slips into another class")
 
     def _check_current(self, trajectory: FloatArray) -> None:
@@ -171,7 +202,7 @@ class ClassSearch:
             raise InfeasibleError("the current outruns the vessel on every sampled chain")
         path, fuel = chains[fuels.argmin()], float(fuels.min())
         harmonic_mean = float(len(fuels) / (1 / fuels).sum())
-        return _Found(path, steer(path, current, vessel), fuel, harmonic_mean)
+        return _Found(corridor, path, steer(path, current, vessel), fuel, harmonic_mean)
 
     def _fuel(self, path: FloatArray) -> float:
         """Eq. 4 along a path."""
@@ -179,10 +210,10 @@ class ClassSearch:
         times = passage_times(path, waters.current, waters.vessel, drift=waters.drift)
         return float(waters.vessel.fuel_rate * times.sum())
 
-    def _finished(self, corridor: Corridor, found: _Found) -> Route:
+    def _finished(self, found: _Found) -> Route:
         """Route with all its figures."""
+        corridor, path, trajectory, fuel, harmonic_mean = found
         waters, hazards = self.waters, corridor.hazards
-        path, trajectory, fuel, harmonic_mean = found
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
         apart = (
@@ -205,3 +236,13 @@ class ClassSearch:
             starts_in_soft_no_go=len(hazards.around(waters.start).edge) > 0,
             ends_in_soft_no_go=len(hazards.around(waters.goal).edge) > 0,
         )
+
+
+def _grown(corridor: Corridor, shortfall: Shortfall) -> Corridor:
+    """Corridor with the padding larger by what it is short of."""
+    return replace(corridor, hazards=corridor.hazards.grown(*shortfall))
+
+
+def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
+    """Corridor, and the least-fuel path (n, 2) near a rough one."""
+    return corridor, refined_path(corridor, rough)

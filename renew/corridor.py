@@ -28,7 +28,7 @@ from renew.table import velocities
 from renew.viterbi import quickest_chain
 
 if TYPE_CHECKING:
-    from renew._types import BoolArray, FloatArray
+    from renew._types import BoolArray, FloatArray, IntArray
     from renew.channels import Channel
     from renew.current import CurrentField
     from renew.fuel import Drift
@@ -60,7 +60,7 @@ class _Pass(NamedTuple):
 # points, so that legs between them can take almost any course.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(10))
 _WIDE = tuple(_Pass(window, max(1 / 80, window / 4), 25, math.inf) for window in _WINDOWS[:3])
-_NARROW = tuple(_Pass(window, 1 / 80, 9, _BEND) for window in _WINDOWS[3:])
+_NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
 # Paths are sought this share of v/ω further out than V reaches (7 cm for the paper's vessel), so
 # that points closer than that to the line past them can go, and corners be rounded, outside V.
 _SLACK = 0.04
@@ -70,12 +70,13 @@ _SLACK = 0.04
 class Corridor:
     """Where paths of a class are sought: its channel and the triangles beside it, less V.
 
-    `corners` (t, 3, 2) are those triangles'; `walls` (w, 2, 2) the outer edges among theirs that
-    are no hazard: water too far off, or the end of the chart. Paths are sought in the current's
-    `table`.
+    `triangles` (t,) are their indices and `corners` (t, 3, 2) their corners; `walls` (w, 2, 2) the
+    outer edges among theirs that are no hazard: water too far off, or the end of the chart. Paths
+    are sought in the current's `table`.
     """
 
     channel: Channel
+    triangles: IntArray
     corners: FloatArray
     walls: FloatArray
     hazards: Hazards
@@ -135,19 +136,13 @@ class Corridor:
         return clear
 
 
-def least_fuel_path(
-    corridor: Corridor, *, bulging: bool = True, near: FloatArray | None = None
-) -> FloatArray:
-    """Path (n, 2) of least fuel through the corridor; InfeasibleError says why there is none.
+def rough_path(corridor: Corridor, *, bulging: bool = True) -> FloatArray:
+    """Path (n, 2) through the corridor that is close to the least-fuel one.
 
     Post-condition: it never enters V but for the part around start and goal, and no leg of it
     runs where the current outruns the vessel. Unless it may bulge, it keeps near its channel.
-    A path that was the least while V was a little smaller is bettered, where it is given.
+    InfeasibleError says why there is none.
     """
-    if near is not None:
-        path = _bettered(corridor, near, _NARROW)
-        if corridor.legs_clear(path).all():
-            return _without_needless_points(corridor, path)
     midline = corridor.channel.midline(corridor.start, corridor.goal)
     length = _length(midline)
     try:
@@ -156,9 +151,18 @@ def least_fuel_path(
         if error.strait is not None:
             raise
         path = _through_sections(corridor, _SHORT_SPACING * length, _SHORT_ANGLE)
-    if bulging:
-        path = _bettered(corridor, path, _WIDE)
-    return _without_needless_points(corridor, _bettered(corridor, path, _NARROW))
+    return _bettered(corridor, path, _WIDE) if bulging else path
+
+
+def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
+    """Least-fuel path (n, 2) near a rough one, which V may have grown into since.
+
+    Post-condition: as of :func:`rough_path`. InfeasibleError where no way out of V is near.
+    """
+    path = _bettered(corridor, rough, _NARROW)
+    if not corridor.legs_clear(path).all():
+        raise InfeasibleError("its path lies in V, and no path clear of V is near")
+    return _without_needless_points(corridor, path)
 
 
 def _bettered(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) -> FloatArray:

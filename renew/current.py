@@ -6,12 +6,14 @@ shape in m/s along the plane's axes.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
+from numba import njit
 
 from renew.errors import ParameterError
 from renew.table import Table, table_of, tabulated, velocities
@@ -24,8 +26,7 @@ if TYPE_CHECKING:
 _LATTICE_ROWS = 8
 
 
-@dataclass(frozen=True, slots=True)
-class CurrentStatistics:
+class CurrentStatistics(NamedTuple):
     """Mean and spread of a current over areas; every array but `mean` (n, 2) has shape (n,).
 
     `mean`, `speed` and `speed_std` are in m/s; `direction` (of the mean vector, towards) and
@@ -65,21 +66,34 @@ CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]
 
 def sample_statistics(velocity: FloatArray) -> CurrentStatistics:
     """Mean and spread over the samples (axis 1) of velocities (n, samples, 2)."""
-    mean = velocity.mean(axis=1)
-    speeds = np.linalg.norm(velocity, axis=2)
-    direction = np.arctan2(mean[:, 1], mean[:, 0])
-    turned = np.arctan2(velocity[..., 1], velocity[..., 0]) - direction[:, None]
-    # Deviations from the mean direction, wrapped, and weighted by speed: the direction of
-    # nearly still water says nothing of where the vessel will drift.
-    turned = (turned + np.pi) % (2 * np.pi) - np.pi
-    weight = speeds / np.maximum(speeds.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-    return CurrentStatistics(
-        mean=mean,
-        speed=speeds.mean(axis=1),
-        direction=direction,
-        speed_std=speeds.std(axis=1),
-        direction_std=np.sqrt((weight * turned**2).sum(axis=1)),
-    )
+    return CurrentStatistics(*_sample_statistics(np.ascontiguousarray(velocity, dtype=np.float64)))
+
+
+@njit(cache=True, error_model="numpy")
+def _sample_statistics(
+    velocity: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Columns of a CurrentStatistics, compiled."""
+    count, samples = velocity.shape[:2]
+    mean, speed, direction = np.zeros((count, 2)), np.zeros(count), np.empty(count)
+    speed_std, direction_std = np.zeros(count), np.zeros(count)
+    for i in range(count):
+        for k in range(samples):
+            u, v = velocity[i, k]
+            mean[i, 0] += u / samples
+            mean[i, 1] += v / samples
+            speed[i] += math.hypot(u, v) / samples
+        direction[i] = math.atan2(mean[i, 1], mean[i, 0])
+        for k in range(samples):
+            u, v = velocity[i, k]
+            strength = math.hypot(u, v)
+            speed_std[i] += (strength - speed[i]) ** 2 / samples
+            # Deviations from the mean direction, wrapped, and weighted by speed: the direction of
+            # nearly still water says nothing of where the vessel will drift.
+            turned = (math.atan2(v, u) - direction[i] + math.pi) % (2 * math.pi) - math.pi
+            if speed[i] > 0.0:
+                direction_std[i] += strength / (samples * speed[i]) * turned**2
+    return mean, speed, direction, np.sqrt(speed_std), np.sqrt(direction_std)
 
 
 def as_field(current: CurrentLike) -> CurrentField:

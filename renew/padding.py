@@ -18,17 +18,20 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import shapely
-from numba import njit
-from scipy.special import ndtri
 
 from renew.checks import is_size
+from renew.current import CurrentStatistics
+from renew.draws import Draws, normals_away
 from renew.errors import ParameterError
 from renew.geometry import segment_distance
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from renew._types import FloatArray, IntArray
     from renew.channels import Channel, Move
-    from renew.current import CurrentField, CurrentStatistics
+    from renew.crossing import Visits
+    from renew.current import CurrentField
     from renew.triangulation import Triangulation
     from renew.vessel import Vessel
 
@@ -37,16 +40,15 @@ _Crossing: TypeAlias = "tuple[int, Move]"
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 
-HEADING_SPREAD = math.radians(20)
-"""Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
-Larger values change little, since a turn reaches furthest when begun along the edge."""
-
 LAYERS = 2
 """A path may bulge out of its channel by so many triangles."""
 
-# Draws that set a quantile: some at the least, and so many that this many lie beyond it. They lie
-# evenly, so that their share beyond it is off by some 1/n rather than 1/√n.
-_FEWEST_DRAWS, _BEYOND = 256, 12.8
+# Draws that set a quantile: some at the least, and so many that this many lie beyond it; a power of
+# two, for then Sobol's lie most evenly: their quantile is off by 0.5 % where that of random ones
+# is by 1.5 %.
+_FEWEST_DRAWS, _BEYOND = 512, 20.0
+# Triangles that are surveyed beside those that are asked for: fewer cost no less time.
+_AT_ONCE = 128
 # The share that may reach beyond is taken as this much smaller, for what the draws are off.
 _SAFE = 0.85
 
@@ -151,12 +153,14 @@ class Padder:
         self._clearance, self._risk = clearance, risk
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
-        self._draws = max(_FEWEST_DRAWS, math.ceil(_BEYOND / risk))
-        speed, turn, heading = _even_draws(seed, self._draws)
-        self._speed_draws, self._turn_draws = ndtri(speed), ndtri(turn)
-        self._heading_draws = HEADING_SPREAD * (2 * heading - 1)
+        self._draws = Draws(seed, max(_FEWEST_DRAWS, 2 ** math.ceil(math.log2(_BEYOND / risk))))
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
+        count = len(triangulation.triangles)
+        self._statistics = CurrentStatistics(
+            np.zeros((count, 2)), *(np.zeros(count) for _ in CurrentStatistics._fields[1:])
+        )
+        self._near: dict[int, IntArray] = {}
         self._known: dict[_Crossing, tuple[IntArray, FloatArray]] = {}
 
     def hazards(self, channel: Channel, start: FloatArray, goal: FloatArray) -> Hazards:
@@ -171,51 +175,110 @@ class Padder:
         moves = channel.moves
         row = channel.triangles.tolist()
         places = self._triangulation.surroundings(row, LAYERS)
-        crossings = {(triangle, moves[place]): place for triangle, place in places.items()}
-        self._learn(crossings, middle)
+        place = np.fromiter(places.values(), dtype=np.int64)
+        crossings = [(triangle, moves[at]) for triangle, at in places.items()]
+        self._learn(crossings, middle[place], middle[place + 1])
         own, beside = np.full((2, len(self._edges)), -1.0)
-        for (triangle, move), place in crossings.items():
-            edges, needed = self._known[triangle, move]
-            padding = own if triangle == row[place] else beside
+        for crossing, at in zip(crossings, places.values(), strict=True):
+            edges, needed = self._known[crossing]
+            padding = own if crossing[0] == row[at] else beside
             padding[edges] = np.maximum(padding[edges], needed)
         padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
         return Hazards(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
 
-    def _learn(self, crossings: dict[_Crossing, int], middle: FloatArray) -> None:
+    def shortfall(
+        self, path: Visits, channel: Channel, hazards: Hazards
+    ) -> tuple[IntArray, FloatArray] | None:
+        """Constrained edges whose padding is too small for a path, and what it is short of (m).
+
+        Where a path bulges out of the channel for which the padding was set it meets other edges,
+        or the same on another heading. It is taken to cross each of its triangles from one passing
+        edge's midpoint to the next's, as in its channel; where it comes back through the edge by
+        which it went, as it really does. None where nothing is short.
+        """
+        if np.array_equal(path.triangle, channel.triangles):
+            return None
+        row = np.concatenate([[-1], path.triangle, [-1]])
+        before, after = row[:-2], row[2:]
+        there_and_back = before == after
+        enter = self._passing(path.triangle, np.where(there_and_back, -1, before), path.enter)
+        leave = self._passing(path.triangle, np.where(there_and_back, -1, after), path.leave)
+        moves = zip(before.tolist(), path.triangle.tolist(), after.tolist(), strict=True)
+        crossings = [(move[1], move) for move in moves]
+        for at in np.flatnonzero(there_and_back).tolist():
+            # The heading there is this path's own, so it is worked out afresh.
+            self._known.pop(crossings[at], None)
+        self._learn(crossings, enter, leave)
+        wanted = np.full(len(self._edges), -1.0)
+        for crossing in crossings:
+            edges, needed = self._known[crossing]
+            wanted[edges] = np.maximum(wanted[edges], needed)
+        short = wanted[hazards.edge] - hazards.padding
+        found = np.flatnonzero(short > 0)
+        return (hazards.edge[found], short[found]) if len(found) else None
+
+    def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
+        """Midpoints (n, 2) of the edges that triangles (n,) share with others, where they do."""
+        mesh = self._triangulation
+        shared = mesh.neighbours[triangles] == beside[:, None]
+        middle = mesh.vertices[mesh.edge_vertices(triangles, shared.argmax(axis=1))].mean(axis=1)
+        found = shared.any(axis=1) & (beside >= 0)
+        return np.where(found[:, None], middle, otherwise)
+
+    def _learn(self, crossings: Sequence[_Crossing], enter: FloatArray, leave: FloatArray) -> None:
         """Work out the edges next to triangles, and their paddings, for crossings not yet known.
 
-        A triangle is crossed from middle[place] to middle[place + 1].
+        The triangles are crossed from `enter` (n, 2) to `leave` (n, 2).
         """
-        new = [crossing for crossing in crossings if crossing not in self._known]
+        new = {crossing: at for at, crossing in enumerate(crossings) if crossing not in self._known}
         if not new:
             return
-        place = np.array([crossings[crossing] for crossing in new])
-        corners = self._triangulation.corners[[triangle for triangle, _ in new]]
-        statistics = self._current.statistics(corners)
-        furthest = np.maximum(self._furthest_padding(statistics), self._clearance)
-        row, edge = self._tree.query(
-            shapely.polygons(corners), predicate="dwithin", distance=furthest
-        )
-        order = np.lexsort((edge, row))
-        row, edge = row[order], edge[order]
+        place = np.fromiter(new.values(), dtype=np.int64)
+        triangles = [triangle for triangle, _ in new]
+        self._survey(triangles)
+        near = [self._near[triangle] for triangle in triangles]
+        bounds = np.cumsum([0, *map(len, near)])
+        row = np.repeat(np.arange(len(new)), np.diff(bounds))
+        statistics = CurrentStatistics(*(of[triangles] for of in self._statistics))
         if self._padding == "adaptive":
-            enter, leave = middle[place], middle[place + 1]
-            needed = self._adaptive(statistics, row, self._edges[edge], enter, leave)
+            edges = self._edges[np.concatenate(near)]
+            needed = self._adaptive(statistics, row, edges, enter[place], leave[place])
             needed = np.maximum(needed, self._clearance)
         else:
-            needed = furthest[row]
-        bounds = np.searchsorted(row, np.arange(len(new) + 1)).tolist()
-        for crossing, (first, last) in zip(new, itertools.pairwise(bounds), strict=True):
-            self._known[crossing] = edge[first:last], needed[first:last]
+            needed = self._furthest(statistics)[row]
+        for crossing, edge, (first, last) in zip(
+            new, near, itertools.pairwise(bounds.tolist()), strict=True
+        ):
+            self._known[crossing] = edge, needed[first:last]
 
-    def _furthest_padding(self, statistics: CurrentStatistics) -> FloatArray:
+    def _survey(self, triangles: Sequence[int]) -> None:
+        """Work out the current in triangles, and the edges within reach of it, if not yet known."""
+        if all(triangle in self._near for triangle in triangles):
+            return
+        at_hand = itertools.chain(triangles, range(len(self._triangulation.triangles)))
+        unknown = (triangle for triangle in at_hand if triangle not in self._near)
+        new = list(dict.fromkeys(itertools.islice(unknown, len(triangles) + _AT_ONCE)))
+        corners = self._triangulation.corners[new]
+        statistics = self._current.statistics(corners)
+        for of, values in zip(self._statistics, statistics, strict=True):
+            of[new] = values
+        row, edge = self._tree.query(
+            shapely.polygons(corners), predicate="dwithin", distance=self._furthest(statistics)
+        )
+        order = np.lexsort((edge, row))
+        bounds = np.searchsorted(row[order], np.arange(len(new) + 1))
+        for triangle, (first, last) in zip(new, itertools.pairwise(bounds.tolist()), strict=True):
+            self._near[triangle] = edge[order[first:last]]
+
+    def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
         """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""
         if self._padding != "adaptive":
             width = 0.0 if self._padding == "none" else float(self._padding)
-            return np.full(len(statistics.speed), width)
+            return np.full(len(statistics.speed), max(width, self._clearance))
         speed = statistics.speed + 4 * statistics.speed_std
-        return 2 * self._vessel.turning_radius + speed * self._vessel.turn_period
+        reach = 2 * self._vessel.turning_radius + speed * self._vessel.turn_period
+        return np.asarray(np.maximum(reach, self._clearance))
 
     def _adaptive(
         self,
@@ -227,80 +290,8 @@ class Padder:
     ) -> FloatArray:
         """σ-quantiles (p,) of the worst reach from triangles `row` (p,) towards edges (p, 2, 2)."""
         travel = leave - enter
-        heading = np.arctan2(travel[:, 1], travel[:, 0])[:, None] + self._heading_draws
-        s = statistics
-        speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed_draws)
-        towards = s.direction[:, None] + s.direction_std[:, None] * self._turn_draws
-        reach = _reaches(
-            row,
-            _normals(edges, ((enter + leave) / 2)[row]),
-            heading,
-            speed * np.cos(towards),
-            speed * np.sin(towards),
-            self._vessel.speed,
-            self._vessel.turn_rate,
-        )
-        rank = math.ceil((self._draws - 1) * (1 - _SAFE * self._risk))
+        heading = np.arctan2(travel[:, 1], travel[:, 0])
+        normals = normals_away(edges, ((enter + leave) / 2)[row])
+        reach = self._draws.reaches(statistics, heading, row, normals, self._vessel)
+        rank = math.ceil((self._draws.count - 1) * (1 - _SAFE * self._risk))
         return np.asarray(np.partition(reach, rank, axis=1)[:, rank])
-
-
-def _even_draws(seed: int, count: int) -> FloatArray:
-    """Draws (3, n), evenly in the unit cube: Roberts' additive sequence, shifted by the seed.
-
-    Its steps are the powers of 1/φ, with φ the root of φ⁴ = φ + 1.
-    """
-    steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
-    shift = np.random.default_rng(seed).random((3, 1))
-    draws = (shift + steps[:, None] * np.arange(count)) % 1.0
-    # Neither 0 nor 1, where a normal draw would be infinite.
-    return np.asarray((draws * (count - 1) + 0.5) / count)
-
-
-@njit(cache=True, error_model="numpy")
-def _reaches(
-    row: IntArray,
-    normals: FloatArray,
-    heading: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    speed: float,
-    turn_rate: float,
-) -> FloatArray:
-    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m.
-
-    :func:`turn_reach`, compiled.
-    """
-    cos, sin = np.cos(heading), np.sin(heading)
-    draws = heading.shape[1]
-    radius, period = speed / turn_rate, 2 * math.pi / turn_rate
-    reach = np.empty((len(row), draws))
-    for p in range(len(row)):
-        t = row[p]
-        nx, ny = normals[p]
-        bearing = math.atan2(ny, nx)
-        for k in range(draws):
-            drift = u[t, k] * nx + v[t, k] * ny
-            ratio = min(max(-drift / speed, -1.0), 1.0)
-            turned_to = math.acos(ratio)
-            furthest = math.sqrt(1.0 - ratio * ratio)
-            begin = heading[t, k] - bearing
-            sine = sin[t, k] * nx - cos[t, k] * ny
-            port, starboard = turned_to - begin, turned_to + begin
-            port -= 2 * math.pi * math.floor(port / (2 * math.pi))
-            starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
-            reach[p, k] = max(
-                radius * (furthest - sine) + drift * port / turn_rate,
-                radius * (furthest + sine) + drift * starboard / turn_rate,
-                drift * period,
-                0.0,
-            )
-    return reach
-
-
-def _normals(edges: FloatArray, from_points: FloatArray) -> FloatArray:
-    """Unit normals (e, 2) of edges (e, 2, 2), each on the side that points away from a point."""
-    along = edges[:, 1] - edges[:, 0]
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    away = ((edges[:, 0] - from_points) * normal).sum(-1)
-    return np.where(away[:, None] < 0, -normal, normal)

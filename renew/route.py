@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from renew.bounds import fuel_lower_bound
+from renew.crossing import visits
 from renew.errors import UnreachableError
 
 if TYPE_CHECKING:
@@ -92,11 +93,8 @@ class Route:
     @cached_property
     def channel(self) -> FloatArray:
         """Triangles (t, 3, 2) that the path crosses, from start to goal, in metres."""
-        line = shapely.LineString(self.path)
-        inside = shapely.intersection(shapely.polygons(self.corners), line)
-        crossed = np.flatnonzero(shapely.length(inside) > 0)
-        order = shapely.line_locate_point(line, shapely.centroid(inside[crossed])).argsort()
-        return np.asarray(self.corners[crossed[order]])
+        crossed = dict.fromkeys(visits(self.path, self.corners).triangle.tolist())
+        return np.asarray(self.corners[list(crossed)])
 
     @cached_property
     def soft_no_go(self) -> BaseGeometry:

@@ -12,8 +12,9 @@ from shapely import box
 
 import renew
 from renew.channels import ChannelSearch
+from renew.draws import HEADING_SPREAD
 from renew.homotopy import Rays
-from renew.padding import HEADING_SPREAD, Padder, Padding, turn_reach
+from renew.padding import Padder, Padding, turn_reach
 from renew.triangulation import triangulate
 from tests.strategies import PAPER_VESSEL, angles, random_scene, speeds
 

@@ -1,0 +1,123 @@
+"""How far hard-over turns reach in a current that is known by its mean and spread: drawn, compiled.
+
+The draws are those of the paper: speed and direction of the current about their means, the heading
+at which a turn begins about the course.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from scipy.special import ndtri
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray, IntArray
+    from renew.current import CurrentStatistics
+    from renew.vessel import Vessel
+
+HEADING_SPREAD = math.radians(20)
+"""Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
+Larger values change little, since a turn reaches furthest when begun along the edge."""
+
+
+class Draws:
+    """So many draws, evenly in the unit cube by Sobol's sequence: a power of two is the most even.
+
+    The same for every place, so that its figures depend on itself alone.
+    """
+
+    def __init__(self, seed: int, count: int) -> None:
+        speed, turn, heading = _even_draws(seed, count)
+        self.count = count
+        self._speed, self._turn = ndtri(speed), ndtri(turn)
+        self._heading = HEADING_SPREAD * (2 * heading - 1)
+
+    def reaches(
+        self,
+        statistics: CurrentStatistics,
+        course: FloatArray,
+        row: IntArray,
+        normals: FloatArray,
+        vessel: Vessel,
+    ) -> FloatArray:
+        """Reach (p, draws) of turns along unit normals (p, 2), m, the worse of both sides.
+
+        Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there.
+        """
+        s = statistics
+        speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed)
+        towards = s.direction[:, None] + s.direction_std[:, None] * self._turn
+        return np.asarray(
+            _reaches(
+                row,
+                normals,
+                course[:, None] + self._heading,
+                speed * np.cos(towards),
+                speed * np.sin(towards),
+                vessel.speed,
+                vessel.turn_rate,
+            )
+        )
+
+
+def _even_draws(seed: int, count: int) -> FloatArray:
+    """Draws (3, count), evenly in the unit cube: Sobol's sequence, scrambled by the seed."""
+    # SciPy's statistics take half a second to import.
+    from scipy.stats.qmc import Sobol
+
+    draws = Sobol(3, seed=seed).random(count).T
+    # Neither 0 nor 1, where a normal draw would be infinite.
+    return np.asarray((draws * (count - 1) + 0.5) / count)
+
+
+@njit(cache=True, error_model="numpy")
+def _reaches(
+    row: IntArray,
+    normals: FloatArray,
+    heading: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    speed: float,
+    turn_rate: float,
+) -> FloatArray:
+    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m.
+
+    :func:`renew.padding.turn_reach`, compiled.
+    """
+    cos, sin = np.cos(heading), np.sin(heading)
+    draws = heading.shape[1]
+    radius, period = speed / turn_rate, 2 * math.pi / turn_rate
+    reach = np.empty((len(row), draws))
+    for p in range(len(row)):
+        t = row[p]
+        nx, ny = normals[p]
+        bearing = math.atan2(ny, nx)
+        for k in range(draws):
+            drift = u[t, k] * nx + v[t, k] * ny
+            ratio = min(max(-drift / speed, -1.0), 1.0)
+            turned_to = math.acos(ratio)
+            furthest = math.sqrt(1.0 - ratio * ratio)
+            begin = heading[t, k] - bearing
+            sine = sin[t, k] * nx - cos[t, k] * ny
+            port, starboard = turned_to - begin, turned_to + begin
+            port -= 2 * math.pi * math.floor(port / (2 * math.pi))
+            starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
+            reach[p, k] = max(
+                radius * (furthest - sine) + drift * port / turn_rate,
+                radius * (furthest + sine) + drift * starboard / turn_rate,
+                drift * period,
+                0.0,
+            )
+    return reach
+
+
+def normals_away(edges: FloatArray, from_points: FloatArray) -> FloatArray:
+    """Unit normals (e, 2) of edges (e, 2, 2), each on the side that points away from a point."""
+    along = edges[:, 1] - edges[:, 0]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    away = ((edges[:, 0] - from_points) * normal).sum(-1)
+    return np.where(away[:, None] < 0, -normal, normal)
