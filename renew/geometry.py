@@ -102,17 +102,43 @@ def meets(bounds: FloatArray, h: int, west: float, south: float, east: float, no
 
 
 @njit(cache=True, error_model="numpy")
+def _boxes_of(a: FloatArray, b: FloatArray, distance: float) -> FloatArray:
+    """Bounds (n, 4) of legs a -> b (n, 2), widened by a distance."""
+    boxes = np.empty((len(a), 4))
+    for k in range(len(a)):
+        boxes[k, 0] = min(a[k, 0], b[k, 0]) - distance
+        boxes[k, 1] = min(a[k, 1], b[k, 1]) - distance
+        boxes[k, 2] = max(a[k, 0], b[k, 0]) + distance
+        boxes[k, 3] = max(a[k, 1], b[k, 1]) + distance
+    return boxes
+
+
+@njit(cache=True, error_model="numpy")
+def _meeting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
+    """Find which bounds (e, 4) meet that around all of some boxes (n, 4): the first of `chosen`."""
+    west, south = boxes[:, 0].min(), boxes[:, 1].min()
+    east, north = boxes[:, 2].max(), boxes[:, 3].max()
+    count = 0
+    for h in range(len(bounds)):
+        if meets(bounds, h, west, south, east, north):
+            chosen[count] = h
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
 def boxes_near(path: FloatArray, distance: float, bounds: FloatArray) -> IntArray:
     """Which bounds (e, 4) meet those of a leg of a path (n, 2), widened by a distance: (k,)."""
     close = np.zeros(len(bounds), dtype=np.bool_)
-    for k in range(len(path) - 1):
-        west, east = min(path[k, 0], path[k + 1, 0]), max(path[k, 0], path[k + 1, 0])
-        south, north = min(path[k, 1], path[k + 1, 1]), max(path[k, 1], path[k + 1, 1])
-        for h in range(len(bounds)):
-            if not close[h]:
-                close[h] = meets(
-                    bounds, h, west - distance, south - distance, east + distance, north + distance
-                )
+    chosen = np.empty(len(bounds), dtype=np.int64)
+    boxes = _boxes_of(path[:-1], path[1:], distance)
+    for first in range(0, len(boxes), _BLOCK):
+        block = boxes[first : first + _BLOCK]
+        for h in chosen[: _meeting(bounds, block, chosen)]:
+            for k in range(len(block)):
+                if close[h]:
+                    break
+                close[h] = meets(bounds, h, block[k, 0], block[k, 1], block[k, 2], block[k, 3])
     return np.flatnonzero(close)
 
 
@@ -166,13 +192,24 @@ def legs_are_clear(
     a: FloatArray, b: FloatArray, start: FloatArray, end: FloatArray, radius: FloatArray
 ) -> BoolArray:
     """Whether each leg a -> b (n, 2) stays out of all capsules: (n,)."""
-    every = np.arange(len(radius))
     none_left_out = np.zeros(len(radius), dtype=np.bool_)
+    chosen = np.empty(len(radius), dtype=np.int64)
+    bounds, boxes = capsule_bounds(start, end, radius), _boxes_of(a, b, 0.0)
     clear = np.empty(len(a), dtype=np.bool_)
-    for i in range(len(a)):
-        clear[i] = leg_is_clear(
-            a[i, 0], a[i, 1], b[i, 0], b[i, 1], start, end, radius, every, none_left_out
-        )
+    for first in range(0, len(a), _BLOCK):
+        count = _meeting(bounds, boxes[first : first + _BLOCK], chosen)
+        for i in range(first, min(first + _BLOCK, len(a))):
+            clear[i] = leg_is_clear(
+                a[i, 0],
+                a[i, 1],
+                b[i, 0],
+                b[i, 1],
+                start,
+                end,
+                radius,
+                chosen[:count],
+                none_left_out,
+            )
     return clear
 
 
