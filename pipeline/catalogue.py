@@ -11,7 +11,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
 from pipeline.faults import model_faults, near_miss, shown
-from pipeline.scenario import Latitude, Name, NotNegative, Positive, Strictly, VesselSpec, Whole
+from pipeline.scenario import VesselSpec
+from pipeline.strict import Latitude, Name, NotNegative, Positive, Strictly, Whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel
 
-from pipeline.scenario import FAULT_SEPARATOR
+from pipeline.strict import FAULT_SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pipeline.artefact import Store
-    from pipeline.scenario import Region, Scenario, Season
+    from pipeline.places import Region
+    from pipeline.scenario import Scenario, Season
     from pipeline.sources import CurrentSource, LandSource
 
 # Where in the store sources keep their files.

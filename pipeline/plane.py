@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     from pipeline.model import Current
-    from pipeline.scenario import Plane, Scenario, Season
+    from pipeline.places import Plane
+    from pipeline.scenario import Scenario, Season
 
 
 def fetched(scenario: Scenario) -> Fetched:

@@ -16,7 +16,9 @@ from pipeline import catalogue
 from pipeline.catalogue import EXAMPLE
 from pipeline.errors import RequestError
 from pipeline.faults import model_faults
-from pipeline.scenario import ChartSpec, Plane, Point, Region, Scenario, Season, looks_like_path
+from pipeline.places import ChartSpec, Plane, Region
+from pipeline.scenario import Scenario, Season
+from pipeline.strict import Point, looks_like_path
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -9,203 +9,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    model_validator,
-)
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
 
 from pipeline.period import Period, period
+from pipeline.places import ChartSpec, Plane, Region
+from pipeline.strict import (
+    FAULT_SEPARATOR,
+    Name,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Strictly,
+    Whole,
+    looks_like_path,
+)
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     import renew
-
-SCHEMA_VERSION = 1
-
-
-class Strictly(BaseModel):
-    """Frozen; unknown keys are refused, and so are numbers that are not finite."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-# A name becomes a folder and a file's name: nothing that a file system or a shell could take amiss.
-# Each description is the remedy that a fault's line ends in.
-Name = Annotated[
-    str,
-    Field(
-        pattern=r"^[a-z0-9]([a-z0-9_-]{0,62}[a-z0-9])?$",
-        description="use up to 64 lower-case letters, digits, '-' and '_'",
-    ),
-]
-Number = Annotated[float, Strict()]
-Whole = Annotated[int, Strict()]
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
-Longitude = Annotated[Number, Field(ge=-180, le=360)]
-Latitude = Annotated[Number, Field(ge=-90, le=90)]
-LonLat = tuple[Longitude, Latitude]
-Point = tuple[Number, Number]
-
-
-def _whole_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Refuse a ring that crosses itself or has no area."""
-    import shapely
-
-    ring = shapely.Polygon(corners)
-    if not ring.is_valid or ring.area == 0:
-        reason = shapely.is_valid_reason(ring) if not ring.is_valid else "it has no area"
-        raise ValueError(f"is no simple ring: {spoken_reason(reason)}")
-    return corners
-
-
-def spoken_reason(reason: str) -> str:
-    """Say a reason of GEOS in words: "Self-intersection[1 9]" is "it crosses itself at 1, 9"."""
-    kind, _, where = reason.partition("[")
-    place = ", ".join(f"{float(number):g}" for number in where.rstrip("]").split())
-    words = "it crosses itself" if "intersection" in kind.lower() else kind
-    return f"{words} at {place}" if place else words
-
-
-WholeRing = AfterValidator(_whole_polygon)
-Corners = Annotated[tuple[Point, ...], Field(min_length=3), WholeRing]
-
-
-class Region(Strictly):
-    """The waters of a chart scenario, lon/lat degrees: a box, or a polygon.
-
-    Across 180 degrees longitudes go on (170 to 190).
-    """
-
-    bbox: tuple[Longitude, Latitude, Longitude, Latitude] | None = Field(
-        default=None, description="give [west, south, east, north] in degrees"
-    )
-    polygon: Annotated[tuple[LonLat, ...], Field(min_length=3), WholeRing] | None = Field(
-        default=None, description="list its corners in their order round the edge"
-    )
-    crs: str | None = Field(
-        default=None, description="leave it out to have a conformal plane chosen"
-    )
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        if (self.bbox is None) == (self.polygon is None):
-            raise ValueError("must have either 'bbox' or 'polygon'; give one of the two")
-        if self.bbox is not None:
-            west, south, east, north = self.bbox
-            if not (west < east and south < north):
-                raise ValueError(
-                    f"has bbox {list(self.bbox)}, which is empty: west must be below east and "
-                    "south below north; across 180 degrees go on counting (170 to 190)"
-                )
-        return self
-
-    @property
-    def shape(self) -> Polygon:
-        """The region as a polygon, lon/lat degrees."""
-        import shapely
-
-        if self.bbox is not None:
-            return shapely.box(*self.bbox)
-        return shapely.Polygon(self.polygon)
-
-
-class Plane(Strictly):
-    """The waters of a plane scenario, in metres, and where its figures come from."""
-
-    extent: tuple[Number, Number, Number, Number] = Field(
-        description="give [xmin, ymin, xmax, ymax] in metres"
-    )
-    obstacles: tuple[Corners, ...] = Field(
-        default=(), description="list each obstacle's corners in their order round the edge"
-    )
-    credit: str = "Figures of the scenario"
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> Self:
-        xmin, ymin, xmax, ymax = self.extent
-        if not (xmin < xmax and ymin < ymax):
-            raise ValueError(
-                f"has extent {list(self.extent)}, which is empty: give [xmin, ymin, xmax, ymax]"
-            )
-        return self
-
-    @property
-    def shape(self) -> Polygon:
-        """The extent as a polygon, metres."""
-        import shapely
-
-        return shapely.box(*self.extent)
-
-
-class ChartSource(Strictly):
-    """One source of a chart: an entry of the catalogue, a file or folder of the user's, or both.
-
-    An entry says whose data a path holds and how accurate they are; what is given here goes before.
-    """
-
-    name: str = Field(default="", description="`renew list` names the sources")
-    path: str = Field(default="", description="give a vector file, or a folder of S-57 cells")
-    layer: str = Field(default="", description="give the name of a layer of the file")
-    crs: str = Field(default="", description="give what pyproj knows, such as 'EPSG:4326'")
-    radius_m: Positive | None = Field(
-        default=None, description="give the metres around each point and line that are no-go"
-    )
-    accuracy_m: NotNegative | None = Field(
-        default=None, description="give how far in metres the file's coast may be off"
-    )
-    credit: str = ""
-    licence: str = ""
-
-    @model_validator(mode="after")
-    def _is_somewhere(self) -> Self:
-        if not (self.name or self.path):
-            raise ValueError("has neither 'name' nor 'path'; give one of the two, or both")
-        return self
-
-
-def _as_sources(given: object) -> object:
-    """Take one source for a list of one, and a text for a name, or for the path it looks like."""
-    return [
-        {"path" if looks_like_path(one) else "name": one} if isinstance(one, str) else one
-        for one in (given if isinstance(given, (list, tuple)) else (given,))
-    ]
-
-
-class ChartSpec(Strictly):
-    """Which land, and how it becomes the planner's no-go zone (true metres).
-
-    Several sources are laid on top of each other: what one of them forbids is no-go.
-    """
-
-    source: Annotated[
-        tuple[ChartSource, ...], Field(min_length=1), BeforeValidator(_as_sources)
-    ] = Field(
-        default=(ChartSource(name="osm-land"),),
-        description="give a source's name (`renew list`), a path, or a list of them",
-    )
-    under_keel_clearance_m: NotNegative = Field(
-        default=1.0, description="give the metres of water to be left below the keel"
-    )
-    margin_m: NotNegative | None = Field(
-        default=None,
-        description="give the metres added to every coast, or leave it out: the chart's accuracy",
-    )
-    join_gap_m: NotNegative = Field(
-        default=0.0, description="give the widest gap in metres that is closed, or 0"
-    )
-    tolerance_m: NotNegative = Field(
-        default=100.0, description="give the metres that the coast may be simplified by, or 0"
-    )
-    vertex_budget: Whole = Field(
-        default=250, ge=8, description="give the number of vertices aimed at, some hundred"
-    )
 
 
 class VesselSpec(Strictly):
@@ -267,11 +90,6 @@ def _a_period(valid: str) -> str:
     return valid
 
 
-def looks_like_path(text: str) -> bool:
-    """Whether a source is named by its path: names in the catalogue have none of these signs."""
-    return bool(set(text) & set("/\\.~"))
-
-
 def _as_files(given: object) -> object:
     """Take a text that looks like a path for a file of currents by itself."""
     return (given,) if isinstance(given, str) and looks_like_path(given) else given
@@ -299,6 +117,10 @@ class Season(Strictly):
     )
     gyre: Gyre | None = None
     uniform: Uniform | None = None
+    departure: AwareDatetime | None = Field(
+        default=None,
+        description="give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out",
+    )
 
     @model_validator(mode="after")
     def _one_current(self) -> Self:
@@ -357,6 +179,14 @@ class PlannerOptions(Strictly):
     )
 
 
+class OutputOptions(Strictly):
+    """How the files are written."""
+
+    rtz: Literal["1.0", "1.1", "1.2"] = Field(
+        default="1.1", description="give the RTZ version that the chart plotter reads"
+    )
+
+
 class PublishedRow(Strictly):
     """One published result, in the publication's own units."""
 
@@ -395,6 +225,7 @@ class Scenario(Strictly):
     goal: Point = Field(description="give [lon, lat] in degrees, or [x, y] in metres in a plane")
     seasons: tuple[Season, ...] = Field(min_length=1, description="add a [[seasons]] table")
     planner: PlannerOptions = PlannerOptions()
+    outputs: OutputOptions = OutputOptions()
     published: Published | None = None
 
     @model_validator(mode="after")
@@ -440,7 +271,3 @@ class Scenario(Strictly):
         if place is None:  # the validator saw to it
             raise ValueError("scenario without region and plane")
         return place.shape
-
-
-# Several faults of one validator travel in one ValueError.
-FAULT_SEPARATOR = "\n"

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     from pipeline.model import CurrentGrid, Land
-    from pipeline.scenario import ChartSource, ChartSpec, Season
+    from pipeline.places import ChartSource, ChartSpec
+    from pipeline.scenario import Season
 
 
 class LandSource(Protocol):

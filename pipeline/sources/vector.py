@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     from pipeline.catalogue import VectorSpec
-    from pipeline.scenario import ChartSource
+    from pipeline.places import ChartSource
     from pipeline.sources.vector_layer import VectorLayer
 
     Geometries = npt.NDArray[np.object_]

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from pipeline import catalogue
 from pipeline.cli import app
 from pipeline.errors import RequestError
+from pipeline.places import ChartSpec
 from pipeline.reading import load_scenario
-from pipeline.scenario import ChartSpec
 from pipeline.sources import current_source, land_source
 
 SHARED = Path(__file__).parents[2].parent / "shared"

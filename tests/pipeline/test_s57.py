@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.scenario import ChartSpec
+from pipeline.places import ChartSpec
 from pipeline.sources import land_source, s57
 from pipeline.sources.s57_adapter import S57Chart
 from pipeline.sources.s57_cells import Cell, Objects, base_files, read_cell

@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from pipeline.errors import RequestError
 from pipeline.model import Credit, Land, Zone
+from pipeline.places import ChartSource, ChartSpec
 from pipeline.reading import load_scenario
-from pipeline.scenario import ChartSource, ChartSpec
 from pipeline.sources import land_source
 from pipeline.sources.osm_adapter import OsmLand
 from pipeline.sources.stack import Stack, stacked

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline import catalogue
 from pipeline.errors import RequestError
-from pipeline.scenario import ChartSource, ChartSpec
+from pipeline.places import ChartSource, ChartSpec
 from pipeline.sources import land_source
 from pipeline.sources.polygons import BEYOND_M, mended, widened
 from pipeline.sources.vector import VectorFile
