@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow bench lock wheel clean $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow bench pictures lock wheel clean $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -64,6 +64,9 @@ format: $(READY)  ## let ruff mend what it can
 
 bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench
+
+pictures: $(READY)  ## the documents' pictures anew: docs/*.png
+	$(BIN)/python -m tests.pipeline.formats.pictures
 
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel

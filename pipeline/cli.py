@@ -1,4 +1,4 @@
-"""The command line: `renew run|list|show|check`.
+"""The command line: `renew run|plot|list|show|check`.
 
 Exit 0: done. 1: a route or a season failed, the rest is written. 2: the request is wrong, nothing
 is written. Results go to standard output; progress, notes and errors to standard error.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.errors import PipelineError
+from pipeline.formats.pictures.kinds import Form, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,6 +30,24 @@ app = typer.Typer(
 
 ScenarioArgument = Annotated[
     str, typer.Argument(help="A name in the catalogue (`renew list`) or the path of a TOML file.")
+]
+
+OutputOption = Annotated[
+    Path, typer.Option(help="Folder of the results; each scenario has its own in it.")
+]
+OfflineOption = Annotated[
+    bool, typer.Option("--offline", help="Ask no source that needs the network.")
+]
+ChartsOption = Annotated[
+    Path | None,
+    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart."),
+]
+CurrentsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="A NetCDF file or Zarr store of currents, in place of the scenario's; say it "
+        "again for each of several that belong together, or quote a pattern: 'daily/*.nc'."
+    ),
 ]
 
 
@@ -77,23 +96,10 @@ def options(
 def run(
     scenario: ScenarioArgument,
     *,
-    output: Annotated[
-        Path, typer.Option(help="Folder of the results; each scenario has its own in it.")
-    ] = Path("outputs"),
-    offline: Annotated[
-        bool, typer.Option("--offline", help="Ask no source that needs the network.")
-    ] = False,
-    charts: Annotated[
-        Path | None,
-        typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart."),
-    ] = None,
-    currents: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A NetCDF file or Zarr store of currents, in place of the scenario's; say it "
-            "again for each of several that belong together, or quote a pattern: 'daily/*.nc'."
-        ),
-    ] = None,
+    output: OutputOption = Path("outputs"),
+    offline: OfflineOption = False,
+    charts: ChartsOption = None,
+    currents: CurrentsOption = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
@@ -118,6 +124,50 @@ def run(
         for failure in outcome.failures:
             typer.echo(f"error: {failure}", err=True)
         raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
+def plot(
+    scenario: ScenarioArgument,
+    *,
+    season: Annotated[
+        list[str] | None, typer.Option(help="A season; say it again for another. All if left out.")
+    ] = None,
+    figure: Annotated[
+        list[Kind] | None, typer.Option(help="What to draw; say it again for another.")
+    ] = None,
+    form: Annotated[Form, typer.Option("--format", help="The form of the files.")] = Form.PNG,
+    output: OutputOption = Path("outputs"),
+    offline: OfflineOption = False,
+    charts: ChartsOption = None,
+    currents: CurrentsOption = None,
+) -> None:
+    """Draw a scenario's figures to OUTPUT/<scenario>/figures/.
+
+    They are those of an earlier run; what no run has planned yet is planned first.
+    """
+    with _told():
+        from pipeline.reading import load_scenario
+
+        wanted = load_scenario(scenario, charts=charts, currents=currents or ())
+        from pipeline.plot import plot as plot_scenario
+        from pipeline.progress import listening
+
+        with listening(wanted.name, len(wanted.seasons)) as listen:
+            drawn = plot_scenario(
+                wanted,
+                output,
+                seasons=season or (),
+                kinds=figure or (),
+                form=form,
+                offline=offline,
+                listen=listen,
+            )
+        for file in drawn.files:
+            typer.echo(_short(file))
+        for failure in drawn.failures:
+            typer.echo(f"error: {failure}", err=True)
+        raise typer.Exit(1 if drawn.failures else 0)
 
 
 @app.command("list")

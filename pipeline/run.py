@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import renew
@@ -14,6 +15,7 @@ from pipeline import artefact, plane
 from pipeline.artefact import Store
 from pipeline.errors import RequestError, StageError
 from pipeline.fetch import Parts, fetch
+from pipeline.formats.result import RunResult
 from pipeline.model import Scene, SeasonPlan
 from pipeline.projection import Projection
 from pipeline.season import SeasonTask, Status, run_tasks
@@ -113,14 +115,35 @@ def run(
     StageError
         No season could be planned for another reason, or nothing can be written.
     """
+    with _alone(scenario, output, listen) as this:
+        return this.through(offline=offline, scheduler=scheduler)
+
+
+def planned(
+    scenario: Scenario,
+    output: Path,
+    *,
+    offline: bool = False,
+    listen: Listener | None = None,
+) -> RunResult:
+    """Give a scenario's result without writing it: that of an earlier run, or planned now.
+
+    Takes and raises what `run` does; nothing but the store is written to.
+    """
+    with _alone(scenario, output, listen) as this:
+        return this.planned(offline=offline, scheduler=None)[0]
+
+
+@contextlib.contextmanager
+def _alone(scenario: Scenario, output: Path, listen: Listener | None) -> Iterator[_Run]:
+    """Give a run that is the only one of its scenario in an output folder."""
     output = output.resolve()
     with (
         _leaving_nothing_if_refused(output),
         artefact.only_run(output / _ARTEFACTS / f"{scenario.name}.lock", scenario.name),
     ):
         directory = output_directory(output, scenario.name)
-        this = _Run(scenario, directory, Store(output / _ARTEFACTS), listen or _unheard)
-        return this.through(offline=offline, scheduler=scheduler)
+        yield _Run(scenario, directory, Store(output / _ARTEFACTS), listen or _unheard)
 
 
 @contextlib.contextmanager
@@ -164,6 +187,33 @@ class _Run:
     def through(self, *, offline: bool, scheduler: str | None) -> Outcome:
         """All stages."""
         begun = time.perf_counter()
+        result, evaluated = self.planned(offline=offline, scheduler=scheduler)
+        with self._stage("write"):
+            stamp = artefact.key(
+                "write",
+                self.scenario.model_dump(mode="json"),
+                evaluated,
+                [(plan.season, plan.failure) for plan in result.plans],
+                result.fetched.notes,
+            )
+            fresh = not self._written(stamp)
+            if fresh:
+                files = write(result, self.directory)
+                self.store.save(
+                    "write", stamp, {file.name: artefact.file_hash(file) for file in files}
+                )
+        return Outcome(
+            self.scenario,
+            self.directory,
+            result.plans,
+            result.evaluation,
+            result.fetched.notes,
+            fresh,
+            time.perf_counter() - begun,
+        )
+
+    def planned(self, *, offline: bool, scheduler: str | None) -> tuple[RunResult, list[str]]:
+        """All stages but the last: their result, and the names of the seasons' evaluations."""
         with self._stage("fetch"):
             parts = fetch(self.scenario, self.store, offline=offline)
             for note in parts.fetched.notes:
@@ -183,33 +233,17 @@ class _Run:
             for note in unsafe:
                 self.listen(Event("plan", "note", detail=note))
             fetched = replace(fetched, notes=(*fetched.notes, *unsafe))
-        with self._stage("write"):
-            stamp = artefact.key(
-                "write",
-                self.scenario.model_dump(mode="json"),
-                [task.evaluation_path.name for task in tasks],
-                [(plan.season, plan.failure) for plan in plans],
-                fetched.notes,
-            )
-            fresh = not self._written(stamp)
-            if fresh:
-                files = write(
-                    self.scenario,
-                    fetched,
-                    simplified,
-                    scene,
-                    plans,
-                    evaluation,
-                    self.directory,
-                    self.timings,
-                )
-                self.store.save(
-                    "write", stamp, {file.name: artefact.file_hash(file) for file in files}
-                )
-        seconds = time.perf_counter() - begun
-        return Outcome(
-            self.scenario, self.directory, plans, evaluation, fetched.notes, fresh, seconds
+        result = RunResult(
+            self.scenario,
+            fetched,
+            simplified,
+            scene,
+            plans,
+            evaluation,
+            dict(self.timings),
+            datetime.now(UTC),
         )
+        return result, [task.evaluation_path.name for task in tasks]
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:

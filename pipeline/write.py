@@ -10,24 +10,23 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import json
 import os
 import re
 import shutil
 import tempfile
 import time
 import unicodedata
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.formats.result import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from pipeline.model import Evaluation, Fetched, Scene, SeasonPlan, Simplified
-    from pipeline.scenario import Scenario
+    from pipeline.formats.result import RunResult
+    from pipeline.scenario import OutputOptions, Season
 
     Format = Callable[[RunResult, Path], None]
 
@@ -50,24 +49,18 @@ _REMEDIES = {
 }
 
 
-def write(
-    scenario: Scenario,
-    fetched: Fetched,
-    simplified: Simplified,
-    scene: Scene,
-    plans: Sequence[SeasonPlan],
-    evaluation: Evaluation,
-    directory: Path,
-    timings: Mapping[str, float],
-) -> tuple[Path, ...]:
+def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is made where it is missing.
+
+    Files that the manifest of an earlier run names, and this one doesn't write, are taken away:
+    nobody should sail a route that is no longer planned.
 
     Parameters
     ----------
+    result
+        The run, planned and evaluated.
     directory
         The run's own folder; see `output_directory`.
-    timings
-        Seconds each earlier stage took.
 
     Returns
     -------
@@ -80,16 +73,6 @@ def write(
         The files can't be written; the message names the place and the remedy, and the earlier
         files are whole.
     """
-    result = RunResult(
-        scenario,
-        fetched,
-        simplified,
-        scene,
-        tuple(plans),
-        evaluation,
-        dict(timings),
-        datetime.now(UTC),
-    )
     from pipeline.formats.manifest import write_manifest
 
     try:
@@ -98,7 +81,7 @@ def write(
         _sweep(directory)
         with _workshop(directory) as workshop:
             fresh = []
-            for name, writer in _formats().items():
+            for name, writer in _formats(result).items():
                 writer(result, workshop / name)
                 fresh.append(workshop / name)
             write_manifest(result, workshop / MANIFEST, fresh)
@@ -132,17 +115,47 @@ def safe_name(name: str) -> str:
     return f"{short}-{digest}" if short else digest
 
 
-def _formats() -> dict[str, Format]:
+def _formats(result: RunResult) -> dict[str, Format]:
     """The files of a run by name; what a format needs is imported only now."""
+    from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.metrics import write_metrics
+    from pipeline.formats.netcdf import has_currents, write_currents
     from pipeline.formats.report.page import write_report
 
-    return {
+    formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
         "metrics.csv": write_metrics,
         "report.html": write_report,
     }
+    if has_currents(result):
+        formats["currents.nc"] = write_currents
+    if exchange.can_write(result):
+        for season in result.scenario.seasons:
+            if result.season_routes(season.name):
+                formats |= _season_formats(season, result.scenario.outputs)
+    return formats
+
+
+def _season_formats(season: Season, options: OutputOptions) -> dict[str, Format]:
+    """The files of a season that has routes, for chart plotters and the like."""
+    from pipeline.formats.exchange.geojson import write_geojson
+    from pipeline.formats.exchange.gpx import write_gpx
+    from pipeline.formats.exchange.rtz import write_rtz
+
+    name, departure, version = season.name, season.departure, options.rtz
+
+    def rtz(result: RunResult, path: Path) -> None:
+        write_rtz(result, name, path, version=version, departure=departure)
+
+    def gpx(result: RunResult, path: Path) -> None:
+        write_gpx(result, name, path, departure=departure)
+
+    def geojson(result: RunResult, path: Path) -> None:
+        write_geojson(result, name, path)
+
+    stem = safe_name(name)
+    return {f"{stem}.rtz": rtz, f"{stem}.gpx": gpx, f"{stem}.geojson": geojson}
 
 
 def _refuse_open_database(directory: Path) -> None:
@@ -179,26 +192,43 @@ def _workshop(directory: Path) -> Iterator[Path]:
 
 
 def _put_in_place(fresh: Sequence[Path], directory: Path, workshop: Path) -> None:
-    """Move complete files into the directory; on failure put back those that had been there."""
+    """Move complete files into the directory, and stale ones out; on failure put back what was."""
     for path in fresh:
         _flush(path)
     kept = workshop / "earlier"
     kept.mkdir()
-    for path in fresh:
-        if (directory / path.name).exists():
-            _keep(directory / path.name, kept / path.name)
-    moved: list[str] = []
+    stale = _stale({path.name for path in fresh}, directory)
+    for name in [*(path.name for path in fresh), *stale]:
+        if (directory / name).exists():
+            _keep(directory / name, kept / name)
+    changed: list[str] = []
     try:
         for path in fresh:
             path.replace(directory / path.name)
-            moved.append(path.name)
+            changed.append(path.name)
+        for name in stale:
+            (directory / name).unlink()
+            changed.append(name)
     except BaseException:
-        for name in moved:
+        for name in changed:
             if (kept / name).exists():
                 (kept / name).replace(directory / name)
             else:
                 (directory / name).unlink()
         raise
+
+
+def _stale(fresh: set[str], directory: Path) -> list[str]:
+    """Files in the directory that its manifest names as a run's own, and that have no successor."""
+    try:
+        named = json.loads((directory / MANIFEST).read_bytes())["outputs"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [
+        path.name
+        for path in directory.iterdir()
+        if path.name in named and path.name not in fresh and path.is_file()
+    ]
 
 
 def _keep(earlier: Path, copy: Path) -> None:

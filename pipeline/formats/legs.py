@@ -31,31 +31,45 @@ class Legs:
 
 
 def legs(ranked: RankedRoute, result: RunResult) -> Legs:
-    """Legs of a route; their times add up to the route's duration.
-
-    At constant thrust fuel is spent evenly in time, so the duration is shared out among the legs
-    by the time that the drift model gives each.
-    """
+    """Legs of a route; their times add up to the route's duration."""
     import pyproj
 
-    from renew.fuel import passage_times
-
-    path = np.asarray(ranked.route.path, dtype=float)
-    lonlat = result.scene.projection.to_lonlat(path)
+    lonlat = result.scene.projection.to_lonlat(np.asarray(ranked.route.path, dtype=float))
     azimuth, _, length = pyproj.Geod(ellps="WGS84").inv(
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
-    scene = result.scene
-    passage = passage_times(
-        path, scene.currents[ranked.season], scene.vessel, drift=result.scenario.planner.drift
-    )
-    passage = passage * (ranked.metrics.duration_s / passage.sum())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        speed = np.where(passage > 0, np.asarray(length) / passage, np.nan)
+    time = planned_times(ranked, result)
     return Legs(
         lonlat=lonlat,
         course_deg=np.append(np.asarray(azimuth) % 360, np.nan),
         length_m=np.append(length, np.nan),
-        time_s=np.concatenate([[0.0], np.cumsum(passage)]),
-        speed_m_s=np.append(speed, np.nan),
+        time_s=time,
+        speed_m_s=np.append(mean_speed(np.asarray(length), time), np.nan),
     )
+
+
+def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
+    """Seconds since departure (n,) at which each vertex of a route's path is reached.
+
+    At constant thrust fuel is spent evenly in time, so the duration is shared out among the legs
+    by the time that the drift model gives each.
+    """
+    from renew.fuel import passage_times
+
+    scene = result.scene
+    passage = passage_times(
+        np.asarray(ranked.route.path, dtype=float),
+        scene.currents[ranked.season],
+        scene.vessel,
+        drift=result.scenario.planner.drift,
+    )
+    passage = passage * (ranked.metrics.duration_s / passage.sum())
+    return np.concatenate([[0.0], np.cumsum(passage)])
+
+
+def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Mean speed over ground (n - 1,) in m/s on legs between times (n,); NaN where none passes."""
+    passage = np.diff(time_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed: FloatArray = np.where(passage > 0, length_m / passage, np.nan)
+    return speed

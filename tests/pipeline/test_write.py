@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.write import output_directory, safe_name, write
+from pipeline.write import _formats, output_directory, safe_name, write
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
@@ -28,20 +28,29 @@ if TYPE_CHECKING:
 
     from pipeline.formats.result import RunResult
 
-FILES = ["manifest.json", "metrics.csv", "report.html", "routes.gpkg"]
+FILES = sorted(
+    ["currents.nc", "manifest.json", "metrics.csv", "report.html", "routes.gpkg"]
+    + [f"{season}.{form}" for season in ("summer", "winter") for form in ("geojson", "gpx", "rtz")]
+)
 _WRITE = """
 import pickle, sys
 from pathlib import Path
 from pipeline.write import write
 result = pickle.loads(Path(sys.argv[1]).read_bytes())
-write(result.scenario, result.fetched, result.simplified, result.scene, result.plans,
-      result.evaluation, Path(sys.argv[2]), result.timings)
+write(result, Path(sys.argv[2]))
 """
 
 
 @pytest.fixture(scope="module")
 def result() -> RunResult:
     return small_run.parts()
+
+
+@pytest.fixture(scope="module")
+def written(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("written")
+    write(result, directory)
+    return directory
 
 
 @pytest.fixture
@@ -53,19 +62,6 @@ def small_files() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def write_all(result: RunResult, directory: Path) -> tuple[Path, ...]:
-    return write(
-        result.scenario,
-        result.fetched,
-        result.simplified,
-        result.scene,
-        result.plans,
-        result.evaluation,
-        directory,
-        result.timings,
-    )
 
 
 def contents(directory: Path) -> dict[str, bytes]:
@@ -82,7 +78,7 @@ def put_earlier_files(directory: Path) -> dict[str, bytes]:
 
 def test_all_files_appear_and_nothing_else(result: RunResult, tmp_path: Path) -> None:
     directory = tmp_path / "new" / "small-run"
-    written = write_all(result, directory)
+    written = write(result, directory)
     assert sorted(path.name for path in written) == sorted(contents(directory)) == FILES
     assert written[-1].name == "manifest.json"
     assert [path.name for path in directory.parent.iterdir()] == ["small-run"]
@@ -100,11 +96,45 @@ def test_a_second_run_replaces_the_first_and_spares_the_users_files(
     result: RunResult, tmp_path: Path
 ) -> None:
     earlier = put_earlier_files(tmp_path / "run")
-    write_all(result, tmp_path / "run")
+    write(result, tmp_path / "run")
     now = contents(tmp_path / "run")
     assert set(now) == set(earlier)
     assert now["notes.txt"] == earlier["notes.txt"]
     assert all(now[name] != earlier[name] for name in FILES)
+
+
+def test_files_of_a_season_that_is_no_longer_planned_go(result: RunResult, tmp_path: Path) -> None:
+    write(result, tmp_path)
+    (tmp_path / "spring.rtz").write_text("the user's own")
+    written = write(small_run.with_a_failed_season(result), tmp_path)
+    now = {path.name for path in tmp_path.iterdir()}
+    assert now == {path.name for path in written} | {"spring.rtz"}
+    assert {name for name in FILES if name.startswith("winter.")} & now == set()
+
+
+def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
+    result: RunResult, tmp_path: Path
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "manifest.json").write_text('{"outputs": {"../mine.txt": {}, "a": {}}}')
+    (tmp_path / "mine.txt").write_text("the user's own")
+    write(result, tmp_path / "run")
+    assert (tmp_path / "mine.txt").read_text() == "the user's own"
+
+
+@pytest.mark.parametrize("name", [n for n in FILES if "winter" not in n and "manifest" not in n])
+def test_every_format_tells_of_a_disk_that_is_full(
+    result: RunResult, written: Path, tmp_path: Path, name: str
+) -> None:
+    """The file may not grow to half the size that it has: SQLite writes some of its own twice."""
+    writer = _formats(result)[name]
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, ((written / name).stat().st_size // 2, hard))
+    try:
+        with pytest.raises(OSError, match=r"(?s).+"):
+            writer(result, tmp_path / name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.usefixtures("small_files")
@@ -113,7 +143,7 @@ def test_a_file_that_cannot_be_finished_leaves_the_earlier_ones(
 ) -> None:
     earlier = put_earlier_files(tmp_path / "run")
     with pytest.raises(StageError, match=r"cannot write the results to .*run.*--output"):
-        write_all(result, tmp_path / "run")
+        write(result, tmp_path / "run")
     assert contents(tmp_path / "run") == earlier
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
@@ -133,7 +163,7 @@ def test_a_file_that_cannot_be_placed_takes_the_others_back(
         pytest.skip("making a file immutable needs root and a file system that knows how")
     try:
         with pytest.raises(StageError, match="no permission"):
-            write_all(result, tmp_path / "run")
+            write(result, tmp_path / "run")
     finally:
         subprocess.run([chattr, "-i", last], check=True)
     del earlier["report.html"]
@@ -143,14 +173,14 @@ def test_a_file_that_cannot_be_placed_takes_the_others_back(
 def test_a_folder_in_a_files_place_is_named(result: RunResult, tmp_path: Path) -> None:
     (tmp_path / "run" / "report.html").mkdir(parents=True)
     with pytest.raises(StageError, match="a folder stands where a file should"):
-        write_all(result, tmp_path / "run")
+        write(result, tmp_path / "run")
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["report.html"]
 
 
 def test_a_file_in_the_folders_place_is_named(result: RunResult, tmp_path: Path) -> None:
     (tmp_path / "run").write_text("mine")
     with pytest.raises(StageError, match="a file stands where a folder should"):
-        write_all(result, tmp_path / "run")
+        write(result, tmp_path / "run")
     assert (tmp_path / "run").read_text() == "mine"
 
 
@@ -158,7 +188,7 @@ def test_a_file_in_the_folders_place_is_named(result: RunResult, tmp_path: Path)
 def test_no_permission_is_named(result: RunResult, tmp_path: Path) -> None:
     (tmp_path / "locked").mkdir(mode=0o500)
     with pytest.raises(StageError, match="no permission"):
-        write_all(result, tmp_path / "locked" / "run")
+        write(result, tmp_path / "locked" / "run")
 
 
 def test_a_geopackage_open_elsewhere_is_left_alone(result: RunResult, tmp_path: Path) -> None:
@@ -169,9 +199,9 @@ def test_a_geopackage_open_elsewhere_is_left_alone(result: RunResult, tmp_path: 
         database.execute("CREATE TABLE mine (x)")
         database.commit()
         with pytest.raises(StageError, match="open in another program"):
-            write_all(result, tmp_path / "run")
+            write(result, tmp_path / "run")
         assert database.execute("SELECT count(*) FROM mine").fetchone() == (0,)
-    write_all(result, tmp_path / "run")
+    write(result, tmp_path / "run")
 
 
 def test_a_killed_run_leaves_the_earlier_files(result: RunResult, tmp_path: Path) -> None:
@@ -190,10 +220,10 @@ def test_a_killed_run_leaves_the_earlier_files(result: RunResult, tmp_path: Path
     assert contents(tmp_path / "run") == earlier
     # What it left is swept a day later, and not before: another run might be at work there.
     [left] = tmp_path.glob(".run.*.partial")
-    write_all(result, tmp_path / "run")
+    write(result, tmp_path / "run")
     assert left.exists()
     os.utime(left, (0, 0))
-    write_all(result, tmp_path / "run")
+    write(result, tmp_path / "run")
     assert not left.exists()
 
 

@@ -3,13 +3,12 @@
 GDAL writes 1.4 unless told otherwise, which the GDAL 3.6 of many a desktop reads only in part.
 Straight lines of the plane are cut into short pieces first, so that a GIS, which draws straight
 lines in degrees, shows and measures the line that was planned.
+
+The file names itself in the project inside it: it may be moved, but keeps its name.
 """
 
 from __future__ import annotations
 
-import errno
-import json
-import shutil
 import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -17,39 +16,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.gis import project, records
+from pipeline.formats.gis.disk import os_error
 from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.manifest import provenance
+from pipeline.formats.gis.styles import qml
+from pipeline.formats.gis.view import view
+from pipeline.formats.manifest import manifest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pipeline.formats.result import RunResult
 
-# A disk with less left is taken for full when a write fails; this is more than SQLite's journal.
-_LITTLE_SPACE = 16 * 2**20
-
-_METADATA_SCHEMA = """
-CREATE TABLE IF NOT EXISTS gpkg_metadata (
-  id INTEGER CONSTRAINT m_pk PRIMARY KEY ASC NOT NULL,
-  md_scope TEXT NOT NULL DEFAULT 'dataset',
-  md_standard_uri TEXT NOT NULL,
-  mime_type TEXT NOT NULL DEFAULT 'text/xml',
-  metadata TEXT NOT NULL DEFAULT '');
-CREATE TABLE IF NOT EXISTS gpkg_metadata_reference (
-  reference_scope TEXT NOT NULL,
-  table_name TEXT,
-  column_name TEXT,
-  row_id_value INTEGER,
-  timestamp DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
-  md_file_id INTEGER NOT NULL,
-  md_parent_id INTEGER,
-  CONSTRAINT crmr_mfi_fk FOREIGN KEY (md_file_id) REFERENCES gpkg_metadata(id),
-  CONSTRAINT crmr_mpi_fk FOREIGN KEY (md_parent_id) REFERENCES gpkg_metadata(id));
-"""
-_METADATA_DEFINITION = "http://www.geopackage.org/spec121/#extension_metadata"
-# What the metadata's form follows: JSON.
-_METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
+# The project's name inside the file, as QGIS lists it.
+PROJECT = "RENEW"
 
 
 def write_geopackage(result: RunResult, path: Path) -> None:
@@ -63,11 +44,12 @@ def write_geopackage(result: RunResult, path: Path) -> None:
     import pyogrio
     from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 
-    counts = {}
+    counts, columns = {}, {}
     try:
         for layer in LAYERS:
             table = layer.table(result)
             counts[layer.name] = len(table.geometry)
+            columns[layer.name] = ["fid", *table.columns]
             pyogrio.raw.write(
                 path,
                 shapely.to_wkb(table.geometry),
@@ -87,42 +69,32 @@ def write_geopackage(result: RunResult, path: Path) -> None:
                 },
             )
         with closing(sqlite3.connect(path)) as database, database:
-            _add_provenance(database, provenance(result))
+            _add_records(database, result, columns, path.name)
             _check_counts(database, counts)
     except (DataSourceError, DataLayerError, FeatureError, sqlite3.Error) as error:
-        # Neither library hands the system's own error on, so the disk is asked.
-        full = shutil.disk_usage(path.parent).free < _LITTLE_SPACE
-        number = errno.ENOSPC if full else errno.EIO
-        raise OSError(number, f"{path.name}: {error}") from error
+        raise os_error(path, error) from error
 
 
-def _add_provenance(database: sqlite3.Connection, content: Mapping[str, object]) -> None:
-    """Put sources, credits and versions into the file's metadata, as JSON for the whole file."""
-    database.executescript(_METADATA_SCHEMA)
-    row = database.execute(
-        "INSERT INTO gpkg_metadata (md_scope, md_standard_uri, mime_type, metadata)"
-        " VALUES (?, ?, ?, ?)",
-        (
-            "dataset",
-            _METADATA_STANDARD,
-            "application/json",
-            json.dumps(content, ensure_ascii=False, allow_nan=False),
-        ),
+def _add_records(
+    database: sqlite3.Connection,
+    result: RunResult,
+    columns: Mapping[str, Sequence[str]],
+    file_name: str,
+) -> None:
+    """Add what is no layer: provenance, the columns' meanings, styles and the project."""
+    records.create(database)
+    content = manifest(result, ())
+    del content["outputs"]  # this file is one of them
+    records.put_provenance(database, content)
+    for name, names in columns.items():
+        records.put_meanings(database, name, names)
+    seen = view(result)
+    records.put_styles(
+        database,
+        [(layer.name, layer.title, qml(layer.name, seen, columns[layer.name])) for layer in LAYERS],
     )
-    database.execute(
-        "INSERT INTO gpkg_metadata_reference (reference_scope, md_file_id)"
-        " VALUES ('geopackage', ?)",
-        (row.lastrowid,),
-    )
-    database.execute(
-        "CREATE TABLE IF NOT EXISTS gpkg_extensions (table_name TEXT, column_name TEXT,"
-        " extension_name TEXT NOT NULL, definition TEXT NOT NULL, scope TEXT NOT NULL,"
-        " CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name))"
-    )
-    database.executemany(
-        "INSERT INTO gpkg_extensions VALUES (?, NULL, 'gpkg_metadata', ?, 'read-write')",
-        [(t, _METADATA_DEFINITION) for t in ("gpkg_metadata", "gpkg_metadata_reference")],
-    )
+    packed = project.qgz(result, seen, columns, file_name)
+    records.put_project(database, PROJECT, packed, result.created)
 
 
 def _check_counts(database: sqlite3.Connection, counts: Mapping[str, int]) -> None:

@@ -41,3 +41,6 @@ DARK = {
     "speed4": "#bfe6fb",
 }
 """The same roles on a dark ground."""
+
+CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+"""Colours that tell classes apart, for all kinds of colour vision (Okabe and Ito, 2008)."""

@@ -1,7 +1,9 @@
 """`report.html`: one page that works offline and asks for nothing outside.
 
-Figures (numbers) are gathered here, pictures in `figures`, words in `phrases`, and the page's form
-stands in `templates/`; Jinja2 escapes whatever comes from a scenario or a source.
+Figures (numbers) are gathered here, pictures in `pictures`, words in `phrases`, the interactive
+map's data in `map_data`, and the page's form stands in `templates/`; Jinja2 escapes whatever comes
+from a scenario or a source. Static pictures stand in the page for everybody; the scripts put the
+map in their place on a screen.
 """
 
 from __future__ import annotations
@@ -18,9 +20,10 @@ if TYPE_CHECKING:
 
     from markupsafe import Markup
 
+    from pipeline.formats.report.comparison import Comparison
     from pipeline.formats.result import RankedRoute, RunResult
     from pipeline.model import Credit, RouteMetrics, SeasonPlan, Simplified
-    from pipeline.scenario import PlannerOptions, PublishedRow, VesselSpec
+    from pipeline.scenario import PlannerOptions, VesselSpec
     from renew import Rejected
 
 _FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
@@ -60,7 +63,11 @@ class StandIn:
 
 @dataclass(frozen=True)
 class SeasonPart:
-    """What the page says of a season; `best` is None where `failure` says why."""
+    """What the page says of a season; `best` is None where `failure` says why.
+
+    `saving` is what the best route takes less than one on another side, in words; `profile` and
+    `padding` are plots of the best route, empty where there is nothing to plot.
+    """
 
     title: str
     anchor: str
@@ -68,31 +75,14 @@ class SeasonPart:
     current: str
     valid: str
     best: RouteMetrics | None
+    saving: str
     verdict: tuple[str, ...]
     remarks: tuple[str, ...]
     rows: tuple[Row, ...]
     rejected: tuple[RejectedGroup, ...]
     picture: Markup
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A season's best route, or a published one; figures that there are not are None.
-
-    `fuel` and `length` are in the scaled units of whoever planned it, `length_m` and
-    `clearance_m` true metres.
-    """
-
-    season: str
-    whose: str
-    is_ours: bool
-    scale: float
-    side: str
-    fuel_per_distance: float | None
-    fuel: float | None
-    length: float | None
-    length_m: float | None
-    clearance_m: float | None
+    profile: Markup
+    padding: Markup
 
 
 @dataclass(frozen=True)
@@ -111,6 +101,8 @@ class Report:
     notes: tuple[str, ...]
     seasons: tuple[SeasonPart, ...]
     speed_labels: tuple[str, ...]
+    map_json: Markup
+    map_ratio: float
     comparison: tuple[Comparison, ...]
     comparison_origin: str
     polygons: int
@@ -130,6 +122,9 @@ def write_report(result: RunResult, path: Path) -> None:
 def render(report: Report) -> str:
     """Fill the template in; everything but the pictures is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    from pipeline.formats.report.assets import content_hash, leaflet_style, script
 
     environment = Environment(
         loader=PackageLoader("pipeline.formats.report"),
@@ -140,14 +135,27 @@ def render(report: Report) -> str:
     )
     environment.filters.update({name: getattr(phrases, name) for name in _FILTERS})
     template = environment.get_template("report.html.jinja")
-    return template.render(report=report, light=COLOURS, dark=DARK)
+    return template.render(
+        report=report,
+        light=COLOURS,
+        dark=DARK,
+        # Files of this package, in which nobody else writes.
+        script=Markup(script()),  # noqa: S704
+        script_hash=content_hash(script()),
+        leaflet_style=Markup(leaflet_style()),  # noqa: S704
+    )
 
 
 def gather(result: RunResult) -> Report:
     """Gather all that the page shows."""
-    from pipeline.formats.pictures.arrows import speed_scale
+    from markupsafe import Markup
 
-    scenario = result.scenario
+    from pipeline.formats.pictures.arrows import speed_scale
+    from pipeline.formats.report.comparison import comparison
+    from pipeline.formats.report.encode import json_for_script
+    from pipeline.formats.report.map_data import map_data
+
+    scenario, speeds = result.scenario, speed_scale(result)
     return Report(
         title=scenario.title or scenario.name,
         name=scenario.name,
@@ -160,8 +168,11 @@ def gather(result: RunResult) -> Report:
         stand_ins=_stand_ins(result),
         notes=_other_notes(result),
         seasons=tuple(_season(result, entry, i) for i, entry in enumerate(result.plans, start=1)),
-        speed_labels=speed_scale(result).labels,
-        comparison=_comparison(result),
+        speed_labels=speeds.labels,
+        # JSON in which no character can end the element that it stands in.
+        map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704
+        map_ratio=_ratio(result.scene.chart.bounds),
+        comparison=comparison(result),
         comparison_origin=scenario.published.origin if scenario.published else "",
         polygons=len(result.fetched.land.polygons),
         has_shoals=bool(result.shoals),
@@ -171,6 +182,12 @@ def gather(result: RunResult) -> Report:
         versions=tuple(versions().items()),
         timings=tuple(result.timings.items()),
     )
+
+
+def _ratio(bounds: tuple[float, float, float, float]) -> float:
+    """Width of the interactive map to its height, so that the chart fills it."""
+    xmin, ymin, xmax, ymax = bounds
+    return min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin)))
 
 
 def _valid(result: RunResult, season: str) -> str:
@@ -213,6 +230,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
     picture = season_svg(
         result, entry.season, identity=anchor, label=f"Map of {title}: {_spoken(metrics)}"
     )
+    profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
     return SeasonPart(
         title=title,
         anchor=anchor,
@@ -220,13 +238,51 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         current=_current(result, entry.season),
         valid=_valid(result, entry.season),
         best=metrics[0] if metrics else None,
+        saving=_saving(metrics),
         verdict=phrases.verdict(metrics, result.scene.vessel.speed) if metrics else (),
         remarks=_remarks(ranked[0]) if ranked else (),
         rows=_rows(metrics),
         rejected=_rejected(entry),
-        # What season_svg returns holds no text of anybody's but its label, which it escapes.
+        # What pictures return holds no text of anybody's but its label, which they escape.
         picture=Markup(picture),  # noqa: S704 - our own SVG
+        profile=Markup(profile),  # noqa: S704
+        padding=Markup(padding),  # noqa: S704
     )
+
+
+def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
+    """Draw what the best route meets on its way, and the padding at its tightest place."""
+    from pipeline.formats.pictures.plots import padding_svg, profile_svg
+
+    m = best.metrics
+    profile = profile_svg(
+        result,
+        best,
+        identity=f"{anchor}-profile",
+        label=f"Along the best route of {title}: fuel up to {phrases.number(m.fuel)}, speed over "
+        f"ground, current along the track, and distance to land, at least "
+        f"{phrases.distance(m.clearance_m)}",
+    )
+    padding = padding_svg(
+        result,
+        best,
+        identity=f"{anchor}-padding",
+        label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
+    )
+    return profile, padding
+
+
+def _saving(metrics: list[RouteMetrics]) -> str:
+    """Say how much less fuel the best takes than the best on another side, or the next best."""
+    if len(metrics) < 2:
+        return ""
+    best, others = metrics[0], metrics[1:]
+    rival = next((m for m in others if m.side != best.side), others[0])
+    share = 1 - best.fuel / rival.fuel
+    if share <= 0:
+        return ""
+    way = f"{rival.side} about" if rival.side != best.side else "the next best way"
+    return f"{phrases.percent(share)} less fuel than {way}"
 
 
 def _spoken(metrics: list[RouteMetrics]) -> str:
@@ -288,53 +344,3 @@ def _remarks(best: RankedRoute) -> tuple[str, ...]:
     if best.metrics.land_m > 0:
         remarks.append(f"{phrases.distance(best.metrics.land_m)} of the route lies over land.")
     return tuple(remarks)
-
-
-def _comparison(result: RunResult) -> tuple[Comparison, ...]:
-    """Set each season's best route beside the published ones of that season."""
-    published = result.scenario.published
-    if published is None:
-        return ()
-    rows = []
-    named = {entry.season for entry in result.plans}
-    for entry in result.plans:
-        for ranked in result.season_routes(entry.season)[:1]:
-            metrics = ranked.metrics
-            rows.append(
-                Comparison(
-                    season=result.season_title(entry.season),
-                    whose="This run",
-                    is_ours=True,
-                    scale=result.scenario.scale,
-                    side=metrics.side,
-                    fuel_per_distance=metrics.fuel_per_distance,
-                    fuel=metrics.fuel,
-                    length=metrics.length,
-                    length_m=metrics.length_m,
-                    clearance_m=metrics.clearance_m,
-                )
-            )
-        rows += [
-            Comparison(
-                season=result.season_title(row.season) if row.season in named else row.season,
-                whose=row.label,
-                is_ours=False,
-                scale=published.scale,
-                side=row.side,
-                fuel_per_distance=_published_ratio(row),
-                fuel=row.fuel,
-                length=row.length,
-                length_m=None if row.length is None else row.length * published.scale,
-                clearance_m=None if row.clearance is None else row.clearance * published.scale,
-            )
-            for row in published.rows
-            if row.season == entry.season or (not row.season and entry is result.plans[0])
-        ]
-    return tuple(rows)
-
-
-def _published_ratio(row: PublishedRow) -> float | None:
-    """F/D as published, or from fuel and length."""
-    if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
-        return row.fuel / row.length
-    return row.fuel_per_distance

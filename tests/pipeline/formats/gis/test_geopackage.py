@@ -17,8 +17,10 @@ import pytest
 import shapely
 
 from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
+from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,18 +53,28 @@ def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
     return geopandas.read_file(path, layer=name).set_crs(None, allow_override=True)
 
 
+def without_routes(result: RunResult) -> RunResult:
+    plans = tuple(SeasonPlan(entry.season, None, "no way", 0.0) for entry in result.plans)
+    return replace(result, plans=plans, evaluation=Evaluation((), {}))
+
+
 def test_is_a_geopackage_1_3_with_the_seven_layers(package: Path) -> None:
     assert query(package, "PRAGMA application_id") == [(int.from_bytes(b"GPKG", "big"),)]
     assert query(package, "PRAGMA user_version") == [(10300,)]
     assert query(package, "PRAGMA integrity_check") == [("ok",)]
     assert query(package, "PRAGMA foreign_key_check") == []
-    assert dict(pyogrio.list_layers(package).tolist()) == LAYERS
+    assert dict(pyogrio.list_layers(package).tolist()) == {**LAYERS, "layer_styles": None}
 
 
 def test_every_layer_presents_itself_and_lies_in_lon_lat(package: Path) -> None:
-    contents = query(package, "SELECT table_name, identifier, description FROM gpkg_contents")
-    assert {name for name, _, _ in contents} == set(LAYERS)
-    assert all(title and title != name and len(text) > 20 for name, title, text in contents)
+    contents = query(
+        package, "SELECT table_name, identifier, description, data_type FROM gpkg_contents"
+    )
+    assert {name: kind for name, _, _, kind in contents} == {
+        **dict.fromkeys(LAYERS, "features"),
+        "layer_styles": "attributes",
+    }
+    assert all(title and title != name and len(text) > 20 for name, title, text, _ in contents)
     columns = query(package, "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns")
     assert set(columns) == {(name, "geom", 4326) for name in LAYERS}
     for name in LAYERS:
@@ -208,6 +220,81 @@ def test_sources_travel_inside_the_file(package: Path, result: RunResult) -> Non
     assert content["land_sources"][0]["text"] == small_run.LAND.text
     assert [s["name"] for s in content["current_sources"]] == ["Test table", "Better source"]
     assert content["notes"] == list(result.fetched.notes)
+    # The manifest, but for the files, of which this is one.
+    assert set(content) == set(manifest(result, ())) - {"outputs"}
+    assert content["scenario_as_run"]["name"] == "small-run"
+
+
+def test_every_column_says_what_it_means(package: Path) -> None:
+    """A column without a name for people fails here."""
+    rows = query(
+        package, "SELECT table_name, column_name, name, title, description FROM gpkg_data_columns"
+    )
+    described = {(table, column) for table, column, *_ in rows}
+    present = {
+        (name, row[1])
+        for name in LAYERS
+        for row in query(package, f"PRAGMA table_info({name})")
+        if row[1] != "geom"
+    }
+    assert described == present
+    for _, column, name, title, meaning in rows:
+        # GDAL takes `name`, other readers `title`, for the name that people see.
+        assert name == title
+        assert title not in {"", column}
+        assert len(meaning) > 5
+    extensions = query(
+        package,
+        "SELECT table_name, extension_name, definition, scope FROM gpkg_extensions"
+        " WHERE table_name LIKE 'gpkg_%'",
+    )
+    assert {(table, name) for table, name, *_ in extensions} == {
+        ("gpkg_metadata", "gpkg_metadata"),
+        ("gpkg_metadata_reference", "gpkg_metadata"),
+        ("gpkg_data_columns", "gpkg_schema"),
+        ("gpkg_data_column_constraints", "gpkg_schema"),
+    }
+    assert all(scope == "read-write" for *_, scope in extensions)
+
+
+def test_units_stand_with_the_names(package: Path) -> None:
+    """Columns that end in a unit, and those of the currents, name it for people too."""
+    titles = dict(query(package, "SELECT column_name, title FROM gpkg_data_columns"))
+    for column, title in titles.items():
+        for ending, unit in (("_deg", "(° true)"), ("_m_s", "(m/s)"), ("_m", "(m)"), ("_s", "(s)")):
+            if column.endswith(ending):
+                assert title.endswith(unit), column
+                break
+    for column in ("u", "v", "speed"):
+        assert titles[column].endswith("(m/s)")
+    assert titles["direction"].endswith("(° true)")
+
+
+def test_a_sea_across_180_degrees_is_one_piece(result: RunResult, tmp_path: Path) -> None:
+    """The run of the fixtures, 60.4 degrees further east: every layer is, and nothing else."""
+    ours, theirs = tmp_path / "here.gpkg", tmp_path / "there.gpkg"
+    write_geopackage(result, ours)
+    write_geopackage(moved_east(result, 60.4), theirs)
+    for name in LAYERS:
+        here, there = layer(ours, name), layer(theirs, name)
+        assert len(here) == len(there)
+        shift = np.array([60.4, 0.0, 60.4, 0.0])
+        assert there.total_bounds - here.total_bounds == pytest.approx(shift, abs=1e-6)
+        assert there.geometry.length.to_numpy() == pytest.approx(
+            here.geometry.length.to_numpy(), abs=1e-6
+        )
+    west, _, east, _ = layer(theirs, "no_go").total_bounds
+    assert west < 180 < east
+
+
+def test_names_that_mean_something_to_sql_are_kept(result: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "routes.gpkg"
+    write_geopackage(badly_named(result), path)
+    assert set(layer(path, "routes").season) == {SCRIPT, ODD}
+    assert set(query(path, "SELECT DISTINCT season FROM currents")) == {(SCRIPT,), (ODD,)}
+    assert query(path, "PRAGMA integrity_check") == [("ok",)]
+    [(metadata,)] = query(path, "SELECT metadata FROM gpkg_metadata")
+    assert json.loads(metadata)["land_sources"][0]["text"] == BAD_CREDIT.text
 
 
 def test_a_failed_season_leaves_the_other_one(result: RunResult, tmp_path: Path) -> None:
@@ -219,9 +306,8 @@ def test_without_any_route_the_layers_are_there_and_empty(
     result: RunResult, tmp_path: Path
 ) -> None:
     path = tmp_path / "routes.gpkg"
-    plans = tuple(SeasonPlan(entry.season, None, "no way", 0.0) for entry in result.plans)
-    write_geopackage(replace(result, plans=plans, evaluation=Evaluation((), {})), path)
-    assert dict(pyogrio.list_layers(path).tolist()) == LAYERS
+    write_geopackage(without_routes(result), path)
+    assert dict(pyogrio.list_layers(path).tolist()) == {**LAYERS, "layer_styles": None}
     routes = layer(path, "routes")
     assert len(routes) == 0
     assert set(routes.columns) >= ROUTE_COLUMNS
@@ -240,7 +326,18 @@ def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -
     assert found == [(None, None)]
 
 
-def test_gdals_own_checker_finds_nothing(package: Path) -> None:
+@pytest.mark.parametrize("case", ["as it is", "planar", "badly named", "without routes"])
+def test_gdals_own_checker_finds_nothing(
+    result: RunResult, planar_result: RunResult, tmp_path: Path, case: str
+) -> None:
+    checked_result = {
+        "as it is": lambda: result,
+        "planar": lambda: planar_result,
+        "badly named": lambda: badly_named(result),
+        "without routes": lambda: without_routes(result),
+    }[case]()
+    package = tmp_path / "routes.gpkg"
+    write_geopackage(checked_result, package)
     pythons = [p for p in (sys.executable, shutil.which("python3", path="/usr/bin")) if p]
     command = ("-W", "ignore", "-m", "osgeo_utils.samples.validate_gpkg")
     probe = ("-c", "import osgeo_utils.samples.validate_gpkg")

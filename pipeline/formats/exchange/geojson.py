@@ -1,0 +1,188 @@
+"""`<season>.geojson`: a season's routes and waypoints for the web and for scripts, by RFC 7946."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.exchange.words import attribution, heading, waypoint_name, whole_text
+from pipeline.formats.gis.layers import LAYERS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.result import RunResult
+
+    FloatArray = npt.NDArray[np.float64]
+    Feature = dict[str, Any]
+
+# A centimetre: RFC 7946 asks for no more than is needed.
+_DECIMALS = 7
+
+
+def write_geojson(result: RunResult, season: str, path: Path) -> None:
+    """Write a season's routes and their waypoints, best first.
+
+    Routes are those of the GeoPackage's layer `routes`, with its columns; no straight line in
+    degrees is further than a metre from the planned one. What crosses 180 degrees is cut there.
+    Each feature says in `feature` what it is: a route or a waypoint.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    """
+    routes, longitudes = _routes(result, season)
+    features = [*routes]
+    for points in season_waypoints(result, season):
+        features += _waypoints(points)
+    collection = {
+        "type": "FeatureCollection",
+        "bbox": _bbox(longitudes),
+        "title": heading(result, season),
+        "credits": attribution(result),
+        "features": features,
+    }
+    text = json.dumps(_plain(collection), ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
+    """Cut a line (n, 2) in degrees, continuous across 180, into parts within -180 to 180 degrees.
+
+    Where it is cut the latitude is interpolated, and both parts have it. A line that only touches
+    180 degrees stays whole; one that runs along it is at -180.
+    """
+    turn = _turns(points[:, 0])
+    parts: list[list[FloatArray]] = [[points[0] - _shift(turn[0])]]
+    for (one, other), (begin, end) in zip(
+        itertools.pairwise(points), itertools.pairwise(turn), strict=True
+    ):
+        step = int(np.sign(end - begin))
+        for band in range(begin, end, step or 1):
+            edge = 360.0 * (band + (step > 0)) - 180.0
+            share = (edge - one[0]) / (other[0] - one[0])
+            crossing = np.array([edge, one[1] + share * (other[1] - one[1])])
+            parts[-1].append(crossing - _shift(band))
+            parts.append([crossing - _shift(band + step)])
+        parts[-1].append(other - _shift(end))
+    whole = [part for part in map(np.array, parts) if len(np.unique(part, axis=0)) > 1]
+    return whole or [np.array(parts[-1])]
+
+
+def _routes(result: RunResult, season: str) -> tuple[list[Feature], FloatArray]:
+    """Features of the season's routes, and the corners of what they cover in degrees (2, 2)."""
+    table = next(layer for layer in LAYERS if layer.name == "routes").table(result)
+    chosen = np.flatnonzero(table.columns["season"] == season)
+    lines = [shapely.get_coordinates(table.geometry[row]) for row in chosen]
+    features = [
+        _feature(
+            _line(split_at_antimeridian(line)),
+            "route",
+            {name: column[row] for name, column in table.columns.items()},
+        )
+        for row, line in zip(chosen, lines, strict=True)
+    ]
+    points = np.concatenate(lines)
+    return features, np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _waypoints(points: Waypoints) -> list[Feature]:
+    """Features of a route's waypoints, each with the leg that leaves it; null for the goal's."""
+    count = len(points.lonlat)
+    columns = {
+        "course_deg": points.course_deg,
+        "leg_length_m": points.length_m,
+        "time_s": points.time_s,
+        "speed_over_ground_m_s": points.speed_m_s,
+        "port_m": points.port_m,
+        "starboard_m": points.starboard_m,
+        "turn_radius_m": points.radius_m,
+    }
+    return [
+        _feature(
+            {"type": "Point", "coordinates": _positions(_within(point[None]))[0]},
+            "waypoint",
+            {
+                "season": points.ranked.season,
+                "rank": points.ranked.rank,
+                "sequence": index + 1,
+                "name": waypoint_name(index, count),
+                "geometry_type": points.curve,
+                **{name: column[index] for name, column in columns.items()},
+            },
+        )
+        for index, point in enumerate(points.lonlat)
+    ]
+
+
+def _feature(geometry: dict[str, Any], kind: str, properties: dict[str, Any]) -> Feature:
+    """Make a Feature that says what it is."""
+    return {
+        "type": "Feature",
+        "geometry": geometry,
+        "properties": {"feature": kind, **properties},
+    }
+
+
+def _line(parts: list[FloatArray]) -> dict[str, Any]:
+    """Make a LineString of one part, a MultiLineString of several."""
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": _positions(parts[0])}
+    return {"type": "MultiLineString", "coordinates": [_positions(part) for part in parts]}
+
+
+def _bbox(corners: FloatArray) -> list[float]:
+    """West, south, east, north; west is the greater where 180 degrees lie between them."""
+    (west, south), (east, north) = corners
+    if east - west >= 360:
+        west, east = -180.0, 180.0
+    ends = _within(np.array([[west, south]])), _within(np.array([[east, north]]))
+    # What ends at 180 degrees ends there, and not a turn further west.
+    ends[1][0, 0] = 180.0 if ends[1][0, 0] == -180 else ends[1][0, 0]
+    return [float(value) for end in ends for value in np.round(end[0], _DECIMALS)]
+
+
+def _within(points: FloatArray) -> FloatArray:
+    """Points (n, 2) with longitudes from -180 to below 180 degrees."""
+    return points - np.stack([360.0 * _turns(points[:, 0]), np.zeros(len(points))], axis=-1)
+
+
+def _turns(longitude: FloatArray) -> npt.NDArray[np.int64]:
+    """Whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
+    return np.floor((longitude + 180) / 360).astype(np.int64)
+
+
+def _shift(turns: int) -> FloatArray:
+    """Turns of longitude as a vector of degrees (2,)."""
+    return np.array([360.0 * turns, 0.0])
+
+
+def _positions(points: FloatArray) -> list[list[float]]:
+    """Coordinates as JSON has them."""
+    rounded: list[list[float]] = np.round(points, _DECIMALS).tolist()
+    return rounded
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any value of a feature in, what JSON knows out
+    """Take NumPy's types, numbers that are not finite, and halves of characters out of a value."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return whole_text(value)
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value

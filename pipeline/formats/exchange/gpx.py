@@ -1,0 +1,124 @@
+"""`<season>.gpx`: all routes of a season for a plotter or a phone, and the best one as a track."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.sax import saxutils
+
+import gpxpy.gpx
+import numpy as np
+
+from pipeline.formats.exchange.thinning import along
+from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.exchange.words import (
+    attribution,
+    heading,
+    leg_words,
+    moment,
+    normal_longitude,
+    waypoint_name,
+    xml_text,
+)
+from pipeline.formats.legs import planned_times
+from pipeline.formats.phrases import distance, hours
+from pipeline.projection import in_pieces
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.result import RankedRoute, RunResult
+
+# Points of the track, in true metres: between them the straight line of the plane and any other
+# way to draw a line are 0.2 m apart at most.
+_TRACK_STEP_M = 2_000.0
+
+
+def write_gpx(
+    result: RunResult, season: str, path: Path, *, departure: datetime | None = None
+) -> None:
+    """Write a season's routes, best first, as GPX 1.1.
+
+    A `rte` holds a route's few waypoints, its number the rank; the `trk` is the best route's path
+    as planned. With a departure (which has its time zone) all points carry times.
+
+    Raises
+    ------
+    ValueError
+        A departure without a time zone.
+    OSError
+        The file can't be written.
+    """
+    gpx = gpxpy.gpx.GPX()
+    gpx.creator = "RENEW"
+    gpx.name = xml_text(heading(result, season))
+    gpx.description = xml_text(
+        " ".join(part for part in (result.scenario.description, attribution(result)) if part)
+    )
+    gpx.author_name = "RENEW"
+    # gpxpy escapes what it writes between tags, and leaves attributes to its caller.
+    gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
+    gpx.copyright_year = str(result.created.year)
+    gpx.time = result.created
+    found = season_waypoints(result, season)
+    gpx.routes = [_route(points, departure) for points in found]
+    gpx.tracks = [_track(found[0].ranked, result, departure)]
+    path.write_bytes(gpx.to_xml(version="1.1").encode())
+
+
+def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
+    """Waypoints of a route, each saying what the leg is that leaves it."""
+    ranked, count = points.ranked, len(points.lonlat)
+    route = gpxpy.gpx.GPXRoute(
+        name=xml_text(f"{ranked.season} {ranked.rank}"),
+        description=xml_text(_summary(ranked)),
+        number=ranked.rank,
+    )
+    route.points = [
+        gpxpy.gpx.GPXRoutePoint(
+            latitude=float(latitude),
+            longitude=normal_longitude(longitude),
+            time=None if departure is None else moment(departure, points.time_s[index]),
+            name=waypoint_name(index, count),
+            description=leg_words(points, index) if index + 1 < count else "end of the route",
+        )
+        for index, (longitude, latitude) in enumerate(points.lonlat)
+    ]
+    return route
+
+
+def _track(
+    ranked: RankedRoute, result: RunResult, departure: datetime | None
+) -> gpxpy.gpx.GPXTrack:
+    """Path of a route as planned, drawn finely."""
+    projection = result.scene.projection
+    path = np.asarray(ranked.route.path, dtype=float)
+    dense = in_pieces(path, _TRACK_STEP_M / projection.scale)
+    times = np.interp(along(dense), along(path), planned_times(ranked, result))
+    lonlat = projection.to_lonlat(dense)
+    segment = gpxpy.gpx.GPXTrackSegment()
+    segment.points = [
+        gpxpy.gpx.GPXTrackPoint(
+            latitude=round(float(latitude), 8),
+            longitude=normal_longitude(longitude),
+            time=None if departure is None else moment(departure, seconds),
+        )
+        for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
+    ]
+    track = gpxpy.gpx.GPXTrack(
+        name=xml_text(f"{ranked.season} {ranked.rank}, as planned"),
+        description=xml_text(_summary(ranked)),
+    )
+    track.segments = [segment]
+    return track
+
+
+def _summary(ranked: RankedRoute) -> str:
+    """Length, time and clearance of a route, and its side."""
+    metrics = ranked.metrics
+    side = f"{metrics.side} about, " if metrics.side else ""
+    return (
+        f"{side}{distance(metrics.length_m)}, {hours(metrics.duration_s)}, "
+        f"{distance(metrics.clearance_m)} or more from land"
+    )

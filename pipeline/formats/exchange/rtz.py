@@ -1,0 +1,190 @@
+"""`<season>.rtz`: the season's best route for an ECDIS, by IEC 61174 (route plan exchange format).
+
+The leg that a waypoint carries is the one that leads to it. Versions differ in their namespace, in
+the spelling of some names, and in how extensions are wrapped.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lxml import etree
+
+from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.exchange.words import (
+    KNOTS,
+    attribution,
+    duration,
+    heading,
+    leg_words,
+    moment,
+    normal_longitude,
+    vessel_name,
+    waypoint_name,
+    xml_text,
+)
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.result import RunResult
+
+PROVENANCE = "urn:renew:provenance:1"
+"""Namespace of our own elements, in the extensions."""
+
+# Checkers refuse files of 400 kB: no text may come near.
+_LONGEST_TEXT = 4_000
+# A ten-thousandth of a minute of arc or so: 2 cm.
+_MILE_DIGITS = 5
+
+
+@dataclass(frozen=True)
+class _Version:
+    """What differs from one version of the format to another."""
+
+    namespace: str
+    schedule_element: str = "scheduleElement"
+    wraps_extensions: bool = True
+
+
+VERSIONS = {
+    "1.0": _Version("http://www.cirm.org/RTZ/1/0", "sheduleElement", wraps_extensions=False),
+    "1.1": _Version("http://www.cirm.org/RTZ/1/1"),
+    "1.2": _Version("http://www.cirm.org/RTZ/1/2"),
+}
+"""The versions that can be written."""
+
+
+def write_rtz(
+    result: RunResult,
+    season: str,
+    path: Path,
+    *,
+    version: str = "1.1",
+    departure: datetime | None = None,
+) -> None:
+    """Write the best route of a season that has one.
+
+    Parameters
+    ----------
+    path
+        The file; its stem becomes the route's name, for ECDIS want the two to be equal.
+    version
+        "1.0", "1.1" or "1.2".
+    departure
+        Time of departure, with its time zone. Without one the file gives speeds and how long each
+        leg takes, and no times of departure and arrival.
+
+    Raises
+    ------
+    ValueError
+        Another version, or a departure without a time zone.
+    OSError
+        The file can't be written.
+    """
+    if version not in VERSIONS:
+        raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
+    points = season_waypoints(result, season)[0]
+    form = VERSIONS[version]
+    root = etree.Element(f"{{{form.namespace}}}route", nsmap={None: form.namespace})
+    root.set("version", version)
+    _child(
+        root,
+        "routeInfo",
+        routeName=path.stem,
+        routeAuthor="RENEW",
+        routeStatus="planned",
+        vesselName=vessel_name(result),
+        optimizationMethod="least fuel in the current, room for a hard-over turn everywhere",
+    )
+    _add_waypoints(root, points)
+    _add_schedule(root, points, form, departure)
+    _add_provenance(root, result, season, form)
+    path.write_bytes(
+        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+    )
+
+
+def _add_waypoints(root: etree._Element, points: Waypoints) -> None:
+    """Add the waypoints, each but the first with the leg that leads to it."""
+    group = _child(root, "waypoints")
+    count = len(points.lonlat)
+    for index, (longitude, latitude) in enumerate(points.lonlat):
+        waypoint = _child(
+            group,
+            "waypoint",
+            id=str(index + 1),
+            revision="0",
+            name=waypoint_name(index, count),
+            radius=_miles(points.radius_m[index]),
+        )
+        _child(
+            waypoint, "position", lat=f"{latitude:.8f}", lon=f"{normal_longitude(longitude):.8f}"
+        )
+        if index:
+            under_way = duration(points.time_s[index])
+            _child(
+                waypoint,
+                "leg",
+                starboardXTD=_miles(points.starboard_m[index - 1]),
+                portsideXTD=_miles(points.port_m[index - 1]),
+                geometryType=points.curve,
+                legInfo=leg_words(points, index - 1),
+                legNote1=f"at its end {under_way} since departure",
+            )
+
+
+def _add_schedule(
+    root: etree._Element, points: Waypoints, form: _Version, departure: datetime | None
+) -> None:
+    """Add each leg's speed at the waypoint that it leads to, and the times where they are known."""
+    schedule = _child(_child(root, "schedules"), "schedule", id="1", name="as planned")
+    calculated = _child(schedule, "calculated")
+    for index, seconds in enumerate(points.time_s):
+        values = {"waypointId": str(index + 1)}
+        if departure is not None:
+            time = moment(departure, seconds)
+            values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
+        if index:
+            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS:.4f}"
+        _child(calculated, form.schedule_element, **values)
+
+
+def _add_provenance(root: etree._Element, result: RunResult, season: str, form: _Version) -> None:
+    """Add whence the route is, and what the licences of its sources ask for."""
+    place = _child(root, "extensions")
+    if form.wraps_extensions:
+        place = _child(place, "extension", manufacturer="RENEW", name="provenance", version="1")
+    texts = {
+        "title": heading(result, season),
+        "description": result.scenario.description,
+        "credits": attribution(result),
+        "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
+    }
+    for name, text in texts.items():
+        element = etree.SubElement(place, f"{{{PROVENANCE}}}{name}", nsmap={"renew": PROVENANCE})
+        element.text = _short(text)
+
+
+def _child(parent: etree._Element, tag: str, /, **values: str) -> etree._Element:
+    """Add an element in the parent's namespace, with attributes."""
+    namespace = etree.QName(parent).namespace
+    element = etree.SubElement(parent, f"{{{namespace}}}{tag}")
+    for key, value in values.items():
+        element.set(key, _short(value))
+    return element
+
+
+def _short(text: str) -> str:
+    """Text that XML can hold, and of a length that the format can."""
+    return xml_text(text if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 1]}…")
+
+
+def _miles(metres: float) -> str:
+    """Spell nautical miles, rounded down: limits are not to be overstepped."""
+    scale = 10**_MILE_DIGITS
+    return f"{math.floor(metres / NAUTICAL_MILE_M * scale) / scale:.{_MILE_DIGITS}f}"

@@ -1,0 +1,267 @@
+"""How each layer is drawn: the same rules for the layer by itself and inside the project."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+from pipeline.formats.gis.fields import FIELDS
+from pipeline.formats.gis.symbols import (
+    Label,
+    Rule,
+    arrow,
+    colour,
+    fill,
+    labeling,
+    line,
+    literal,
+    marker,
+    rule_renderer,
+    short,
+)
+from pipeline.formats.pictures.palette import COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pipeline.formats.gis.view import SeasonView, View
+
+    Element = Any  # lxml has no types
+
+# What no other map of a run shows: a turn that met land.
+_ALARM = "#d50000"
+_HALO, _INK = colour(COLOURS["halo"]), colour(COLOURS["ink"])
+_SOFT_OPACITY = 0.38
+_BEST, _OTHER = '"rank" = 1', '"rank" > 1'
+_AT_GOAL = '"course_deg" IS NULL'
+# The strongest arrows' length on paper (mm); where points lie closer, not all are shown.
+_ARROW_MM = (5.5, 12.0)
+# Arrows of speed 0 would be so much as long as the strongest.
+_SHORTEST = 0.4
+# Characters of a season's title along its route.
+_LONGEST_LABEL = 32
+
+
+@dataclass(frozen=True)
+class Style:
+    """A layer's look: how features are drawn and labelled, and the layer's opacity."""
+
+    renderer: Element
+    labels: Element | None = None
+    opacity: float = 1.0
+
+    def put(self, layer: Element, columns: Iterable[str]) -> None:
+        """Write the style into a layer's element, with names for people for its columns."""
+        layer.set("labelsEnabled", "0" if self.labels is None else "1")
+        layer.set("simplifyDrawingHints", "1")
+        layer.append(self.renderer)
+        if self.labels is not None:
+            layer.append(self.labels)
+        etree.SubElement(layer, "layerOpacity").text = f"{self.opacity:g}"
+        aliases = etree.SubElement(layer, "aliases")
+        for index, column in enumerate(columns):
+            etree.SubElement(
+                aliases, "alias", field=column, index=str(index), name=FIELDS[column].alias
+            )
+
+
+def style(layer: str, view: View) -> Style:
+    """Style a layer by its name."""
+    return _STYLES[layer](view)
+
+
+def qml(layer: str, view: View, columns: Iterable[str]) -> str:
+    """Write a layer's style as a QML document."""
+    root = etree.Element("qgis", version="3.22", styleCategories="AllStyleCategories")
+    style(layer, view).put(root, columns)
+    text: str = etree.tostring(
+        root,
+        encoding="unicode",
+        doctype="<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>",
+    )
+    return text
+
+
+def _routes(view: View) -> Style:
+    """Draw the best route bold on a halo, all others thin, in the season's colour."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        others = line(colour(season.colour, 0.6), 0.32)
+        best = [line(_HALO, 1.7, level=1), line(colour(season.colour), 0.95, level=2)]
+        return [
+            Rule("Best route", _BEST, best),
+            Rule("Other classes", _OTHER, [others], on=season.leads),
+        ]
+
+    labels = [
+        Label(
+            literal(short(season.title, _LONGEST_LABEL)),
+            f"{_BEST} AND {_of(season)}",
+            colour(season.colour),
+            9,
+            along_line=True,
+        )
+        for season in view.seasons
+    ]
+    renderer = rule_renderer("line", _by_season(view, rules, all_on=True), levels=True)
+    return Style(renderer, labeling(labels))
+
+
+def _waypoints(view: View) -> Style:
+    """Mark start and goal, small the waypoints between, numbered from closer by."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        own = colour(season.colour)
+        between = f'{_BEST} AND "sequence" > 1 AND NOT ({_AT_GOAL})'
+        small = marker("circle", colour(season.colour, 0.6), _HALO, 0.9)
+        start = marker("circle", _HALO, own, 3.4, 0.8, level=2)
+        goal = marker("diamond", _HALO, own, 4.0, 0.8, level=2)
+        return [
+            Rule("Waypoints of the other classes", _OTHER, [small], finer_than=closer),
+            Rule("Waypoints", between, [marker("circle", _HALO, own, 1.3, 0.3, level=1)]),
+            Rule("Start", f'{_BEST} AND "sequence" = 1', [start]),
+            Rule("Goal", f"{_BEST} AND {_AT_GOAL}", [goal]),
+        ]
+
+    closer = view.full_scale / 4
+    labels = []
+    for season in view.seasons:
+        if season.leads or len(view.seasons) == 1:
+            at_start = f'{_BEST} AND "sequence" = 1 AND {_of(season)}'
+            at_goal = f"{_BEST} AND {_AT_GOAL} AND {_of(season)}"
+            labels += [
+                Label(literal("Start"), at_start, _INK, 10),
+                Label(literal("Goal"), at_goal, _INK, 10),
+            ]
+    course = f"\"sequence\" || ': ' || lpad(round(\"course_deg\") % 360, 3, '0') || {literal('°')}"
+    labels.append(Label(course, f"{_BEST} AND NOT ({_AT_GOAL})", _INK, 8, finer_than=closer))
+    return Style(rule_renderer("marker", _by_season(view, rules), levels=True), labeling(labels))
+
+
+def _channels(view: View) -> Style:
+    """Outline channels; those of classes that fell away, dotted."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        own, faint = colour(season.colour, 0.7), colour(COLOURS["other"], 0.5)
+        none = colour(COLOURS["halo"], 0.0)
+        return [
+            Rule("Of the best route", _BEST, [fill(colour(season.colour, 0.05), own, 0.5)]),
+            Rule("Of the other classes", _OTHER, [fill(none, faint, 0.2)], on=False),
+            Rule("Fell away", '"rank" = 0', [fill(none, faint, 0.3, dotted=True)], on=False),
+        ]
+
+    return Style(rule_renderer("fill", _by_season(view, rules)))
+
+
+def _no_go(view: View) -> Style:
+    """Draw land brown, as the report does."""
+    del view
+    land = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
+    return Style(rule_renderer("fill", [Rule("Land", "", [land])]))
+
+
+def _soft_no_go(view: View) -> Style:
+    """Draw zones grey and translucent; the layer is so as a whole, where they overlap too."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        del season
+        grey = colour(COLOURS["soft"])
+        return [
+            Rule("Of the best route", _BEST, [fill(grey)]),
+            Rule("Of the other classes", _OTHER, [fill(grey)], on=False),
+        ]
+
+    return Style(rule_renderer("fill", _by_season(view, rules)), opacity=_SOFT_OPACITY)
+
+
+def _currents(view: View) -> Style:
+    """Draw arrows to where the current sets, the darker and longer the stronger."""
+    rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
+    count = len(view.speeds.limits)
+
+    def rules(season: SeasonView) -> list[Rule]:
+        drawn = []
+        lower = (0.0, *view.speeds.limits[:-1])
+        for index, label in enumerate(view.speeds.labels):
+            share = _SHORTEST + (1 - _SHORTEST) * (index + 1) / count
+            above = f'"speed" > {lower[index]:g}'
+            upto = f' AND "speed" <= {view.speeds.limits[index]:g}' if index + 1 < count else ""
+            thinned = _thinned(season, view.full_scale)
+            drawn.append(
+                Rule(
+                    f"{label} m/s",
+                    f"{above}{upto}{thinned}",
+                    [
+                        arrow(
+                            colour(COLOURS[f"speed{index}"]),
+                            share * season.spacing_m,
+                            rotation,
+                            (share * _ARROW_MM[0], share * _ARROW_MM[1]),
+                        )
+                    ],
+                )
+            )
+        return drawn
+
+    return Style(rule_renderer("marker", _by_season(view, rules)))
+
+
+def _thinned(season: SeasonView, full_scale: float) -> str:
+    """Leave out points that would lie too close on a map of the whole, as a condition."""
+    closest_m = _ARROW_MM[0] / 1000 * full_scale
+    every = round(closest_m / season.spacing_m + 0.49)
+    if season.step_deg is None or every < 2:
+        return ""
+    (west, south), (east, north) = season.origin, season.step_deg
+    far = 1000 * season.spacing_m / _ARROW_MM[0]
+    return (
+        f" AND (@map_scale < {far:.0f}"
+        f" OR (round((x($geometry) - {west:.10g}) / {east:.10g}) % {every} = 0"
+        f" AND round((y($geometry) - {south:.10g}) / {north:.10g}) % {every} = 0))"
+    )
+
+
+def _contingency(view: View) -> Style:
+    """Mark turns that met land by a cross, all others by a dot."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        dot = marker("circle", colour(season.colour, 0.75), _HALO, 0.8)
+        faint = marker("circle", colour(season.colour, 0.4), _HALO, 0.6)
+        cross = marker("cross2", colour(_ALARM), colour(_ALARM), 2.6, 0.7)
+        return [
+            Rule("Turned away", f'{_BEST} AND NOT "collided"', [dot]),
+            Rule("Turned away, other classes", f'{_OTHER} AND NOT "collided"', [faint], on=False),
+            Rule("Met land", '"collided"', [cross]),
+        ]
+
+    return Style(rule_renderer("marker", _by_season(view, rules)))
+
+
+def _by_season(
+    view: View, rules: Callable[[SeasonView], list[Rule]], *, all_on: bool = False
+) -> list[Rule]:
+    """Rules for each season below a rule of its own; one season needs none."""
+    if len(view.seasons) == 1:
+        return rules(view.seasons[0])
+    return [
+        Rule(season.title, _of(season), children=rules(season), on=all_on or season.leads)
+        for season in view.seasons
+    ]
+
+
+def _of(season: SeasonView) -> str:
+    """Condition that a feature is of a season."""
+    return f'"season" = {literal(season.name)}'
+
+
+_STYLES: dict[str, Callable[[View], Style]] = {
+    "routes": _routes,
+    "waypoints": _waypoints,
+    "channels": _channels,
+    "no_go": _no_go,
+    "soft_no_go": _soft_no_go,
+    "currents": _currents,
+    "contingency": _contingency,
+}

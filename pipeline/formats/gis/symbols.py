@@ -1,0 +1,280 @@
+"""QGIS's symbols, rules and labels as XML elements; sizes in millimetres on paper."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    Element = Any  # lxml has no types
+
+LONGEST_TITLE = 60
+"""Characters that a name in a list of layers may have."""
+
+# Characters that XML has no way to write.
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+# An arrow that points up, as slim as those of the report's maps, in a square.
+_ARROW_SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path '
+    'fill="param(fill)" fill-opacity="param(fill-opacity)" stroke="none" '
+    'd="M50 0 L67 42 L54.5 38 L54.5 100 L45.5 100 L45.5 38 L33 42 Z"/></svg>'
+)
+_ARROW = "base64:" + base64.b64encode(_ARROW_SVG.encode()).decode()
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule of a renderer: what it is called, what it holds for, and how that is drawn.
+
+    `symbol` has layers, bottom first; `finer_than` is the scale (its denominator) from which on
+    it is drawn, 0 always. `on` says whether it is ticked.
+    """
+
+    label: str
+    condition: str = ""
+    symbol: Sequence[Element] = ()
+    children: Sequence[Rule] = ()
+    on: bool = True
+    finer_than: float = 0.0
+
+
+@dataclass(frozen=True)
+class Label:
+    """Text on a map: an expression, for what holds `condition`, from a scale on."""
+
+    expression: str
+    condition: str
+    colour: str
+    size_pt: float
+    along_line: bool = False
+    finer_than: float = 0.0
+
+
+def clean(text: str) -> str:
+    """Text that is only text to XML and to QGIS, which evaluates what stands in [% %]."""
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text).replace("[%", "[\N{WORD JOINER}%")
+
+
+def short(text: str, limit: int) -> str:
+    """Clean text on one line, shortened to so many characters."""
+    text = " ".join(clean(text).split())
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def literal(text: str) -> str:
+    """Write text as a string of QGIS's expression language."""
+    parts = re.split(f"({_NOT_XML.pattern})", text)
+    words = [
+        f"char({ord(part)})"
+        if index % 2
+        else "'" + part.replace("\\", "\\\\").replace("'", "''").replace("\n", "\\n") + "'"
+        for index, part in enumerate(parts)
+    ]
+    return " || ".join(word for word in words if word != "''") or "''"
+
+
+def colour(hexadecimal: str, opacity: float = 1.0) -> str:
+    """Write a colour such as "#c9a97c" as QGIS does: red, green, blue, alpha."""
+    red, green, blue = bytes.fromhex(hexadecimal.removeprefix("#"))
+    return f"{red},{green},{blue},{round(255 * opacity)}"
+
+
+def line(drawn: str, width: float, *, dash: str = "", level: int = 0) -> Element:
+    """Stroke a line in a colour as `colour` gives it."""
+    return _layer(
+        "SimpleLine",
+        {
+            "line_color": drawn,
+            "line_width": f"{width:g}",
+            "line_width_unit": "MM",
+            "capstyle": "flat" if dash else "round",
+            "joinstyle": "round",
+            "customdash": dash or "5;2",
+            "customdash_unit": "MM",
+            "use_custom_dash": "1" if dash else "0",
+        },
+        level,
+    )
+
+
+def fill(filled: str, outline: str = "", width: float = 0.0, *, dotted: bool = False) -> Element:
+    """Fill an area, and outline it where a colour is given."""
+    style = "dot" if dotted else "solid"
+    return _layer(
+        "SimpleFill",
+        {
+            "color": filled,
+            "style": "solid",
+            "outline_color": outline or filled,
+            "outline_style": style if outline else "no",
+            "outline_width": f"{width:g}",
+            "outline_width_unit": "MM",
+            "joinstyle": "round",
+        },
+    )
+
+
+def marker(
+    shape: str, filled: str, outline: str, size: float, width: float = 0.0, *, level: int = 0
+) -> Element:
+    """Mark a point by a shape QGIS knows, such as circle, diamond or cross2."""
+    return _layer(
+        "SimpleMarker",
+        {
+            "name": shape,
+            "color": filled,
+            "outline_color": outline,
+            "outline_style": "solid" if width else "no",
+            "outline_width": f"{width:g}",
+            "outline_width_unit": "MM",
+            "size": f"{size:g}",
+            "size_unit": "MM",
+        },
+        level,
+    )
+
+
+def arrow(filled: str, length_m: float, rotation: str, limits_mm: tuple[float, float]) -> Element:
+    """Draw an arrow of true length (m), kept within limits on paper, turned by an expression.
+
+    The expression gives degrees clockwise from up.
+    """
+    least, most = limits_mm
+    layer = _layer(
+        "SvgMarker",
+        {
+            "name": _ARROW,
+            "color": filled,
+            "outline_width": "0",
+            "size": f"{length_m:.6g}",
+            "size_unit": "RenderMetersInMapUnits",
+            "size_map_unit_scale": f"3x:0,0,1,{least:g},1,{most:g}",
+        },
+    )
+    properties = etree.SubElement(layer, "data_defined_properties")
+    collection = etree.SubElement(properties, "Option", type="Map")
+    _option(collection, "name", "")
+    angle = etree.SubElement(
+        etree.SubElement(collection, "Option", type="Map", name="properties"),
+        "Option",
+        type="Map",
+        name="angle",
+    )
+    _option(angle, "active", "true", "bool")
+    _option(angle, "expression", rotation)
+    _option(angle, "type", "3", "int")
+    _option(collection, "type", "collection")
+    return layer
+
+
+def rule_renderer(kind: str, rules: Iterable[Rule], *, levels: bool = False) -> Element:
+    """Draw features by rules; `kind` is line, fill or marker, as the layer's geometry is.
+
+    With `levels` the symbols' layers are drawn by their levels, across all features.
+    """
+    renderer = etree.Element(
+        "renderer-v2", type="RuleRenderer", symbollevels="1" if levels else "0", forceraster="0"
+    )
+    root = etree.SubElement(renderer, "rules", key="renderer")
+    symbols = etree.SubElement(renderer, "symbols")
+    for index, rule in enumerate(rules):
+        _put_rule(root, symbols, rule, kind, f"rule-{index}")
+    return renderer
+
+
+def labeling(labels: Iterable[Label]) -> Element:
+    """Label features by rules."""
+    element = etree.Element("labeling", type="rule-based")
+    root = etree.SubElement(element, "rules", key="labels")
+    for index, label in enumerate(labels):
+        rule = etree.SubElement(
+            root, "rule", key=f"label-{index}", filter=label.condition, active="1"
+        )
+        _limit_scale(rule, label.finer_than)
+        settings = etree.SubElement(rule, "settings", calloutType="simple")
+        style = etree.SubElement(
+            settings,
+            "text-style",
+            fieldName=label.expression,
+            isExpression="1",
+            fontSize=f"{label.size_pt:g}",
+            fontSizeUnit="Point",
+            fontWeight="75",
+            namedStyle="Bold",
+            textColor=label.colour,
+            textOpacity="1",
+        )
+        etree.SubElement(
+            style,
+            "text-buffer",
+            bufferDraw="1",
+            bufferColor="253,254,254,255",
+            bufferSize="0.8",
+            bufferSizeUnits="MM",
+            bufferOpacity="0.9",
+            bufferNoFill="0",
+            bufferJoinStyle="128",
+        )
+        # 3: curved along a line, above or below it; 6: around a point, off its symbol.
+        etree.SubElement(
+            settings,
+            "placement",
+            placement="3" if label.along_line else "6",
+            placementFlags="10",
+            predefinedPositionOrder="R,L,TR,BR,TL,BL,TSR,BSR",
+            offsetType="1",
+            dist="1",
+            distUnits="MM",
+            priority="8",
+        )
+        etree.SubElement(
+            settings, "rendering", drawLabels="1", obstacle="1", obstacleFactor="1", mergeLines="0"
+        )
+    return element
+
+
+def _put_rule(parent: Element, symbols: Element, rule: Rule, kind: str, key: str) -> None:
+    """Add a rule with those below it, and its symbol."""
+    element = etree.SubElement(parent, "rule", key=key, label=short(rule.label, LONGEST_TITLE))
+    if rule.condition:
+        element.set("filter", rule.condition)
+    if not rule.on:
+        element.set("checkstate", "0")
+    _limit_scale(element, rule.finer_than)
+    if len(rule.symbol):
+        number = str(len(symbols))
+        element.set("symbol", number)
+        symbol = etree.SubElement(
+            symbols, "symbol", type=kind, name=number, alpha="1", clip_to_extent="1"
+        )
+        symbol.extend(rule.symbol)
+    for index, child in enumerate(rule.children):
+        _put_rule(element, symbols, child, kind, f"{key}-{index}")
+
+
+def _limit_scale(rule: Element, finer_than: float) -> None:
+    """Let a rule hold from a scale on, given by its denominator."""
+    if finer_than:
+        rule.set("scalemindenom", "1")
+        rule.set("scalemaxdenom", f"{finer_than:.0f}")
+
+
+def _layer(kind: str, options: Mapping[str, str], level: int = 0) -> Element:
+    """Make a layer of a symbol."""
+    layer = etree.Element("layer", {"class": kind, "enabled": "1", "locked": "0"})
+    layer.set("pass", str(level))
+    values = etree.SubElement(layer, "Option", type="Map")
+    for name, value in options.items():
+        _option(values, name, value)
+    return layer
+
+
+def _option(parent: Element, name: str, value: str, kind: str = "QString") -> None:
+    """Add a value by name."""
+    etree.SubElement(parent, "Option", type=kind, name=name, value=value)

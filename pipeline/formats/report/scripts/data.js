@@ -1,0 +1,122 @@
+// The page's data, read back: `encode.py` writes every place and figure as a whole number, the
+// difference to the one before.
+
+/** Running sums of a flat x, y, dx, dy, ... as [y, x] pairs in metres, the order Leaflet wants. */
+function readLine(moves, stepM) {
+  const places = new Array(moves.length / 2);
+  let x = 0;
+  let y = 0;
+  for (let i = 0; i < places.length; i += 1) {
+    x += moves[2 * i];
+    y += moves[2 * i + 1];
+    places[i] = [y * stepM, x * stepM];
+  }
+  return places;
+}
+
+/** The same as Leaflet's own places: a coast has too many to make each of them twice. */
+function readRing(moves, stepM) {
+  const places = new Array(moves.length / 2);
+  let x = 0;
+  let y = 0;
+  for (let i = 0; i < places.length; i += 1) {
+    x += moves[2 * i];
+    y += moves[2 * i + 1];
+    places[i] = new L.LatLng(y * stepM, x * stepM);
+  }
+  return places;
+}
+
+/** Running sums of a series in its own unit; null where it has infinite figures. */
+function readSeries({ step, moves }) {
+  if (moves === null) return null;
+  let sum = 0;
+  return moves.map((move) => step * (sum += move));
+}
+
+/** A route with its places and what is met at each of them. */
+function readRoute(route, stepM) {
+  const read = { rank: route.rank, side: route.side };
+  for (const name of ["places", "turns", "hits"]) read[name] = readLine(route[name], stepM);
+  read.soft = route.soft.map((ring) => readRing(ring, stepM));
+  for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
+    read[name] = readSeries(route[name]);
+  }
+  return read;
+}
+
+/** Everything that the template put into the page for this script. */
+function readData() {
+  const data = JSON.parse(document.getElementById("map-data").textContent);
+  const { stepM } = data;
+  const lines = (rings) => rings.map((ring) => readLine(ring, stepM));
+  return {
+    planar: data.planar,
+    speedLimits: data.speedLimits,
+    extent: lines(data.extent),
+    land: data.land.map((ring) => readRing(ring, stepM)),
+    shoals: data.shoals.map((ring) => readRing(ring, stepM)),
+    start: readLine(data.start, stepM)[0],
+    goal: readLine(data.goal, stepM)[0],
+    grid: data.grid.map((line) => ({
+      label: line.label,
+      meridian: line.meridian,
+      foot: readLine(line.foot, stepM)[0],
+      parts: lines(line.parts),
+    })),
+    seasons: data.seasons.map((season) => ({
+      title: season.title,
+      current: season.current && {
+        ...season.current,
+        corner: readLine(season.current.corner, stepM)[0],
+        spacing: season.current.spacing * stepM,
+      },
+      routes: season.routes.map((route) => readRoute(route, stepM)),
+    })),
+  };
+}
+
+/** Where in an ascending series a value lies: [index of the place before, share of the way on]. */
+function locate(series, value) {
+  let low = 0;
+  let high = series.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (series[middle] <= value) low = middle;
+    else high = middle;
+  }
+  const width = series[high] - series[low];
+  const share = width > 0 ? (value - series[low]) / width : 0;
+  return [low, Math.min(1, Math.max(0, share))];
+}
+
+/** A figure between two places of a route; null where the route has none. */
+function between(series, [index, share]) {
+  if (series === null) return null;
+  const next = Math.min(index + 1, series.length - 1);
+  return series[index] * (1 - share) + series[next] * share;
+}
+
+/** What is met on a route at a share (0 to 1) of its time. */
+function moment(route, share) {
+  const time = share * route.time[route.time.length - 1];
+  const at = locate(route.time, time);
+  // A figure that holds from one place to the next is not blended into the next one's.
+  const here = at[1] >= 1 ? at[0] + 1 : at[0];
+  const before = route.places[at[0]];
+  const after = route.places[Math.min(at[0] + 1, route.places.length - 1)];
+  const move = [after[0] - before[0], after[1] - before[1]];
+  return {
+    place: [before[0] + at[1] * move[0], before[1] + at[1] * move[1]],
+    bearing: (Math.atan2(move[1], move[0]) * 180) / Math.PI,
+    time,
+    lon: between(route.lon, at),
+    lat: between(route.lat, at),
+    distance: between(route.distance, at),
+    fuel: between(route.fuel, at),
+    clearance: between(route.clearance, at),
+    current: between(route.current, at),
+    course: route.course[here],
+    speed: route.speed[here],
+  };
+}

@@ -1,0 +1,251 @@
+// The interactive map: what lies where, and in which colours. It knows nothing of the controls.
+
+// From below: water and grid, currents, soft no-go zone, land, routes, places on them. Vessel and labels are
+// Leaflet's own panes above.
+const PANES = { water: 210, currents: 220, soft: 230, land: 240, routes: 400, marks: 410 };
+const ZOOM_IN = 8;
+const ROUTE_CHOSEN = { weight: 4, opacity: 1, dashArray: null };
+const ROUTE_BESIDE = { weight: 1.6, opacity: 0.6, dashArray: null };
+const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
+// The style sheet has this many colours for seasons, `--map-season0` on.
+const SEASON_COLOURS = 6;
+
+/** An element with a class and a text; text is never read as HTML. */
+function element(tag, className, text = "") {
+  const made = document.createElement(tag);
+  made.className = className;
+  made.textContent = text;
+  return made;
+}
+
+class VoyageMap {
+  /** Draw what all seasons share; `onPick(season, index)` is called for a route clicked on. */
+  constructor(container, data, onPick) {
+    this.data = data;
+    this.onPick = onPick;
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.map = L.map(container, {
+      crs: L.CRS.Simple,
+      attributionControl: false,
+      // One finger scrolls the page, two move the map.
+      dragging: !matchMedia("(pointer: coarse)").matches,
+      scrollWheelZoom: false,
+      zoomSnap: 0,
+      zoomDelta: 1,
+      wheelPxPerZoomLevel: 90,
+      minZoom: -30,
+      maxZoom: 30,
+      zoomAnimation: !still,
+      fadeAnimation: false,
+      inertia: !still,
+    });
+    this.renderers = {};
+    for (const [name, height] of Object.entries(PANES)) {
+      this.map.createPane(name).style.zIndex = height;
+      if (name !== "currents") this.renderers[name] = L.canvas({ pane: name, padding: 0.2, tolerance: 6 });
+    }
+    this.readColours();
+    this.fit();
+    this.drawWater();
+    this.currents = new CurrentArrows(data.speedLimits, (role) => this.colour(role));
+    this.currents.addTo(this.map);
+    this.makeRoutes();
+    this.drawEnds();
+    this.vessel = this.makeVessel();
+    L.control.scale({ imperial: false, position: "bottomright" }).addTo(this.map);
+    // The wheel belongs to the page until somebody works with the map.
+    this.map.on("focus", () => this.map.scrollWheelZoom.enable());
+    this.map.on("blur", () => this.map.scrollWheelZoom.disable());
+  }
+
+  /** A colour of the page, as it was when `readColours` last looked. */
+  colour(role) {
+    return this.colours.get(role);
+  }
+
+  /** Read the page's colours by role, light or dark: asking for each when it is used takes long. */
+  readColours() {
+    const style = getComputedStyle(document.documentElement);
+    const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
+    const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
+    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", ...seasons, ...speeds];
+    this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
+  }
+
+  /** The colour of a season's routes. */
+  seasonColour(season) {
+    return this.colour(`season${season % SEASON_COLOURS}`);
+  }
+
+  /** Show the whole chart, and let nobody lose it. */
+  fit() {
+    const bounds = L.latLngBounds(this.data.extent.flat());
+    this.map.setMinZoom(-30).setMaxZoom(30);
+    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [48, 14], paddingBottomRight: [16, 54] });
+    const zoom = this.map.getZoom();
+    this.map.setMinZoom(zoom - 0.5).setMaxZoom(zoom + ZOOM_IN);
+    this.map.setMaxBounds(bounds.pad(0.5));
+  }
+
+  area(rings, pane, style) {
+    const options = { renderer: this.renderers[pane], pane, interactive: false, stroke: false };
+    return L.polygon(rings, { ...options, fillRule: "nonzero", fillOpacity: 1, smoothFactor: 0.6, ...style });
+  }
+
+  line(places, pane, style) {
+    const options = { renderer: this.renderers[pane], pane, interactive: false, smoothFactor: 0.6 };
+    return L.polyline(places, { ...options, ...style });
+  }
+
+  /** Water, grid, land and shoals: all that no season changes. */
+  drawWater() {
+    const { extent, grid, land, shoals } = this.data;
+    this.water = this.area(extent, "water", {}).addTo(this.map);
+    this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
+    this.shoals = this.area(shoals, "land", {}).addTo(this.map);
+    this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
+    for (const line of grid) {
+      const direction = line.meridian ? "bottom" : "left";
+      this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
+    }
+  }
+
+  /** A small permanent text beside a place. */
+  label(place, text, className, direction) {
+    const options = { permanent: true, direction, className, opacity: 1, interactive: false };
+    return L.tooltip(options).setLatLng(place).setContent(element("span", "", text));
+  }
+
+  /** Lines for every route of every season; shown or not by `show`. */
+  makeRoutes() {
+    this.halo = this.line([], "routes", { opacity: 0.95, weight: 8 });
+    this.routes = this.data.seasons.map((season, s) =>
+      season.routes.map((route, r) => {
+        const line = this.line(route.places, "routes", { interactive: true, smoothFactor: 0.4 });
+        const name = `${season.title}, ${route.rank}${route.side && `: ${route.side} about`}`;
+        line.bindTooltip(element("span", "", name), { sticky: true, className: "route-label" });
+        return line.on("click", () => this.onPick(s, r));
+      }),
+    );
+    this.soft = this.area([], "soft", {});
+    this.turns = L.layerGroup();
+    this.closest = L.layerGroup();
+  }
+
+  drawEnds() {
+    this.ends = [[this.data.start, "Start"], [this.data.goal, "Goal"]].map(([place, name]) => {
+      const marker = this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }).addTo(this.map);
+      this.label(place, name, "end-label", this.inward(place)).addTo(this.map);
+      return marker;
+    });
+  }
+
+  /** The side of a place on which a label has room. */
+  inward(place) {
+    const bounds = L.latLngBounds(this.data.extent.flat());
+    return place[1] > bounds.getCenter().lng ? "left" : "right";
+  }
+
+  dot(place, style) {
+    const options = { renderer: this.renderers.marks, pane: "marks", interactive: false };
+    return L.circleMarker(place, { ...options, ...style });
+  }
+
+  makeVessel() {
+    // Only shape: its colours come from the style sheet.
+    const html = '<svg viewBox="-14 -14 28 28" aria-hidden="true"><path d="M0-11 7 10 0 6-7 10Z"/></svg>';
+    const icon = L.divIcon({ className: "vessel", iconSize: [28, 28], html });
+    const marker = L.marker(this.data.start, { icon, interactive: false, keyboard: false });
+    marker.addTo(this.map);
+    return marker;
+  }
+
+  /** Put the vessel somewhere, heading so many degrees clockwise of the map's upward direction. */
+  moveVessel(place, bearing) {
+    this.vessel.setLatLng(place);
+    this.vessel.getElement().firstChild.style.transform = `rotate(${bearing}deg)`;
+  }
+
+  /** Draw a choice: `{season, chosen, shown(s, r), layers}`. */
+  show(choice) {
+    const season = this.data.seasons[choice.season];
+    const route = season.routes[choice.chosen];
+    this.choice = choice;
+    this.toggle(this.currents, choice.layers.currents && season.current !== null);
+    this.currents.setCurrent(season.current);
+    this.showRoutes(choice);
+    this.soft.setLatLngs(route ? route.soft : []);
+    this.toggle(this.soft, choice.layers.soft && Boolean(route));
+    this.toggle(this.turns, choice.layers.turns);
+    this.turns.clearLayers();
+    this.closest.clearLayers();
+    if (route) this.showSafety(route);
+    this.vessel.setOpacity(route ? 1 : 0);
+    this.recolour();
+  }
+
+  toggle(layer, on) {
+    if (on) layer.addTo(this.map);
+    else layer.remove();
+  }
+
+  /** The chosen route bold on a halo, those beside it thin, other seasons' best ones dashed. */
+  showRoutes({ season, chosen, shown, layers }) {
+    this.routes.forEach((lines, s) => {
+      for (let r = lines.length - 1; r >= 0; r -= 1) {
+        const mine = s === season;
+        const on = mine ? shown(s, r) || r === chosen : layers.others && r === 0;
+        this.toggle(lines[r], on);
+        lines[r].setStyle(mine ? ROUTE_BESIDE : ROUTE_OTHER_SEASON);
+        // The better lies over the worse, in whatever order they were switched on.
+        if (on) lines[r].bringToFront();
+      }
+    });
+    const route = this.data.seasons[season].routes[chosen];
+    this.toggle(this.halo, Boolean(route));
+    if (!route) return;
+    this.halo.setLatLngs(route.places).bringToFront();
+    this.routes[season][chosen].setStyle(ROUTE_CHOSEN).bringToFront();
+  }
+
+  /** Hard-over turns along the route, and where it comes nearest to land. */
+  showSafety(route) {
+    for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
+    for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
+    if (route.clearance === null) return;
+    const least = Math.min(...route.clearance);
+    const place = route.places[route.clearance.indexOf(least)];
+    this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
+    this.label(place, `${spellDistance(least)} to land`, "closest-label", this.inward(place)).addTo(this.closest);
+    this.toggle(this.closest, true);
+  }
+
+  /** The page has turned from light to dark, or back. */
+  turn() {
+    this.readColours();
+    this.recolour();
+    this.currents.redraw();
+  }
+
+  /** Give everything that is drawn its colour. */
+  recolour() {
+    const colour = (role) => this.colour(role);
+    this.water.setStyle({ fillColor: colour("water") });
+    for (const line of this.grid) line.setStyle({ color: colour("grid") });
+    this.shoals.setStyle({ fillColor: colour("shoal") });
+    this.land.setStyle({ fillColor: colour("land"), color: colour("coast") });
+    this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
+    this.routes.forEach((lines, s) => lines.forEach((line) => line.setStyle({ color: this.seasonColour(s) })));
+    this.halo.setStyle({ color: colour("halo") });
+    const accent = this.seasonColour(this.choice.season);
+    for (const marker of this.ends) marker.setStyle({ color: accent, fillColor: colour("halo") });
+    this.turns.eachLayer((dot) => {
+      const { hit } = dot.options;
+      dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });
+    });
+    this.closest.eachLayer((layer) => {
+      if (layer.options.ring) layer.setStyle({ color: colour("ink") });
+    });
+    this.vessel.getElement().style.setProperty("--vessel", accent);
+  }
+}

@@ -1,0 +1,71 @@
+"""Legs drawn a second time, by other means than the exchange formats use."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyproj
+import shapely
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.result import RunResult
+
+    FloatArray = npt.NDArray[np.float64]
+
+GEOD = pyproj.Geod(ellps="WGS84")
+_E = np.sqrt(GEOD.es)
+
+
+def isometric(latitude: FloatArray) -> FloatArray:
+    """Isometric latitude on WGS 84 (Snyder 1987, eq. 3-7 by logarithms) of degrees."""
+    sine = np.sin(np.radians(latitude))
+    return np.asarray(np.arctanh(sine) - _E * np.arctanh(_E * sine))
+
+
+def loxodrome(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
+    """Points (count, 2) on the line of constant course: longitude is linear in isometric latitude.
+
+    On the way along a parallel every place has the isometric latitude of both ends.
+    """
+    low, high = float(isometric(begin[1])), float(isometric(end[1]))
+    table = np.linspace(min(begin[1], end[1]), max(begin[1], end[1]), 20 * count)
+    share = np.linspace(0, 1, count)
+    latitude = np.interp(low + share * (high - low), isometric(table), table)
+    return np.column_stack([begin[0] + share * (end[0] - begin[0]), latitude])
+
+
+def geodesic(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
+    """Points (count, 2) on the shortest way."""
+    between = GEOD.npts(begin[0], begin[1], end[0], end[1], count - 2)
+    points = np.vstack([begin, between, end])
+    points[:, 0] = begin[0] + (points[:, 0] - begin[0] + 180) % 360 - 180
+    return points
+
+
+def drawn(points: Waypoints, step_m: float = 200.0) -> list[FloatArray]:
+    """Every leg as lon/lat points so far apart."""
+    curve = loxodrome if points.curve == "Loxodrome" else geodesic
+    return [
+        curve(begin, end, max(3, int(GEOD.inv(*begin, *end)[2] / step_m)))
+        for begin, end in zip(points.lonlat[:-1], points.lonlat[1:], strict=True)
+    ]
+
+
+def in_plane(result: RunResult, line: FloatArray) -> shapely.LineString:
+    """A lon/lat line in the planner's plane."""
+    return shapely.LineString(result.scene.projection.to_plane(line))
+
+
+def beside(line: FloatArray, distance_m: FloatArray | float) -> FloatArray:
+    """Points so far to port of a lon/lat line's points, to starboard where negative."""
+    ahead = GEOD.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0]
+    azimuth = np.append(ahead, ahead[-1])
+    longitude, latitude, _ = GEOD.fwd(
+        line[:, 0], line[:, 1], azimuth - 90, np.broadcast_to(distance_m, len(line))
+    )
+    longitude = line[:, 0] + (longitude - line[:, 0] + 180) % 360 - 180
+    return np.column_stack([longitude, latitude])

@@ -1,0 +1,127 @@
+"""Names from outside: harmless in every format, and still there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import gpxpy
+import pyogrio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+
+from pipeline.formats.exchange.geojson import write_geojson
+from pipeline.formats.exchange.gpx import write_gpx
+from pipeline.formats.exchange.rtz import write_rtz
+from pipeline.formats.exchange.words import whole_text, xml_text
+from pipeline.write import safe_name
+from tests.pipeline.formats.exchange import runs
+from tests.pipeline.formats.exchange.test_gpx import check_order
+from tests.pipeline.formats.exchange.test_rtz import VERSIONS, check
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.result import RunResult
+
+NAMES = (
+    "<script>alert(1)</script>",
+    "../../etc/passwd",
+    "a" * 300,
+    "\N{SAILBOAT}\N{VARIATION SELECTOR-16} \N{FLAG IN HOLE}",
+    "\N{RIGHT-TO-LEFT OVERRIDE}gpj.exe\N{POP DIRECTIONAL FORMATTING} \u05e9\u05dc\u05d5\u05dd",
+    "tab\tnull\x00bell\x07escape\x1b[31mend",
+    "half of a pair \ud83d",
+    "quote\" apostrophe' &amp; ]]> <!-- -->",
+    "not a character \uffff",
+)
+
+
+@pytest.fixture(params=NAMES, ids=range(len(NAMES)))
+def named(request: pytest.FixtureRequest) -> tuple[str, RunResult]:
+    """Give a run whose titles, vessel and credits all bear such a name."""
+    name: str = request.param
+    result = runs.across_180()
+    scenario = result.scenario.model_copy(
+        update={
+            "title": name,
+            "description": name,
+            "vessel": result.scenario.vessel.model_copy(update={"title": name}),
+        }
+    )
+    land = replace(
+        result.fetched.land,
+        credits=tuple(replace(credit, text=name) for credit in result.fetched.land.credits),
+    )
+    return name, replace(result, scenario=scenario, fetched=replace(result.fetched, land=land))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None:
+    name, result = named
+    path = tmp_path / f"{safe_name(name)}.rtz"
+    write_rtz(result, runs.SEASON, path, version=version)
+    root = etree.parse(path).getroot()
+    check(root, version)
+    assert root[0].get("routeName") == path.stem
+    # An attribute's white space is spaces.
+    assert root[0].get("vesselName").split() == xml_text(name).split()
+    texts = {element.tag.rpartition("}")[2]: element.text for element in root.iter()}
+    assert texts["title"].startswith(xml_text(name))
+    assert texts["description"] == xml_text(name)
+    assert xml_text(name) in texts["credits"]
+
+
+def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
+    name, result = named
+    path = tmp_path / f"{safe_name(name)}.gpx"
+    write_gpx(result, runs.SEASON, path)
+    check_order(etree.parse(path).getroot())
+    gpx = gpxpy.parse(path.read_text(encoding="utf-8"))
+    assert (gpx.name or "").startswith(xml_text(name))
+    assert (gpx.description or "").count(xml_text(name)) == 2
+    assert xml_text(name).split()[0] in (gpx.copyright_author or "")
+    assert len(pyogrio.read_dataframe(path, layer="routes")) == len(result.routes)
+
+
+def test_geojson(named: tuple[str, RunResult], tmp_path: Path) -> None:
+    name, result = named
+    path = tmp_path / f"{safe_name(name)}.geojson"
+    write_geojson(result, runs.SEASON, path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert content["title"].startswith(whole_text(name))
+    assert whole_text(name) in content["credits"]
+    assert len(pyogrio.read_dataframe(path)) == len(content["features"])
+
+
+def test_a_text_of_a_megabyte_does_not_make_a_file_that_checkers_refuse(tmp_path: Path) -> None:
+    result = runs.across_180()
+    path = tmp_path / "a.rtz"
+    long = replace(result, scenario=result.scenario.model_copy(update={"description": "x" * 10**6}))
+    write_rtz(long, runs.SEASON, path)
+    assert path.stat().st_size < 100_000
+
+
+@given(st.text())
+def test_xml_takes_every_text_and_gives_it_back(text: str) -> None:
+    element = etree.Element("a")
+    element.text = xml_text(text)
+    back = etree.fromstring(etree.tostring(element)).text or ""
+    assert back == element.text
+    kept = [a for a, b in zip(text, xml_text(text), strict=True) if a == b]
+    lost = [a for a, b in zip(text, xml_text(text), strict=True) if a != b]
+    assert len(kept) + len(lost) == len(text)
+    for character in lost:
+        with pytest.raises(ValueError, match="XML"):
+            element.text = character
+
+
+@given(st.text(st.characters(codec=None)))
+def test_whole_text_can_be_encoded(text: str) -> None:
+    whole = whole_text(text)
+    whole.encode()
+    if not any("\ud800" <= character <= "\udfff" for character in text):
+        assert whole == text

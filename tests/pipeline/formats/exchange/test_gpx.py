@@ -1,0 +1,173 @@
+"""GPX: what gpxpy and GDAL read back, and the order of elements that GPX 1.1 wants."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import gpxpy
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from lxml import etree
+
+from pipeline.formats.exchange.gpx import write_gpx
+from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.legs import planned_times
+from tests.pipeline.formats.exchange import oracles, runs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.result import RunResult
+
+Element: TypeAlias = Any  # lxml has no types
+DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
+NAMESPACE = "{http://www.topografix.com/GPX/1/1}"
+# The children that GPX 1.1 allows, in its order.
+POINT = "ele time magvar geoidheight name cmt desc src link sym type fix sat hdop vdop pdop "
+ORDER = {
+    "gpx": "metadata wpt rte trk extensions",
+    "metadata": "name desc author copyright link time keywords bounds extensions",
+    "author": "name email link",
+    "copyright": "year license",
+    "rte": "name cmt desc src link number type extensions rtept",
+    "trk": "name cmt desc src link number type extensions trkseg",
+    "trkseg": "trkpt extensions",
+    "rtept": POINT + "ageofdgpsdata dgpsid extensions",
+    "trkpt": POINT + "ageofdgpsdata dgpsid extensions",
+}
+
+
+def written(result: RunResult, path: Path, *, departure: datetime | None = None) -> gpxpy.gpx.GPX:
+    write_gpx(result, result.plans[0].season, path, departure=departure)
+    return gpxpy.parse(path.read_text(encoding="utf-8"))
+
+
+def check_order(root: Element) -> None:
+    """No element that GPX 1.1 doesn't know, none at the wrong place, none with odd attributes."""
+    assert root.tag == f"{NAMESPACE}gpx"
+    assert root.get("version") == "1.1"
+    assert root.get("creator")
+    for element in root.iter():
+        name = element.tag.removeprefix(NAMESPACE)
+        order = ORDER.get(name, "").split()
+        places = [order.index(child.tag.removeprefix(NAMESPACE)) for child in element]
+        assert places == sorted(places)
+        if name in {"rtept", "trkpt"}:
+            assert set(element.attrib) == {"lat", "lon"}
+            assert -90 <= float(element.get("lat")) <= 90
+            assert -180 <= float(element.get("lon")) < 180
+            assert "e" not in element.get("lat") + element.get("lon")
+
+
+@pytest.mark.parametrize("departure", [None, DEPARTURE])
+def test_the_structure_is_that_of_gpx_1_1(
+    any_run: RunResult, tmp_path: Path, departure: datetime | None
+) -> None:
+    path = tmp_path / "a.gpx"
+    written(any_run, path, departure=departure)
+    check_order(etree.parse(path).getroot())
+
+
+def test_gpxpy_reads_every_route_with_its_waypoints(any_run: RunResult, tmp_path: Path) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx")
+    season = any_run.plans[0].season
+    found = season_waypoints(any_run, season)
+    assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
+    for route, points in zip(gpx.routes, found, strict=True):
+        assert route.name == f"{season} {points.ranked.rank}"
+        at = np.array([[p.longitude, p.latitude] for p in route.points])
+        apart = at - points.lonlat
+        apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
+        assert np.abs(apart).max() < 2e-8
+        assert route.points[0].name == "Start"
+        assert route.points[-1].name == "Goal"
+        assert f"course {points.course_deg[0]:05.1f}°" in (route.points[0].description or "")
+
+
+def test_gdal_reads_it(any_run: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "a.gpx"
+    gpx = written(any_run, path)
+    assert {"routes", "tracks"} <= {name for name, _ in pyogrio.list_layers(path)}
+    routes = pyogrio.read_dataframe(path, layer="routes")
+    assert len(routes) == len(gpx.routes)
+    assert list(routes["number"]) == [route.number for route in gpx.routes]
+    for line, route in zip(routes.geometry, gpx.routes, strict=True):
+        assert shapely.get_coordinates(line) == pytest.approx(
+            np.array([[p.longitude, p.latitude] for p in route.points])
+        )
+    assert len(pyogrio.read_dataframe(path, layer="tracks")) == 1
+
+
+def test_the_track_is_the_best_route_as_planned(any_run: RunResult, tmp_path: Path) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx")
+    (track,) = gpx.tracks
+    (segment,) = track.segments
+    best = season_waypoints(any_run, any_run.plans[0].season)[0].ranked
+    at = np.array([[p.longitude, p.latitude] for p in segment.points])
+    at[:, 0] = at[0, 0] + (at[:, 0] - at[0, 0] + 180) % 360 - 180
+    plane = shapely.LineString(any_run.scene.projection.to_plane(at))
+    # 0.2 m of the plane's true metres.
+    near = 0.2 / any_run.scene.projection.scale
+    assert shapely.hausdorff_distance(plane, shapely.LineString(best.route.path)) < near
+    assert oracles.GEOD.line_length(at[:, 0], at[:, 1]) == pytest.approx(
+        best.metrics.length_m, rel=1e-5
+    )
+
+
+def test_times_run_from_departure_to_arrival(any_run: RunResult, tmp_path: Path) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx", departure=DEPARTURE)
+    found = season_waypoints(any_run, any_run.plans[0].season)
+    chains = [route.points for route in gpx.routes] + [gpx.tracks[0].segments[0].points]
+    durations = [p.ranked.metrics.duration_s for p in (*found, found[0])]
+    for chain, duration in zip(chains, durations, strict=True):
+        times = [point.time for point in chain if point.time is not None]
+        assert len(times) == len(chain)
+        assert times == sorted(times)
+        assert times[0] == DEPARTURE
+        assert (times[-1] - DEPARTURE).total_seconds() == pytest.approx(duration, abs=1)
+
+
+def test_the_track_passes_each_vertex_when_the_plan_does(
+    any_run: RunResult, tmp_path: Path
+) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx", departure=DEPARTURE)
+    best = season_waypoints(any_run, any_run.plans[0].season)[0].ranked
+    points = gpx.tracks[0].segments[0].points
+    at = np.array([[p.longitude, p.latitude] for p in points])
+    seconds = [(p.time - DEPARTURE).total_seconds() for p in points if p.time is not None]
+    path = any_run.scene.projection.to_lonlat(best.route.path)
+    for place, time in zip(path, planned_times(best, any_run), strict=True):
+        apart = at - place
+        apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
+        nearest = int(np.abs(apart).max(axis=1).argmin())
+        assert np.abs(apart[nearest]).max() < 2e-8
+        assert seconds[nearest] == pytest.approx(time, abs=1)
+
+
+def test_without_a_departure_no_point_has_a_time(any_run: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "a.gpx"
+    gpx = written(any_run, path)
+    assert gpx.time == any_run.created
+    root = etree.parse(path).getroot()
+    assert len(root.findall(f".//{NAMESPACE}time")) == 1
+
+
+def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no time zone"):
+        written(runs.across_180(), tmp_path / "a.gpx", departure=DEPARTURE.replace(tzinfo=None))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx")
+    for credit in any_run.credits:
+        assert credit.text in (gpx.description or "")
+        assert credit.text in (gpx.copyright_author or "")
+
+
+def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        write_gpx(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.gpx")

@@ -1,0 +1,222 @@
+"""RTZ: valid by our own strict schema, by the published ones where they are at hand, and true."""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import pytest
+from lxml import etree
+
+from pipeline.formats.exchange.rtz import write_rtz
+from pipeline.formats.exchange.waypoints import season_waypoints
+from tests.pipeline.formats.exchange import runs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pipeline.formats.result import RunResult
+
+# lxml has no types.
+Element: TypeAlias = Any
+Schema: TypeAlias = Any
+
+VERSIONS = ("1.0", "1.1", "1.2")
+MINUS_FIVE = timezone(timedelta(hours=-5))
+DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=MINUS_FIVE)
+# A folder with "RTZ Schema version 1_0.xsd" and its like, as published: they are not ours to keep.
+PUBLISHED = os.environ.get("RENEW_RTZ_SCHEMAS")
+
+
+def namespace(version: str) -> str:
+    return f"http://www.cirm.org/RTZ/1/{version[-1]}"
+
+
+def strict_schema(version: str) -> Schema:
+    """Our own schema, for one version."""
+    template = Path(__file__).with_name("rtz.rng").read_text(encoding="utf-8")
+    filled = Template(template).substitute(
+        namespace=namespace(version),
+        version=version,
+        schedule_element="sheduleElement" if version == "1.0" else "scheduleElement",
+        extensions="bareExtensions" if version == "1.0" else "wrappedExtensions",
+    )
+    return etree.RelaxNG(etree.fromstring(filled.encode()))
+
+
+def schemas(version: str) -> list[Schema]:
+    """Our own, and the published one where the environment says where it lies."""
+    found: list[Schema] = [strict_schema(version)]
+    if PUBLISHED is not None:
+        name = f"RTZ Schema version {version.replace('.', '_')}.xsd"
+        found.append(etree.XMLSchema(etree.parse(Path(PUBLISHED) / name)))
+    return found
+
+
+def check(root: Element, version: str) -> None:
+    for schema in schemas(version):
+        assert schema.validate(root), schema.error_log
+
+
+def written(
+    result: RunResult,
+    path: Path,
+    season: str = runs.SEASON,
+    *,
+    version: str = "1.1",
+    departure: datetime | None = None,
+) -> Element:
+    write_rtz(result, season, path, version=version, departure=departure)
+    return etree.parse(path).getroot()
+
+
+def all_of(root: Element, name: str) -> list[Element]:
+    return list(root.iter(f"{{{root.nsmap[None]}}}{name}"))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("departure", [None, DEPARTURE])
+def test_every_version_is_valid(
+    any_run: RunResult, tmp_path: Path, version: str, departure: datetime | None
+) -> None:
+    for entry in any_run.plans:
+        path = tmp_path / f"{entry.season}.rtz"
+        root = written(any_run, path, entry.season, version=version, departure=departure)
+        check(root, version)
+        assert root.get("version") == version
+        assert path.stat().st_size < 400_000
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda root: root.set("colour", "red"),
+        lambda root: root[1][1].set("radius", "10.5"),
+        lambda root: root[1][1].set("id", "-1"),
+        lambda root: root[1][1][0].set("lon", "180"),
+        lambda root: root[1][1][0].set("lat", "1e1"),
+        lambda root: root[1][1].remove(root[1][1][0]),
+        lambda root: root[1][2][1].set("portsideXTD", "1e-05"),
+        lambda root: root[1][2][1].set("geometryType", "Straight"),
+        lambda root: root[2][0][0][1].set("speed", "fast"),
+        lambda root: root.remove(root[0]),
+    ],
+)
+def test_the_schema_refuses_what_is_wrong(
+    tmp_path: Path, version: str, spoil: Callable[[Element], None]
+) -> None:
+    root = written(runs.across_180(), tmp_path / "a.rtz", version=version)
+    check(root, version)
+    spoil(root)
+    for schema in schemas(version):
+        assert not schema.validate(root)
+
+
+def test_a_version_is_not_taken_for_another(tmp_path: Path) -> None:
+    for version in VERSIONS:
+        root = written(runs.across_180(), tmp_path / "a.rtz", version=version)
+        for other in set(VERSIONS) - {version}:
+            assert not strict_schema(other).validate(root)
+
+
+def test_1_1_is_what_is_written_by_itself(tmp_path: Path) -> None:
+    assert written(runs.across_180(), tmp_path / "a.rtz").get("version") == "1.1"
+
+
+def test_the_file_says_what_checkers_look_for(any_run: RunResult, tmp_path: Path) -> None:
+    season = any_run.plans[0].season
+    root = written(any_run, tmp_path / "some-season.rtz", season)
+    (info,) = all_of(root, "routeInfo")
+    assert info.get("routeName") == "some-season"
+    assert info.get("routeAuthor") == "RENEW"
+    identities = [waypoint.get("id") for waypoint in all_of(root, "waypoint")]
+    assert len(set(identities)) == len(identities) >= 2
+    assert [e.get("waypointId") for e in all_of(root, "scheduleElement")] == identities
+
+
+def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_path: Path) -> None:
+    season = any_run.plans[0].season
+    points = season_waypoints(any_run, season)[0]
+    assert points.ranked.rank == 1
+    root = written(any_run, tmp_path / "a.rtz", season)
+    positions = all_of(root, "position")
+    assert len(positions) == len(points.lonlat)
+    for position, (longitude, latitude) in zip(positions, points.lonlat, strict=True):
+        assert float(position.get("lat")) == pytest.approx(latitude, abs=1e-8)
+        assert (float(position.get("lon")) - longitude) % 360 in (
+            pytest.approx(0, abs=2e-8),
+            pytest.approx(360, abs=2e-8),
+        )
+    # A waypoint has the leg that leads to it; the start has none.
+    legs = [waypoint.find("{*}leg") for waypoint in all_of(root, "waypoint")]
+    assert legs[0] is None
+    for index, leg in enumerate(legs[1:]):
+        assert leg.get("geometryType") == points.curve
+        for name, room in (("portsideXTD", points.port_m), ("starboardXTD", points.starboard_m)):
+            metres = float(leg.get(name)) * 1852
+            # Rounded down, by 2 cm at the most.
+            assert room[index] - 0.02 <= metres <= room[index]
+    for waypoint, radius in zip(all_of(root, "waypoint"), points.radius_m, strict=True):
+        assert radius - 0.02 <= float(waypoint.get("radius")) * 1852 <= radius
+
+
+def test_speeds_and_positions_give_the_duration(any_run: RunResult, tmp_path: Path) -> None:
+    season = any_run.plans[0].season
+    points = season_waypoints(any_run, season)[0]
+    root = written(any_run, tmp_path / "a.rtz", season)
+    knots = [float(e.get("speed")) for e in all_of(root, "scheduleElement")[1:]]
+    hours = sum(points.length_m[:-1] / 1852 / knots)
+    assert hours * 3600 == pytest.approx(points.ranked.metrics.duration_s, rel=1e-4)
+
+
+def test_without_a_departure_no_time_is_claimed(any_run: RunResult, tmp_path: Path) -> None:
+    season = any_run.plans[0].season
+    for version in VERSIONS:
+        root = written(any_run, tmp_path / "a.rtz", season, version=version)
+        names = {name for element in root.iter() for name in element.attrib}
+        assert not names & {"eta", "etd", "stay", "validityPeriodStart", "validityPeriodStop"}
+
+
+def test_with_a_departure_times_are_in_utc(tmp_path: Path) -> None:
+    result = runs.across_180()
+    points = season_waypoints(result, runs.SEASON)[0]
+    elements = all_of(written(result, tmp_path / "a.rtz", departure=DEPARTURE), "scheduleElement")
+    assert elements[0].get("etd") == "2027-01-01T01:30:00Z"
+    assert elements[0].get("eta") is None
+    for element, seconds in zip(elements[1:], points.time_s[1:], strict=True):
+        time = datetime.fromisoformat(element.get("eta"))
+        assert time.tzinfo == UTC
+        assert (time - DEPARTURE).total_seconds() == pytest.approx(seconds, abs=1)
+        assert element.get("etd") is None
+
+
+def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
+    naive = DEPARTURE.replace(tzinfo=None)
+    with pytest.raises(ValueError, match="no time zone"):
+        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "a.rtz", departure=naive)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_version_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"'2\.0' is not one of 1\.0, 1\.1, 1\.2"):
+        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "a.rtz", version="2.0")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
+    season = any_run.plans[0].season
+    for version in VERSIONS:
+        path = tmp_path / "a.rtz"
+        root = written(any_run, path, season, version=version)
+        (credits_,) = root.iter("{urn:renew:provenance:1}credits")
+        for credit in any_run.credits:
+            assert credit.text in credits_.text
+
+
+def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.rtz")

@@ -1,0 +1,112 @@
+"""Thinning in lanes made by hand, where the fewest legs are plain to see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.formats.exchange.lane import Lane
+from pipeline.formats.exchange.thinning import Drawing, along, thin
+from pipeline.projection import Projection
+
+# At 20 degrees east on the equator loxodromes are straight lines of the plane.
+DRAWING = Drawing(Projection.at(20.0, 0.0), "Loxodrome", 0.01)
+
+
+def lane_of(path: list[tuple[float, float]], free: shapely.Polygon) -> Lane:
+    shapely.prepare(free)
+    return Lane(np.array(path), free, free, 0, len(path) - 1, 0.01)
+
+
+def thinned(path: list[tuple[float, float]], free: shapely.Polygon) -> list[list[float]]:
+    places = thin(lane_of(path, free), DRAWING)
+    assert (np.diff(places.along) > 0).all()
+    chain: list[list[float]] = np.round(places.xy, 3).tolist()
+    return chain
+
+
+def test_a_straight_path_is_one_leg() -> None:
+    path = [(x, 0.0) for x in np.linspace(0, 1000, 30)]
+    assert thinned(path, shapely.box(-10, -10, 1010, 10)) == [[0, 0], [1000, 0]]
+
+
+def test_a_gentle_bow_is_one_leg_where_the_lane_is_wide() -> None:
+    path = [(x, 8 * np.sin(np.pi * x / 1000)) for x in np.linspace(0, 1000, 30)]
+    line = shapely.LineString(path)
+    assert len(thinned(path, line.buffer(10))) == 2
+    assert 3 <= len(thinned(path, line.buffer(3))) <= 5
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_islet_is_passed_on_the_paths_side(side: int) -> None:
+    path = [
+        (0.0, 0.0),
+        (400.0, side * 40.0),
+        (500.0, side * 45.0),
+        (600.0, side * 40.0),
+        (1000.0, 0.0),
+    ]
+    islet = shapely.Point(500, side * 20).buffer(5)
+    free = shapely.LineString(path).buffer(60).difference(islet)
+    chain = thinned(path, free)
+    assert len(chain) > 2
+    # Between chain and path there is no islet.
+    both = shapely.union(shapely.LineString(chain), shapely.LineString(path))
+    assert not shapely.intersects(shapely.polygonize([both]), islet)
+    # Without the islet the straight way would do.
+    assert len(thinned(path, shapely.LineString(path).buffer(60))) == 2
+
+
+def test_a_rounded_corner_is_one_waypoint() -> None:
+    angle = np.radians(np.arange(-90, -9, 4))
+    arc = np.column_stack([500 + 100 * np.cos(angle), 100 + 100 * np.sin(angle)])
+    ahead = np.array([-np.sin(angle[-1]), np.cos(angle[-1])])
+    leg = arc[-1] + 500 * np.array([-np.sin(angle[-1]), np.cos(angle[-1])])
+    path = [(0.0, 0.0), *map(tuple, arc), tuple(leg)]
+    # The inside of the bend is no-go.
+    free = shapely.LineString(path).buffer(50).difference(shapely.Point(500, 100).buffer(97))
+    chain = thinned(path, free)
+    assert len(chain) == 3
+    # Where the first leg, drawn out, meets the last one.
+    share = -leg[1] / ahead[1]
+    assert chain[1] == pytest.approx([leg[0] + share * ahead[0], 0.0], abs=0.5)
+
+
+def test_a_corner_that_would_make_legs_much_longer_than_the_path_is_not_taken() -> None:
+    # By the corner at (110, 0) it is 40 m and not 34: the leg's speed would be a sixth too much.
+    path = [(90.0, 0.0), (100.0, 0.0), (110.0, 10.0), (110.0, 20.0)]
+    inside = shapely.Polygon([(80, 1), (99.5, 1), (109, 10.5), (109, 40), (80, 40)])
+    free = shapely.LineString(path).buffer(30).difference(inside)
+    assert thinned(path, free) == [list(point) for point in path]
+
+
+def test_legs_that_bend_out_of_the_lane_are_cut() -> None:
+    drawing = Drawing(Projection.at(20.0, 60.0), "Loxodrome", 0.01)
+    # A plane's straight line of 100 km at 60 degrees north; a loxodrome sags by 300 m.
+    path = np.array([[-50_000.0, 0.0], [50_000.0, 0.0]])
+    free = shapely.LineString(path).buffer(30)
+    shapely.prepare(free)
+    places = thin(Lane(path, free, free, 0, 1, 0.01), drawing)
+    lonlat = drawing.lonlat(places.xy)
+    assert 4 <= len(lonlat) <= 9
+    assert shapely.covers(free, drawing.lines(lonlat[:-1], lonlat[1:])).all()
+
+
+def test_a_path_that_touches_land_is_kept_as_planned() -> None:
+    # No lane at all: nothing can be shown to be better than the plan.
+    path = [(0.0, 0.0), (50.0, 10.0), (100.0, 0.0)]
+    assert thinned(path, shapely.Polygon()) == [list(p) for p in path]
+
+
+def test_the_legs_in_v_are_kept() -> None:
+    path = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0], [40.0, 0.0], [50.0, 0.0]])
+    wide = shapely.box(-5, -5, 55, 5)
+    places = thin(Lane(path, wide, wide, 2, 4, 0.01), DRAWING)
+    assert places.xy[:, 0] == pytest.approx([0, 10, 20, 40, 50])
+    everything = thin(Lane(path, wide, wide, 5, 5, 0.01), DRAWING)
+    assert everything.xy == pytest.approx(path)
+
+
+def test_along_adds_up_the_legs() -> None:
+    assert along(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]])).tolist() == [0, 5, 11]

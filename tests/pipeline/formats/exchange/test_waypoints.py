@@ -1,0 +1,275 @@
+"""Waypoints: fewer than the path has, and every leg as safe as the plan."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import networkx as nx
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.formats.exchange.lane import Shores, lane
+from pipeline.formats.exchange.waypoints import (
+    MOST_MORE_FUEL,
+    MOST_ROOM_M,
+    Waypoints,
+    season_waypoints,
+    waypoints,
+)
+from pipeline.formats.legs import planned_times
+from tests.pipeline.formats.exchange import oracles, runs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from shapely.geometry.base import BaseGeometry
+
+    from pipeline.formats.result import RunResult
+
+
+def every(result: RunResult) -> Iterator[Waypoints]:
+    for entry in result.plans:
+        yield from season_waypoints(result, entry.season)
+
+
+def inner_legs(points: Waypoints) -> range:
+    """Legs that have to keep out of V: not those in it at a start or a goal."""
+    route, count = points.ranked.route, len(points.lonlat) - 1
+    inside = shapely.intersects(
+        route.soft_no_go,
+        shapely.linestrings(np.stack([route.path[:-1], route.path[1:]], axis=1)),
+    )
+    # A leg in V gets at most one waypoint more: where it leaves.
+    skipped = int(np.argmin(inside)), int(np.argmin(inside[::-1]))
+    return range(skipped[0], count - skipped[1])
+
+
+def obstacles(points: Waypoints, result: RunResult) -> BaseGeometry:
+    return shapely.union_all([points.ranked.route.soft_no_go, *result.scene.land])
+
+
+def test_legs_as_sailed_keep_out_of_land_and_out_of_v(any_run: RunResult) -> None:
+    land = shapely.union_all(any_run.scene.land)
+    for points in every(any_run):
+        lines = [oracles.in_plane(any_run, line) for line in oracles.drawn(points)]
+        assert not shapely.intersects(lines, land).any()
+        kept = [lines[leg] for leg in inner_legs(points)]
+        assert len(kept) >= len(lines) - 2
+        assert not shapely.intersects(kept, points.ranked.route.soft_no_go).any()
+
+
+def test_only_a_route_that_begins_in_v_has_legs_in_it(any_run: RunResult) -> None:
+    for points in every(any_run):
+        route = points.ranked.route
+        legs, count = inner_legs(points), len(points.lonlat) - 1
+        assert (legs.start > 0) == route.starts_in_soft_no_go
+        assert (legs.stop < count) == route.ends_in_soft_no_go
+
+
+def test_waypoints_begin_at_the_start_and_end_at_the_goal(any_run: RunResult) -> None:
+    ends = np.array([any_run.scenario.start, any_run.scenario.goal])
+    for points in every(any_run):
+        assert np.abs(points.lonlat[[0, -1]] - ends).max() <= 1e-8
+
+
+def test_legs_stay_near_the_planned_line(any_run: RunResult) -> None:
+    for points in every(any_run):
+        path = shapely.LineString(points.ranked.route.path)
+        line = shapely.union_all(
+            [oracles.in_plane(any_run, leg) for leg in oracles.drawn(points, 1000.0)]
+        )
+        # A hundredth for how finely the legs were drawn.
+        nearness = 1e-3 * points.ranked.route.length * 1.01
+        assert shapely.covers(path.buffer(nearness), line)
+        assert shapely.covers(line.buffer(2 * nearness), path)
+
+
+def test_nothing_lies_between_the_legs_and_the_planned_line(any_run: RunResult) -> None:
+    land = shapely.union_all([*any_run.scene.land, *any_run.scene.chart.no_go])
+    for points in every(any_run):
+        legs = [oracles.in_plane(any_run, leg) for leg in oracles.drawn(points)]
+        both = shapely.union_all([shapely.LineString(points.ranked.route.path), *legs])
+        between = shapely.get_parts(shapely.polygonize([both]))
+        islands = shapely.get_parts(land)
+        inside = shapely.STRtree(between).query(
+            shapely.point_on_surface(islands), predicate="within"
+        )
+        assert inside.shape[1] == 0
+
+
+def test_the_thinned_route_needs_hardly_more_fuel(any_run: RunResult) -> None:
+    for points in every(any_run):
+        line = np.vstack([leg[:-1] for leg in oracles.drawn(points, 500.0)] + [points.lonlat[-1:]])
+        needed = renew.fuel(
+            any_run.scene.projection.to_plane(line),
+            any_run.scene.currents[points.ranked.season],
+            any_run.scene.vessel,
+        )
+        assert needed <= (1 + 1.01 * MOST_MORE_FUEL) * points.ranked.route.fuel
+
+
+def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result = runs.random_run(1)
+    (usual, *_), shores = season_waypoints(result, runs.SEASON), Shores(result.scene)
+    monkeypatch.setattr("pipeline.formats.exchange.waypoints.MOST_MORE_FUEL", 3e-5)
+    finer = waypoints(usual.ranked, result, shores)
+    assert len(finer.lonlat) > len(usual.lonlat)
+    line = np.vstack([leg[:-1] for leg in oracles.drawn(finer, 500.0)] + [finer.lonlat[-1:]])
+    scene = result.scene
+    needed = renew.fuel(scene.projection.to_plane(line), scene.currents[runs.SEASON], scene.vessel)
+    assert needed <= (1 + 3.5e-5) * usual.ranked.route.fuel
+
+
+def test_lanes_end_where_the_chart_does() -> None:
+    result = runs.along_the_edge()
+    shores = Shores(result.scene)
+    for ranked in result.routes:
+        water = lane(ranked.route, shores, 1e-3 * ranked.route.length)
+        assert shapely.covers(result.scene.chart.extent, water.free)
+
+
+def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> None:
+    for points in every(any_run):
+        planned = len(points.ranked.route.path)
+        kept = len(points.lonlat)
+        # Two more where the path leaves and enters V.
+        assert kept <= planned + 2
+        if planned > 50:
+            assert kept < planned / 2
+
+
+def test_no_chain_of_the_paths_own_vertices_has_fewer_legs() -> None:
+    result = runs.random_run(2)
+    shores = Shores(result.scene)
+    for points in season_waypoints(result, runs.SEASON):
+        route = points.ranked.route
+        water = lane(route, shores, 1e-3 * route.length)
+        lonlat = result.scene.projection.to_lonlat(route.path)
+        own = nx.path_graph(len(route.path))
+        for one, other in itertools.combinations(range(len(route.path)), 2):
+            leg = oracles.in_plane(result, oracles.loxodrome(lonlat[one], lonlat[other], 50))
+            if shapely.covers(water.free, leg):
+                own.add_edge(one, other)
+        fewest = nx.shortest_path_length(own, 0, len(route.path) - 1)
+        # Speeds have to stay true: a leg that cuts a corner by much is not taken.
+        assert len(points.lonlat) - 1 <= fewest + 1
+
+
+def test_a_leg_says_what_it_is(any_run: RunResult) -> None:
+    for points in every(any_run):
+        for leg, line in enumerate(oracles.drawn(points)):
+            length = oracles.GEOD.line_length(line[:, 0], line[:, 1])
+            assert points.length_m[leg] == pytest.approx(length, rel=1e-6)
+            course = oracles.GEOD.inv(*line[0], *line[1])[0] % 360
+            apart = (points.course_deg[leg] - course + 180) % 360 - 180
+            assert abs(apart) < 0.01
+        passage = np.diff(points.time_s)
+        assert points.speed_m_s[:-1] * passage == pytest.approx(points.length_m[:-1])
+        for column in (points.course_deg, points.length_m, points.speed_m_s, points.port_m):
+            assert np.isfinite(column[:-1]).all()
+            assert np.isnan(column[-1])
+
+
+def test_times_are_those_of_the_plan(any_run: RunResult) -> None:
+    for points in every(any_run):
+        ranked = points.ranked
+        planned = planned_times(ranked, any_run)
+        assert points.time_s[0] == 0
+        assert points.time_s[-1] == pytest.approx(ranked.metrics.duration_s)
+        assert (np.diff(points.time_s) > 0).all()
+        # No leg is so much faster or slower than the plan just there.
+        vessel = any_run.scene.vessel.speed
+        fastest = vessel + any_run.scene.currents[ranked.season].max_speed(
+            any_run.scene.chart.bounds
+        )
+        assert (points.speed_m_s[:-1] < 1.05 * fastest).all()
+        nearest = np.linalg.norm(
+            any_run.scene.projection.to_plane(points.lonlat)[:, None] - ranked.route.path, axis=-1
+        )
+        same = nearest.min(axis=1) < 1e-6
+        assert points.time_s[same] == pytest.approx(planned[nearest.argmin(axis=1)[same]], abs=1.0)
+
+
+def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
+    extent = any_run.scene.chart.extent
+    for points in every(any_run):
+        blocked = obstacles(points, any_run)
+        shapely.prepare(blocked)
+        for leg, line in enumerate(oracles.drawn(points)):
+            for side, room in ((1, points.port_m[leg]), (-1, points.starboard_m[leg])):
+                assert 0 <= room <= MOST_ROOM_M
+                for share in (0.25, 0.5, 0.75, 0.999) if room else ():
+                    aside = oracles.in_plane(any_run, oracles.beside(line, side * share * room))
+                    assert not shapely.intersects(blocked, aside)
+                    assert shapely.covers(extent.buffer(1e-6), aside)
+
+
+def test_the_corridor_is_as_wide_as_it_can_be(any_run: RunResult) -> None:
+    chart, projection = any_run.scene.chart, any_run.scene.projection
+    for points in every(any_run):
+        parts = [obstacles(points, any_run), *chart.no_go, shapely.boundary(chart.extent)]
+        for leg in inner_legs(points):
+            line = oracles.in_plane(any_run, oracles.drawn(points)[leg])
+            gap = shapely.shortest_line(line, shapely.union_all(parts))
+            nearest = projection.geodesic_length_m(shapely.get_coordinates(gap))
+            narrower = min(points.port_m[leg], points.starboard_m[leg])
+            assert narrower == pytest.approx(min(nearest, MOST_ROOM_M), rel=0.02, abs=0.05)
+
+
+def test_a_leg_in_v_promises_no_room() -> None:
+    for points in season_waypoints(runs.harbours(), runs.SEASON):
+        rooms = np.stack([points.port_m, points.starboard_m])
+        assert (rooms[:, 0] == 0).all()
+        assert (rooms[:, -2] == 0).all()
+        assert (rooms[:, 1:-2] > 0).all()
+
+
+def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
+    projection = any_run.scene.projection
+    largest = 0.0
+    for points in every(any_run):
+        radius, blocked = points.radius_m, obstacles(points, any_run)
+        assert radius[0] == radius[-1] == 0
+        taken = np.zeros((len(points.lonlat) - 1, 2))
+        for at in np.flatnonzero(radius):
+            before = oracles.GEOD.inv(*points.lonlat[at], *points.lonlat[at - 1])
+            after = oracles.GEOD.inv(*points.lonlat[at], *points.lonlat[at + 1])
+            inside = abs((after[0] - before[0] + 180) % 360 - 180) / 2
+            tangent = radius[at] / np.tan(np.radians(inside))
+            taken[at - 1, 1], taken[at, 0] = tangent, tangent
+            bisector = before[0] + ((after[0] - before[0] + 180) % 360 - 180) / 2
+            apart = radius[at] / np.sin(np.radians(inside))
+            corner = points.lonlat[at]
+            *centre, _ = oracles.GEOD.fwd(corner[0], corner[1], bisector, apart)
+            turn = np.linspace(-(90 - inside), 90 - inside, 30) + bisector + 180
+            arc = np.column_stack(
+                oracles.GEOD.fwd(
+                    np.full(30, centre[0]), np.full(30, centre[1]), turn, np.full(30, radius[at])
+                )[:2]
+            )
+            arc[:, 0] = points.lonlat[at, 0] + (arc[:, 0] - points.lonlat[at, 0] + 180) % 360 - 180
+            assert not shapely.intersects(blocked, oracles.in_plane(any_run, arc))
+        assert (taken.sum(axis=1) <= points.length_m[:-1] * 1.01).all()
+        largest = max(largest, radius.max())
+    hard_over = any_run.scene.vessel.turning_radius * projection.scale
+    assert largest == pytest.approx(hard_over, rel=0.1)
+
+
+def test_waypoints_are_worked_out_once_a_result() -> None:
+    result = runs.across_180()
+    assert season_waypoints(result, runs.SEASON) is season_waypoints(result, runs.SEASON)
+
+
+def test_high_latitudes_get_orthodromes() -> None:
+    assert {p.curve for p in every(runs.far_north())} == {"Orthodrome"}
+    assert {p.curve for p in every(runs.long_way())} == {"Loxodrome"}
+
+
+def test_a_plane_scenarios_routes_are_thinned_all_the_same(planar_result: RunResult) -> None:
+    for points in every(planar_result):
+        assert 2 <= len(points.lonlat) <= len(points.ranked.route.path)

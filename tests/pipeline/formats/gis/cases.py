@@ -1,0 +1,85 @@
+"""The small run, changed where a file format might trip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import shapely.affinity
+
+from pipeline.model import Credit, Evaluation, Land
+from pipeline.projection import Projection
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from shapely.geometry import Polygon
+
+    from pipeline.formats.result import RunResult
+
+SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
+_RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave
+ODD = f"|layername=no_go|option:X=1|subset=1 \x07\x1b ../..\u202e{_RIVER}{'x' * 300}"
+BAD_CREDIT = Credit("Bad & worse", "land", f"© {SCRIPT} \x07 {ODD}", "<b>none</b>")
+
+
+def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:
+    """The same run, with seasons of other names."""
+    seasons = tuple(
+        spec.model_copy(update={"name": names[spec.name], "title": ""})
+        for spec in result.scenario.seasons
+    )
+    return replace(
+        result,
+        scenario=result.scenario.model_copy(update={"seasons": seasons}),
+        fetched=replace(
+            result.fetched,
+            currents=tuple(replace(g, season=names[g.season]) for g in result.fetched.currents),
+        ),
+        scene=replace(
+            result.scene, currents={names[s]: c for s, c in result.scene.currents.items()}
+        ),
+        plans=tuple(replace(entry, season=names[entry.season]) for entry in result.plans),
+        evaluation=Evaluation(
+            tuple(replace(row, season=names[row.season]) for row in result.evaluation.routes),
+            {(names[s], rank): c for (s, rank), c in result.evaluation.contingency.items()},
+        ),
+    )
+
+
+def badly_named(result: RunResult) -> RunResult:
+    """The same run, with names, titles and credits that mean something to SQL, XML and QGIS."""
+    bad = renamed(result, {"summer": SCRIPT, "winter": ODD})
+    land = replace(bad.fetched.land, credits=(BAD_CREDIT,))
+    return replace(
+        bad,
+        scenario=bad.scenario.model_copy(
+            update={"name": ODD, "title": SCRIPT, "description": SCRIPT}
+        ),
+        fetched=replace(bad.fetched, land=land),
+    )
+
+
+def moved_east(result: RunResult, degrees: float) -> RunResult:
+    """The same run, so far east: as the plane has its own meridian, it stays as it is."""
+    region = result.scenario.waters
+
+    def shifted(polygons: tuple[Polygon, ...]) -> tuple[Polygon, ...]:
+        return tuple(shapely.affinity.translate(polygon, degrees) for polygon in polygons)
+
+    land: Land = result.fetched.land
+    return replace(
+        result,
+        fetched=replace(
+            result.fetched,
+            land=replace(land, polygons=shifted(land.polygons)),
+            currents=tuple(replace(g, lon=g.lon + degrees) for g in result.fetched.currents),
+        ),
+        simplified=replace(result.simplified, polygons=shifted(result.simplified.polygons)),
+        scene=replace(
+            result.scene,
+            projection=Projection.for_region(
+                shapely.affinity.translate(region, degrees), result.scenario.scale
+            ),
+        ),
+    )

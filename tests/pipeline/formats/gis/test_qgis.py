@@ -1,0 +1,273 @@
+"""QGIS itself, without a window: it opens the project inside the file, and the plain layers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
+from pipeline.formats.pictures.palette import COLOURS
+from pipeline.plane import unsimplified
+from tests.pipeline.formats.gis.cases import badly_named, moved_east
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    from pipeline.formats.result import RunResult
+
+pytestmark = pytest.mark.slow
+
+LAYERS = ("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
+# Opens FILE's project and its layers, draws both into FOLDER, and says what it found.
+_QGIS = """
+import json, os, sys
+from qgis.core import (
+    QgsApplication, QgsCoordinateReferenceSystem, QgsExpression, QgsExpressionContextUtils,
+    QgsFeatureRequest, QgsMapRendererParallelJob, QgsMapSettings, QgsProject, QgsRectangle,
+    QgsVectorLayer,
+)
+from qgis.PyQt.QtCore import QSize
+from qgis.PyQt.QtGui import QColor
+
+file, project_name, folder, layers = sys.argv[1], sys.argv[2], sys.argv[3], sys.argv[4].split(",")
+application = QgsApplication([], True)
+application.initQgis()
+messages = []
+QgsApplication.messageLog().messageReceived.connect(lambda text, tag, level: messages.append(text))
+project = QgsProject.instance()
+read = project.read(f"geopackage:{file}?projectName={project_name}")
+
+
+def draw(shown, crs, extent, name, background):
+    settings = QgsMapSettings()
+    settings.setLayers(shown)
+    settings.setDestinationCrs(crs)
+    settings.setExtent(extent)
+    settings.setOutputSize(QSize(900, 700))
+    settings.setBackgroundColor(background)
+    context = project.createExpressionContext()
+    context.appendScope(QgsExpressionContextUtils.mapSettingsScope(settings))
+    settings.setExpressionContext(context)
+    job = QgsMapRendererParallelJob(settings)
+    job.start()
+    job.waitForFinished()
+    job.renderedImage().save(f"{folder}/{name}.png")
+    return [error.message for error in job.errors()]
+
+
+def leaf_conditions(rule, above=()):
+    conditions = above + ((rule.filterExpression(),) if rule.filterExpression() else ())
+    if not rule.children():
+        return [" AND ".join(f"({c})" for c in conditions) or "true"]
+    return [leaf for child in rule.children() for leaf in leaf_conditions(child, conditions)]
+
+
+def drawn_by_rules(layer):
+    conditions = leaf_conditions(layer.renderer().rootRule())
+    assert not any(QgsExpression(c).hasParserError() for c in conditions)
+    return [
+        sum(1 for _ in layer.getFeatures(QgsFeatureRequest().setFilterExpression(condition)))
+        for condition in conditions
+    ]
+
+
+tree = project.layerTreeRoot()
+visible = [layer for layer in tree.layerOrder() if tree.findLayer(layer.id()).isVisible()]
+extent = QgsRectangle(project.viewSettings().defaultViewExtent())
+found = {
+    "read": read,
+    "title": project.title(),
+    "plane": project.crs().isValid() and not project.crs().isGeographic(),
+    "visible": [layer.id() for layer in visible],
+    "groups": [group.name() for group in tree.findGroups()],
+    "themes": project.mapThemeCollection().mapThemes(),
+    "layers": {
+        layer.id(): {
+            "valid": layer.isValid() and layer.crs().authid() == "EPSG:4326",
+            "count": layer.featureCount(),
+            "html": layer.htmlMetadata(),
+        }
+        for layer in project.mapLayers().values()
+    },
+    "errors": draw(visible, project.crs(), extent, "project", project.backgroundColor()),
+}
+plain, found["plain"] = [], {}
+whole = QgsRectangle()
+for name in layers:
+    layer = QgsVectorLayer(f"{file}|layername={name}", name, "ogr")
+    message, styled = layer.loadDefaultStyle()
+    found["plain"][name] = {
+        "styled": styled,
+        "renderer": layer.renderer().type(),
+        "columns": [field.name() for field in layer.fields()],
+        "aliases": [layer.attributeDisplayName(i) for i in range(layer.fields().count())],
+        "by_rules": drawn_by_rules(layer),
+        "count": layer.featureCount(),
+    }
+    plain.append(layer)
+    if name == "channels":
+        whole = layer.extent()
+lonlat = QgsCoordinateReferenceSystem("EPSG:4326")
+found["errors"] += draw(plain, lonlat, whole.buffered(whole.width() / 20), "plain", QColor("white"))
+found["messages"] = messages
+print(json.dumps(found), flush=True)
+os._exit(0)  # QGIS's own end is not ours to test
+"""
+
+
+def environment(home: Path) -> dict[str, str]:
+    return {
+        "PATH": "/usr/bin:/bin",
+        "QT_QPA_PLATFORM": "offscreen",
+        "LC_ALL": "C.UTF-8",
+        "HOME": str(home),
+        "XDG_RUNTIME_DIR": str(home),
+    }
+
+
+@pytest.fixture(scope="session")
+def qgis_python(tmp_path_factory: pytest.TempPathFactory) -> str:
+    home = tmp_path_factory.mktemp("home")
+    for python in (sys.executable, shutil.which("python3", path="/usr/bin")):
+        probe = [str(python), "-c", "import qgis.core"]
+        if (
+            python
+            and not subprocess.run(
+                probe, env=environment(home), capture_output=True, check=False
+            ).returncode
+        ):
+            return python
+    pytest.skip("QGIS's Python is not installed (Debian: python3-qgis)")
+
+
+def opened(python: str, file: Path, folder: Path) -> dict[str, Any]:
+    folder.mkdir()
+    done = subprocess.run(
+        [python, "-c", _QGIS, str(file), PROJECT, str(folder), ",".join(LAYERS)],
+        env=environment(folder),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def picture(path: Path) -> npt.NDArray[np.int64]:
+    return (imread(path)[..., :3] * 255).round().astype(int)
+
+
+def count(pixels: npt.NDArray[np.int64], hexadecimal: str, tolerance: int = 3) -> int:
+    """Number of pixels of a colour."""
+    colour = np.array(list(bytes.fromhex(hexadecimal.removeprefix("#"))))
+    return int((abs(pixels - colour).max(axis=-1) <= tolerance).sum())
+
+
+def blended(upper: str, lower: str, opacity: float) -> str:
+    pairs = zip(bytes.fromhex(upper[1:]), bytes.fromhex(lower[1:]), strict=True)
+    return "#" + bytes(round(opacity * a + (1 - opacity) * b) for a, b in pairs).hex()
+
+
+def test_the_project_opens_as_a_finished_map(
+    qgis_python: str, result: RunResult, tmp_path: Path
+) -> None:
+    """From another folder than it was written in: a run's files are moved into their place."""
+    (tmp_path / "workshop").mkdir()
+    write_geopackage(result, tmp_path / "workshop" / "routes.gpkg")
+    (tmp_path / "workshop").rename(tmp_path / "results")
+    found = opened(qgis_python, tmp_path / "results" / "routes.gpkg", tmp_path / "pictures")
+    assert found["read"]
+    assert found["plane"]
+    assert found["title"] == "Two islands"
+    assert found["errors"] == []
+    assert found["messages"] == []
+    assert sorted(found["groups"]) == sorted(found["themes"]) == ["Summer", "Winter (December)"]
+    assert len(found["layers"]) == 13
+    assert all(layer["valid"] for layer in found["layers"].values())
+    counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
+    assert sorted(counts) == sorted(len(result.season_routes(s)) for s in ("summer", "winter"))
+    pixels = picture(tmp_path / "pictures" / "project.png")
+    total = pixels.shape[0] * pixels.shape[1]
+    assert 0.3 < count(pixels, COLOURS["water"]) / total < 0.9
+    assert 0.02 < count(pixels, COLOURS["land"]) / total < 0.3
+    soft = blended(COLOURS["soft"], COLOURS["water"], 0.38)
+    assert 0.005 < count(pixels, soft) / total < 0.4
+    # Both seasons' best routes, and arrows of more than one class.
+    for line in (COLOURS["best"], "#4a148c"):
+        assert 0.0005 < count(pixels, line) / total < 0.05
+    assert sum(count(pixels, COLOURS[f"speed{i}"]) > 50 for i in range(5)) >= 2
+
+
+def test_plain_layers_are_styled_named_and_drawn(
+    qgis_python: str, package: Path, tmp_path: Path
+) -> None:
+    found = opened(qgis_python, package, tmp_path / "pictures")
+    for name, layer in found["plain"].items():
+        assert layer["styled"], name
+        assert layer["renderer"] == "RuleRenderer"
+        # No column shows under its own name, and each feature is drawn by one rule.
+        assert not set(layer["columns"]) & set(layer["aliases"])
+        assert sum(layer["by_rules"]) == layer["count"] > 0
+    assert found["errors"] == []
+    pixels = picture(tmp_path / "pictures" / "plain.png")
+    for role in ("land", "best"):
+        assert count(pixels, COLOURS[role]) > 300
+
+
+def test_bad_names_are_drawn_like_any_other(
+    qgis_python: str, result: RunResult, tmp_path: Path
+) -> None:
+    write_geopackage(badly_named(result), tmp_path / "routes.gpkg")
+    found = opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "pictures")
+    assert found["read"]
+    assert found["errors"] == []
+    assert all(layer["valid"] for layer in found["layers"].values())
+    for layer in found["layers"].values():
+        assert "<script" not in layer["html"]
+    expected = [len(r) for r in (result.season_routes("summer"), result.season_routes("winter"))]
+    drawn = found["plain"]["routes"]["by_rules"]  # best and others, of one season and the other
+    assert drawn == [1, expected[0] - 1, 1, expected[1] - 1]
+    counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
+    assert sorted(counts) == sorted(expected)
+    assert len(found["groups"]) == 2
+
+
+def test_across_180_degrees_all_of_the_map_is_there(
+    qgis_python: str, result: RunResult, package: Path, tmp_path: Path
+) -> None:
+    """The fixtures' run, moved 60.4 degrees east, where its land lies on both sides of 180.
+
+    It is near the equator, so that the plane and degrees look all but the same.
+    """
+    write_geopackage(moved_east(result, 60.4), tmp_path / "routes.gpkg")
+    opened(qgis_python, package, tmp_path / "here")
+    opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "there")
+    here, there = (picture(tmp_path / place / "project.png") for place in ("here", "there"))
+    for role in ("land", "best", "water"):
+        assert count(there, COLOURS[role]) == pytest.approx(count(here, COLOURS[role]), rel=0.06)
+
+
+def test_a_plane_in_metres_opens_too(
+    qgis_python: str, planar_result: RunResult, tmp_path: Path
+) -> None:
+    # As the pipeline has it for a plane; the fixture's land is wider than its plane.
+    exact = replace(planar_result, simplified=unsimplified(planar_result.fetched.land))
+    write_geopackage(exact, tmp_path / "routes.gpkg")
+    found = opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "pictures")
+    assert found["read"]
+    assert found["plane"]
+    pixels = picture(tmp_path / "pictures" / "project.png")
+    # An obstacle of 20 m in a plane of 100 m, which is shown whole with a margin.
+    assert 0.01 < count(pixels, COLOURS["land"]) / pixels[..., 0].size < 0.06

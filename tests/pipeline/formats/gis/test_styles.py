@@ -1,0 +1,292 @@
+"""Styles and project as they stand in the file; test_qgis.py has QGIS itself read them."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sqlite3
+import zipfile
+from contextlib import closing
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+
+import renew
+from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
+from pipeline.formats.gis.ground import ground
+from pipeline.formats.gis.styles import style
+from pipeline.formats.gis.symbols import clean, literal
+from pipeline.formats.gis.view import view
+from pipeline.formats.pictures.palette import COLOURS
+from pipeline.projection import Projection
+from tests.pipeline.formats import small_run
+from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.result import RunResult
+
+LAYERS = {"routes", "waypoints", "channels", "no_go", "soft_no_go", "currents", "contingency"}
+NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+
+
+def query(path: Path, sql: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute(sql).fetchall()
+
+
+def styles(path: Path) -> dict[str, Any]:
+    """Layer -> the root of its default style."""
+    rows = query(path, "SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault = 1")
+    assert len(rows) == len(dict(rows))
+    return {layer: etree.fromstring(qml.encode()) for layer, qml in rows}
+
+
+def project(path: Path) -> Any:  # noqa: ANN401 - lxml has no types
+    """The root of the project inside the file."""
+    [(content,)] = query(path, "SELECT content FROM qgis_projects")
+    with zipfile.ZipFile(io.BytesIO(bytes.fromhex(content))) as archive:
+        [name] = archive.namelist()
+        assert name.endswith(".qgs")
+        return etree.fromstring(archive.read(name))
+
+
+def leaves(renderer: Any) -> list[Any]:  # noqa: ANN401 - as above
+    return [rule for rule in renderer.iter("rule") if rule.find("rule") is None]
+
+
+def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path) -> None:
+    assert set(styles(package)) == LAYERS
+    places = query(
+        package, "SELECT f_table_catalog, f_table_schema, f_geometry_column FROM layer_styles"
+    )
+    assert set(places) == {("", "", "geom")}
+
+
+def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
+    kinds = {"routes": "line", "no_go": "fill", "soft_no_go": "fill", "channels": "fill"}
+    for layer, root in styles(package).items():
+        renderer = root.find("renderer-v2")
+        symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
+        used = [rule.get("symbol") for rule in leaves(renderer)]
+        assert sorted(used) == sorted(symbols)
+        assert set(symbols.values()) == {kinds.get(layer, "marker")}
+        keys = [rule.get("key") for rule in renderer.iter("rule")]
+        assert len(keys) == len(set(keys))
+
+
+def test_every_column_has_the_same_name_for_people_in_style_and_schema(package: Path) -> None:
+    for layer, root in styles(package).items():
+        aliases = {alias.get("field"): alias.get("name") for alias in root.iter("alias")}
+        schema = query(
+            package,
+            f"SELECT column_name, title FROM gpkg_data_columns WHERE table_name = '{layer}'",  # noqa: S608 - our own layers
+        )
+        assert aliases == dict(schema)
+    for layer in project(package).iter("maplayer"):
+        assert layer.find("aliases/alias") is not None
+
+
+def test_seasons_have_colours_of_their_own_and_the_best_route_is_bold(package: Path) -> None:
+    renderer = styles(package)["routes"].find("renderer-v2")
+    widths: dict[str, dict[str, float]] = {}
+    for season in renderer.find("rules"):
+        symbols = {s.get("name"): s for s in renderer.iter("symbol")}
+        for rule in season:
+            top = symbols[rule.get("symbol")].findall("layer")[-1]
+            options = {o.get("name"): o.get("value") for o in top.iter("Option")}
+            colour = ",".join(options["line_color"].split(",")[:3])
+            widths.setdefault(colour, {})[rule.get("filter")] = float(options["line_width"])
+    assert len(widths) == 2
+    for found in widths.values():
+        assert found['"rank" = 1'] > 2 * found['"rank" > 1']
+
+
+def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResult) -> None:
+    best = {r.season: r.metrics.fuel for r in result.routes if r.rank == 1}
+    lead = min(best, key=lambda season: best[season])
+    root = project(package)
+    first, second, land = root.find("layer-tree-group").xpath(
+        "./layer-tree-group | ./layer-tree-layer"
+    )
+    assert first.get("name").lower().startswith(lead)
+    on = [
+        {node.get("name") for node in group if node.get("checked") == "Qt::Checked"}
+        for group in (first, second)
+    ]
+    assert on == [{"Routes", "Waypoints", "Soft no-go zones", "Currents"}, {"Routes"}]
+    assert land.get("checked") == "Qt::Checked"
+
+
+def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -> None:
+    root = project(package)
+    order = [item.text for item in root.find("layer-tree-group/custom-order")]
+    assert root.find("layer-tree-group/custom-order").get("enabled") == "1"
+    kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
+    assert sorted(set(kinds), key=kinds.index) == [
+        *("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
+    ]
+    # QGIS throws shorter names away and makes up its own.
+    assert all(len(name) > 10 for name in order)
+    ids = {layer.findtext("id") for layer in root.iter("maplayer")}
+    assert ids == set(order) == {node.get("id") for node in root.iter("layer-tree-layer")}
+
+
+def test_the_project_names_the_file_that_it_is_in(result: RunResult, tmp_path: Path) -> None:
+    write_geopackage(result, tmp_path / "other.gpkg")
+    sources = {
+        layer.findtext("datasource") for layer in project(tmp_path / "other.gpkg").iter("maplayer")
+    }
+    assert all(source.startswith("./other.gpkg|layername=") for source in sources)
+    [(name, about)] = query(tmp_path / "other.gpkg", "SELECT name, metadata FROM qgis_projects")
+    assert name == PROJECT
+    assert json.loads(about)["last_modified_time"] == "2026-01-02T03:04:05"
+
+
+def test_credits_and_title_stand_in_the_project(package: Path) -> None:
+    root = project(package)
+    assert root.findtext("title") == "Two islands"
+    texts = {small_run.LAND.text, small_run.STAND_IN.text, small_run.PREFERRED.text}
+    assert {node.text for node in root.findall("projectMetadata/rights")} == texts
+    assert set(root.findtext("properties/CopyrightLabel/Label").split("\n")) == texts
+    assert {node.text for node in root.findall("projectMetadata/license")} == {
+        *("none", "CC0", "CC BY 4.0")
+    }
+
+
+def test_the_water_is_coloured_as_in_the_report(package: Path) -> None:
+    gui = project(package).find("properties/Gui")
+    channels = [int(gui.findtext(f"CanvasColor{name}Part")) for name in ("Red", "Green", "Blue")]
+    assert "#" + bytes(channels).hex() == COLOURS["water"]
+
+
+def test_bad_names_stay_text(result: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "routes.gpkg"
+    write_geopackage(badly_named(result), path)
+    documents = [*styles(path).values(), project(path)]
+    for root in documents:
+        assert not list(root.iter("script"))
+        texts = [*root.itertext(), *(v for node in root.iter() for v in node.attrib.values())]
+        # What stands in [% %] QGIS evaluates; expressions hold it as a quoted text.
+        assert not any("[%" in text for text in root.itertext())
+        assert not any("[%" in node.get("label", "") for node in root.iter("rule"))
+        assert not any("[%" in node.get("name", "") for node in root.iter("layer-tree-group"))
+        assert not any(NOT_XML.search(text) for text in texts)
+    titles = [g.get("name") for g in documents[-1].iter("layer-tree-group") if g.get("name")]
+    assert all(0 < len(title) <= 60 for title in titles)
+    for node in documents[-1].iter("datasource"):
+        layer, _, subset = node.text.removeprefix("./routes.gpkg|layername=").partition("|subset=")
+        assert layer in LAYERS
+        assert "|" not in subset
+        if subset:
+            condition = query(path, f"SELECT DISTINCT season FROM {layer} WHERE {subset}")  # noqa: S608 - as QGIS does
+            assert condition in ([(SCRIPT,)], [(ODD,)])
+
+
+def test_a_failed_season_shows_its_currents_only(result: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "routes.gpkg"
+    write_geopackage(small_run.with_a_failed_season(result), path)
+    groups = [g for g in project(path).iter("layer-tree-group") if g.get("name")]
+    assert [len(list(group)) for group in groups] == [6, 1]
+
+
+@given(st.text())
+def test_clean_text_is_xml_and_no_expression(text: str) -> None:
+    element = etree.Element("a")
+    element.text = clean(text)
+    assert (etree.fromstring(etree.tostring(element)).text or "") == element.text
+    assert "[%" not in element.text
+    assert len(element.text) == len(text) + text.count("[%")
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=["Cs"])))
+def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -> None:
+    """Read it by the rules of QGIS's lexer: quotes doubled, backslashes escape."""
+    written = literal(text)
+    etree.Element("a").set("filter", written)
+    token = re.compile(r"'((?:[^'\\]|''|\\.)*)'|char\((\d+)\)", re.DOTALL)
+    words, place = [], 0
+    while place < len(written):
+        found = token.match(written, place)
+        assert found, written[place:]
+        quoted, code = found.groups()
+        words.append(
+            chr(int(code))
+            if code
+            else re.sub(
+                r"''|\\(.)",
+                lambda m: {None: "'", "n": "\n"}.get(m[1], m[1]),
+                quoted,
+                flags=re.DOTALL,
+            )
+        )
+        place = found.end()
+        if place < len(written):
+            assert written.startswith(" || ", place)
+            place += 4
+    assert "".join(words) == text
+
+
+@pytest.mark.parametrize(
+    "box",
+    [(119.0, 9.0, 120.2, 10.0), (-10.0, 50.0, 20.0, 62.0), (100.0, -8.0, 130.0, 8.0)],
+    ids=["transverse Mercator", "Lambert", "Mercator"],
+)
+def test_arrows_are_turned_by_the_planes_convergence(
+    result: RunResult, box: tuple[float, float, float, float]
+) -> None:
+    """The formula, worked out in Python, against the projection at points all over the chart."""
+    region = shapely.box(*box)
+    projection = Projection.for_region(region)
+    chart = renew.Chart(projection.geometry_to_plane(region, densify_m=10_000), [])
+    elsewhere = replace(result, scene=replace(result.scene, projection=projection, chart=chart))
+    formula = ground(elsewhere).convergence
+    python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
+    for lon, lat in np.random.default_rng(0).uniform(box[:2], box[2:], (50, 2)):
+        place = {"lon": lon, "lat": lat, "sin": np.sin, "radians": np.radians}
+        found = eval(python, {"__builtins__": {}}, place)  # noqa: S307 - our own formula
+        true = projection.convergence(np.array([lon, lat]))
+        assert found == pytest.approx(float(true), abs=0.1)
+
+
+def test_a_map_round_the_pole_turns_its_arrows_all_the_way(result: RunResult) -> None:
+    projection = Projection.for_region(shapely.box(-180, 84, 180, 90))
+    ring = shapely.Point(0, 0).buffer(600_000)
+    scene = replace(result.scene, projection=projection, chart=renew.Chart(ring, []))
+    formula = ground(replace(result, scene=scene)).convergence
+    python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
+    for lon in (-170.0, -90.0, 0.0, 45.0, 179.0):
+        place = {"lon": lon, "lat": 87.0, "sin": np.sin, "radians": np.radians}
+        found = eval(python, {"__builtins__": {}}, place)  # noqa: S307 - our own formula
+        # On the map around the pole, a meridian's direction is its longitude.
+        assert np.cos(np.radians(found - lon)) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_across_180_degrees_the_map_is_in_longitudes_that_go_on(result: RunResult) -> None:
+    here, there = ground(result), ground(moved_east(result, 60.4))
+    assert not here.is_lonlat
+    assert there.system.authority == "EPSG:4326"
+    assert there.bounds == pytest.approx((179.4 - 0.036, 8.964, 180.6 + 0.036, 10.036), abs=2e-3)
+
+
+def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> None:
+    """By the points' places in the grid, so that what is left is a coarser grid."""
+    seen = view(result)
+    dense = replace(
+        seen,
+        seasons=tuple(
+            replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in seen.seasons
+        ),
+    )
+    plain = [rule.get("filter") for rule in leaves(style("currents", seen).renderer)]
+    thinned = [rule.get("filter") for rule in leaves(style("currents", dense).renderer)]
+    assert not any("@map_scale" in condition for condition in plain)
+    assert all("@map_scale" in condition for condition in thinned)

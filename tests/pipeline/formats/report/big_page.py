@@ -1,0 +1,108 @@
+"""A report as large as they get: 50,000 vertices of coast, 16 routes, 7,000 arrows a season."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.formats.report.page import gather, render
+from pipeline.model import Evaluation
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from playwright.sync_api import Browser
+
+    from pipeline.formats.result import RunResult
+    from pipeline.model import RouteKey, RouteMetrics, SeasonPlan
+
+ISLANDS, CORNERS = 250, 200
+ROUTES_A_SEASON = 8
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A page as a browser met it: its size, and seconds until map and controls were drawn."""
+
+    size_bytes: int
+    ready_s: float
+
+
+def big_result() -> RunResult:
+    """The small run with a long coast, more routes and a finer current."""
+    result = small_run.parts()
+    scene = result.scene
+    land = _coast(scene.chart.bounds)
+    currents = {name: _finer(result, name) for name in scene.currents}
+    lonlat = tuple(scene.projection.geometry_to_lonlat(np.array(land, dtype=object)))
+    many = [_more_routes(result, entry) for entry in result.plans]
+    contingency: dict[RouteKey, renew.Contingency] = {}
+    for entry in result.plans:
+        found = result.evaluation.contingency[entry.season, 1]
+        for rank in range(1, ROUTES_A_SEASON + 1):
+            contingency[entry.season, rank] = found
+    return replace(
+        result,
+        fetched=replace(result.fetched, land=replace(result.fetched.land, polygons=lonlat)),
+        scene=replace(scene, land=land, currents=currents),
+        plans=tuple(plan for plan, _ in many),
+        evaluation=Evaluation(tuple(row for _, rows in many for row in rows), contingency),
+    )
+
+
+def write_big_page(path: Path) -> None:
+    """Write the page of the big run."""
+    path.write_text(render(gather(big_result())), encoding="utf-8")
+
+
+def measure(browser: Browser, path: Path) -> Measured:
+    """Open a page in a fresh context and wait until it says that it is ready."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = context.new_page()
+    page.goto(path.as_uri(), wait_until="commit")
+    page.wait_for_selector("html[data-ready]", state="attached")
+    ready_ms = float(page.evaluate("document.documentElement.dataset.ready"))
+    context.close()
+    return Measured(path.stat().st_size, ready_ms / 1000)
+
+
+def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, ...]:
+    """Ragged islands all over the chart, each a star about its middle."""
+    chance = np.random.default_rng(7)
+    xmin, ymin, xmax, ymax = bounds
+    angle = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    islands = []
+    for _ in range(ISLANDS):
+        middle = chance.uniform((xmin, ymin), (xmax, ymax))
+        radius = chance.uniform(0.5, 3.0) * (1 + 0.1 * chance.standard_normal(CORNERS).clip(-3, 3))
+        corners = middle + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        islands.append(shapely.Polygon(corners))
+    return tuple(islands)
+
+
+def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
+    """Gyres, known everywhere, so that arrows stand as thick as they may."""
+    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    strength = 0.3 if season == "summer" else 0.6
+    return renew.GyreCurrent(strength, xmax - xmin, ymax - ymin, columns=3, rows=3)
+
+
+def _more_routes(
+    result: RunResult, entry: SeasonPlan
+) -> tuple[SeasonPlan, tuple[RouteMetrics, ...]]:
+    """Repeat a season's routes, each time a little dearer."""
+    assert entry.plan is not None
+    routes, rows = [], []
+    ranked = result.season_routes(entry.season)
+    for number in range(ROUTES_A_SEASON):
+        like = ranked[number % len(ranked)]
+        name, fuel = f"{like.route.homotopy}.x{number}", like.route.fuel * (1 + 0.01 * number)
+        routes.append(replace(like.route, homotopy=name, fuel=fuel))
+        rows.append(replace(like.metrics, rank=number + 1, homotopy=name, fuel=fuel))
+    plan = replace(entry.plan, routes=tuple(routes))
+    return replace(entry, plan=plan), tuple(rows)

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Route
+
+
+@dataclass
+class Reader:
+    """Opens pages, and notes what they ask for, complain of and put into dialogs."""
+
+    browser: Browser
+    faults: list[str] = field(default_factory=list)
+
+    def open(self, path: Path, *, width: int = 900, height: int = 700, **options: object) -> Page:
+        """Open a file in a context of its own and wait until its script is through."""
+        context = self.browser.new_context(
+            viewport={"width": width, "height": height},
+            **options,  # type: ignore[arg-type]
+        )
+        page = context.new_page()
+        page.set_default_timeout(10_000)
+        page.route("**/*", lambda route: self._answer(route, path.as_uri()))
+        page.on("console", self._hear)
+        page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
+        page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
+        page.goto(path.as_uri())
+        if options.get("java_script_enabled", True):
+            page.wait_for_selector("html[data-ready]", state="attached")
+        return page
+
+    def _answer(self, route: Route, allowed: str) -> None:
+        if route.request.url == allowed:
+            route.continue_()
+        else:
+            self.faults.append(f"request: {route.request.url}")
+            route.abort()
+
+    def _hear(self, message: ConsoleMessage) -> None:
+        if message.type in {"error", "warning"}:
+            self.faults.append(f"console: {message.text}")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """The system's own Chromium."""
+    path = shutil.which("chromium")
+    if path is None:
+        pytest.skip("no chromium on the path: apt-get install chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        # Chromium refuses to sandbox what root runs.
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def reader(browser: Browser) -> Iterator[Reader]:
+    """A reader whose pages must not have asked for, complained of or popped up anything."""
+    reader = Reader(browser)
+    yield reader
+    for context in browser.contexts:
+        context.close()
+    assert reader.faults == []

@@ -1,0 +1,411 @@
+"""The page in a real browser: it answers by mouse, keyboard and screen reader, and stays alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import pytest
+
+from pipeline.formats import phrases
+from pipeline.formats.report import assets
+from pipeline.formats.report.page import gather, render
+from pipeline.model import Credit
+from tests.pipeline.formats import small_run
+from tests.pipeline.formats.report.big_page import measure, write_big_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+    from pipeline.formats.result import RunResult
+    from tests.pipeline.formats.report.conftest import Reader
+
+WIDTHS = (360, 768, 1280)
+HOSTILE = (
+    "<script>alert(1)</script></script><!--<img src=x onerror=alert(2)> \N{ROCKET} "
+    "\u202eevil\u202c \u05e9\u05dc\u05d5\u05dd \x07" + "W" * 300
+)
+
+
+@pytest.fixture(scope="module")
+def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(result, tmp_path_factory.mktemp("report"))
+
+
+def written(result: RunResult, directory: Path) -> Path:
+    """Write a run's page."""
+    path = directory / "report.html"
+    path.write_text(render(gather(result)), encoding="utf-8")
+    return path
+
+
+def hostile(result: RunResult) -> RunResult:
+    """The run with bad text wherever a text comes from outside."""
+    seasons = tuple(s.model_copy(update={"title": HOSTILE}) for s in result.scenario.seasons)
+    scenario = result.scenario.model_copy(
+        update={"title": HOSTILE, "description": HOSTILE, "seasons": seasons}
+    )
+    credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(3)")
+    rows = tuple(replace(row, side=HOSTILE) for row in result.evaluation.routes)
+    return replace(
+        result,
+        scenario=scenario,
+        fetched=replace(
+            result.fetched,
+            land=replace(result.fetched.land, credits=(credit,)),
+            notes=(HOSTILE,),
+        ),
+        evaluation=replace(result.evaluation, routes=rows),
+    )
+
+
+def drawn(page: Page, pane: str) -> str:
+    """What a pane's canvas shows: its picture as text."""
+    # Leaflet draws at the next frame after a change.
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)))")
+    return str(
+        page.evaluate(
+            "pane => document.querySelector(`.leaflet-${pane}-pane canvas`)?.toDataURL() ?? ''",
+            pane,
+        )
+    )
+
+
+def now(page: Page, name: str) -> str:
+    """A figure of the moment."""
+    return page.locator(f"[data-now={name}]").inner_text()
+
+
+def slide(page: Page, value: int) -> None:
+    """Set the time as a reader would who drags the slider."""
+    page.locator("#time").evaluate(
+        "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')); }",
+        value,
+    )
+
+
+def season(page: Page, number: int) -> None:
+    """Choose a season by its button."""
+    page.locator(".seasons label").nth(number).click()
+
+
+def test_the_map_takes_the_pictures_place(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    assert page.locator("#map").is_visible()
+    assert not page.locator(".maps").is_visible()
+    for pane in ("water", "currents", "soft", "land", "routes"):
+        assert drawn(page, pane).startswith("data:image/png"), pane
+    assert page.locator(".end-label").all_inner_texts() == ["Start", "Goal"]
+    labels = page.locator(".grid-label").all_inner_texts()
+    assert {"9°00′N", "10°00′N", "120°00′E"} <= set(labels)
+
+
+def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult) -> None:
+    page = reader.open(file)
+    for number, entry in enumerate(result.plans):
+        season(page, number)
+        rows = [m for m in result.evaluation.routes if m.season == entry.season]
+        buttons = page.locator(f"[data-routes='{number}'] [data-pick]")
+        assert buttons.count() == len(rows)
+        for index, m in enumerate(rows):
+            text = buttons.nth(index).inner_text()
+            assert text.split()[:4] == [str(m.rank), m.side, phrases.number(m.fuel), "fuel"]
+            buttons.nth(index).click()
+            slide(page, 1000)
+            assert now(page, "fuel") == phrases.number(m.fuel)
+            assert now(page, "time") == phrases.hours(m.duration_s)
+            assert float(now(page, "distance").split()[0]) == pytest.approx(
+                m.length_m / 1000, rel=5e-4
+            )
+            least, most = page.locator("[data-plot=clearance] .range").inner_text().split(" to ")
+            assert float(least.split()[0]) * (1000 if "km" in least else 1) == pytest.approx(
+                m.clearance_m, rel=0.01
+            )
+            assert most
+            label = page.locator(".closest-label").inner_text()
+            assert label == f"{least} to land"
+
+
+def test_words_are_spelt_as_in_the_tables(browser: Browser) -> None:
+    page = browser.new_page()
+    words = (Path(assets.__file__).parent / "scripts" / "words.js").read_text(encoding="utf-8")
+    values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, -1.5]
+    spelt = page.evaluate(
+        f"values => {{ {words}; return values.map(v => [spellNumber(v), spellDistance(v),"
+        " spellTime(v)]); }",
+        values,
+    )
+    assert [number for number, _, _ in spelt] == [
+        phrases.number(v).replace("-", "\N{MINUS SIGN}") for v in values
+    ]
+    assert [far for _, far, _ in spelt[:-1]] == [phrases.distance(v) for v in values[:-1]]
+    assert [time for _, _, time in spelt[:-1]] == [phrases.hours(v) for v in values[:-1]]
+    page.close()
+
+
+def test_seasons_switch(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    before = {pane: drawn(page, pane) for pane in ("routes", "currents", "land")}
+    assert page.locator("[data-routes='0']").is_visible()
+    season(page, 1)
+    assert page.locator("[data-routes='1']").is_visible()
+    assert not page.locator("[data-routes='0']").is_visible()
+    after = {pane: drawn(page, pane) for pane in before}
+    assert after["routes"] != before["routes"]
+    assert after["currents"] != before["currents"]
+    assert after["land"] == before["land"]
+    season(page, 0)
+    assert drawn(page, "currents") == before["currents"]
+
+
+def test_layers_switch(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    panes = {"currents": "currents", "soft": "soft", "turns": "marks", "others": "routes"}
+    before = {pane: drawn(page, pane) for pane in panes.values()}
+    for layer, pane in panes.items():
+        page.locator(f"[data-layer={layer}]").click()
+        assert drawn(page, pane) != before[pane]
+        assert all(drawn(page, p) == before[p] for p in panes.values() if p != pane)
+        page.locator(f"[data-layer={layer}]").click()
+        assert drawn(page, pane) == before[pane]
+
+
+def test_routes_switch_and_are_chosen(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    rows = page.locator("[data-routes='0'] li")
+    assert "chosen" in (rows.nth(0).get_attribute("class") or "")
+    before = drawn(page, "routes")
+    rows.nth(3).locator("input").click()
+    without = drawn(page, "routes")
+    assert without != before
+    rows.nth(3).locator("input").click()
+    assert drawn(page, "routes") == before
+    page.get_by_role("button", name="Only the one followed").click()
+    assert drawn(page, "routes") not in {before, without}
+    # A route that is chosen is drawn, ticked or not.
+    rows.nth(2).locator("button").click()
+    chosen = page.locator("[data-route].chosen")
+    assert [chosen.nth(i).get_attribute("data-route") for i in range(2)] == ["0-2", "0-2"]
+    assert chosen.count() == 2
+    assert rows.nth(2).locator("button").get_attribute("aria-pressed") == "true"
+    page.get_by_role("button", name=re.compile("^Show route 2 of Winter")).click()
+    assert page.locator("[data-routes='1']").is_visible()
+    assert page.locator("[data-routes='1'] li").nth(1).get_attribute("class") == "chosen"
+    assert page.locator("[name=season]").nth(1).is_checked()
+
+
+def test_the_voyage_plays(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    vessel = page.locator(".vessel")
+    place, time = vessel.bounding_box(), now(page, "time")
+    page.locator("#play").click()
+    page.wait_for_timeout(700)
+    assert page.locator("#play").inner_text() == "Pause"
+    page.locator("#play").click()
+    assert page.locator("#play").inner_text() == "Play the voyage"
+    assert now(page, "time") != time
+    assert vessel.bounding_box() != place
+    assert float(now(page, "fuel")) > 0
+    assert int(page.locator("#time").input_value()) > 5
+    # Said once, and only when the vessel has come to rest.
+    page.wait_for_selector("#spoken:not(:empty)", state="attached")
+    assert page.locator("#spoken").inner_text().startswith(f"After {now(page, 'time')}: ")
+
+
+def test_the_voyage_is_where_and_when_it_says(
+    reader: Reader, file: Path, result: RunResult
+) -> None:
+    page = reader.open(file)
+    for value, end in ((0, result.scenario.start), (1000, result.scenario.goal)):
+        slide(page, value)
+        assert end is not None
+        numbers = [float(n) for n in re.findall(r"[\d.]+", now(page, "place"))]
+        lat, lon = numbers[0] + numbers[1] / 60, numbers[2] + numbers[3] / 60
+        assert (lon, lat) == pytest.approx(end, abs=0.1 / 60)
+    values = []
+    for value in range(0, 1001, 50):
+        slide(page, value)
+        values.append(float(now(page, "fuel")))
+        assert page.locator("#time").get_attribute("aria-valuetext") == (
+            f"{now(page, 'time')} of {phrases.hours(result.evaluation.routes[0].duration_s)}"
+        )
+    assert values == sorted(values)
+
+
+def test_without_motion_the_vessel_goes_in_steps(reader: Reader, file: Path) -> None:
+    page = reader.open(file, reduced_motion="reduce")
+    seen = page.evaluate(
+        """() => new Promise(done => {
+            const places = new Set();
+            const field = document.querySelector("[data-now=time]");
+            document.querySelector("#play").click();
+            const look = setInterval(() => places.add(field.textContent), 20);
+            setTimeout(() => { clearInterval(look); done(places.size); }, 1900);
+        })"""
+    )
+    assert seen == 2
+
+
+def test_the_keyboard_reaches_all(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    reached: list[str] = []
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        name = page.evaluate(
+            "(({id, name, dataset}) => id || name || Object.keys(dataset)[0] || '')"
+            "(document.activeElement)"
+        )
+        reached.append(str(name))
+        if name == "season":
+            page.keyboard.press("ArrowRight")
+            assert page.locator("[data-routes='1']").is_visible()
+        elif name == "layer" and "layer" not in reached[:-1]:
+            before = drawn(page, "currents")
+            page.keyboard.press("Space")
+            assert drawn(page, "currents") != before
+        elif name == "map":
+            before = drawn(page, "land")
+            page.keyboard.press("+")
+            page.wait_for_timeout(400)
+            assert drawn(page, "land") != before
+        elif name == "play":
+            page.keyboard.press("Enter")
+            page.wait_for_timeout(200)
+            page.keyboard.press("Enter")
+            assert int(page.locator("#time").input_value()) > 0
+        elif name == "time":
+            page.keyboard.press("Home")
+            page.keyboard.press("ArrowRight")
+            assert page.locator("#time").input_value() == "1"
+        elif name == "shown" and "shown" not in reached[:-1]:
+            before = drawn(page, "routes")
+            # The best is drawn, ticked or not; the next row's box takes its own away.
+            page.keyboard.press("Tab")
+            page.keyboard.press("Tab")
+            page.keyboard.press("Space")
+            assert drawn(page, "routes") != before
+        elif name == "pick":
+            page.keyboard.press("Enter")
+            assert page.evaluate("document.activeElement.getAttribute('aria-pressed')") == "true"
+            break
+    assert {"season", "layer", "map", "whole", "play", "time", "shown", "pick"} <= set(reached)
+
+
+def test_nothing_stands_in_anybodys_way(reader: Reader, file: Path) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    page = reader.open(file)
+    looks: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 360), ("dark", 1280))
+    for scheme, width in looks:
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 800})
+        bad = [
+            (violation["id"], [node["html"][:200] for node in violation["nodes"]][:3])
+            for violation in Axe().run(page).response["violations"]
+            if violation["impact"] in {"serious", "critical"}
+        ]
+        assert bad == [], (scheme, width, json.dumps(bad, indent=1))
+
+
+def test_the_map_turns_dark_with_the_page(reader: Reader, file: Path) -> None:
+    page = reader.open(file, color_scheme="light")
+    panes = ("water", "currents", "land", "routes")
+    light = [drawn(page, pane) for pane in panes]
+    page.emulate_media(color_scheme="dark")
+    dark = [drawn(page, pane) for pane in panes]
+    assert all(a != b for a, b in zip(light, dark, strict=True))
+    page.emulate_media(color_scheme="light")
+    assert [drawn(page, pane) for pane in panes] == light
+
+
+def assert_fits(page: Page) -> None:
+    """At no width anything makes the page wider than its window."""
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 800})
+        wide = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+        assert wide <= 0, width
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        assert box["width"] > 0.6 * min(width, 1000)
+
+
+def test_every_width_has_room(reader: Reader, file: Path) -> None:
+    assert_fits(reader.open(file, width=WIDTHS[0]))
+
+
+def test_bad_names_do_nothing(reader: Reader, result: RunResult, tmp_path: Path) -> None:
+    page = reader.open(written(hostile(result), tmp_path))
+    page.locator("[data-routes='0'] [data-pick]").nth(1).click()
+    season(page, 1)
+    assert_fits(page)
+    assert page.locator("img").count() == 0
+    assert page.locator("script").count() == 2
+    shown = page.locator("h1").inner_text()
+    assert "<script>alert(1)</script></script><!--<img src=x" in shown
+    assert "\N{ROCKET}" in shown
+    # What the script writes is text, too: a route under the pointer bears its season's name.
+    start = page.locator(".vessel").bounding_box()
+    assert start is not None
+    page.mouse.move(start["x"] + 14, start["y"] + 14)
+    label = page.locator(".route-label")
+    assert "<script>alert(1)</script>" in label.inner_text()
+
+
+def test_paper_has_the_pictures(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    assert not page.locator(".notice details li").first.is_visible()
+    page.emulate_media(media="print")
+    assert page.locator(".maps svg.map").first.is_visible()
+    assert page.locator(".notice details li").first.is_visible()
+    for gone in (".explorer", "#play", "#map", "button"):
+        assert not page.locator(gone).first.is_visible()
+    assert len(page.pdf(format="A4")) > 50_000
+
+
+def test_without_scripts_a_static_picture_stands(reader: Reader, file: Path) -> None:
+    page = reader.open(file, java_script_enabled=False)
+    pictures = page.locator(".maps svg.map")
+    assert pictures.count() == 2
+    assert pictures.first.is_visible()
+    assert page.locator("button").count() > 0
+    assert not any(button.is_visible() for button in page.locator("button").all())
+    assert page.locator(".plots svg").first.is_visible()
+
+
+def test_a_plane_has_metres(reader: Reader, planar_result: RunResult, tmp_path: Path) -> None:
+    page = reader.open(written(planar_result, tmp_path))
+    assert now(page, "place") == "10.00 m, 10.00 m"
+    slide(page, 1000)
+    assert now(page, "place") == "90.00 m, 90.00 m"
+    assert now(page, "fuel") == phrases.number(planar_result.evaluation.routes[0].fuel)
+
+
+def test_seasons_without_a_route_can_not_be_chosen(
+    reader: Reader, result: RunResult, tmp_path: Path
+) -> None:
+    failed = small_run.with_a_failed_season(result)
+    page = reader.open(written(failed, tmp_path))
+    assert page.locator("[name=season]").nth(1).is_disabled()
+    none = replace(
+        failed, plans=tuple(replace(entry, plan=None, failure="no") for entry in failed.plans)
+    )
+    page = reader.open(written(replace(none), tmp_path))
+    assert page.locator("#map").is_visible()
+    assert not page.locator(".player").is_visible()
+
+
+def test_the_largest_page_is_light_and_ready_at_once(
+    browser: Browser, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("big") / "report.html"
+    write_big_page(path)
+    data = json.loads(re.findall(r'id="map-data">(.*?)</script>', path.read_text("utf-8"))[0])
+    assert sum(len(ring) for ring in data["land"]) / 2 > 45_000
+    assert sum(len(entry["routes"]) for entry in data["seasons"]) == 16
+    assert all(6_800 < len(entry["current"]["u"]) <= 7_000 for entry in data["seasons"])
+    assert path.stat().st_size < 2_000_000
+    # The best of some: other tests share the machine.
+    assert any(measure(browser, path).ready_s < 1.0 for _ in range(6))

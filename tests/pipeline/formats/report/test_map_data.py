@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.formats.report.encode import Lattice
+from pipeline.formats.report.map_data import map_data
+from pipeline.model import Evaluation
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from pipeline.formats.result import RunResult
+
+LIMITS = (0.2, 0.4)
+
+
+@pytest.fixture(scope="module")
+def data(result: RunResult) -> dict[str, Any]:
+    return map_data(result, LIMITS)
+
+
+def plane(result: RunResult, moves: list[int]) -> np.ndarray:
+    """Places (n, 2) of the plane that a line stands for."""
+    lattice = Lattice.of(result.scene.chart.bounds, result.scene.projection.scale)
+    return lattice.origin + lattice.step * np.cumsum(np.reshape(moves, (-1, 2)), axis=0)
+
+
+def summed(kept: dict[str, Any]) -> np.ndarray:
+    return np.asarray(kept["step"] * np.cumsum(kept["moves"]))
+
+
+def filled(rings: list[np.ndarray]) -> BaseGeometry:
+    """Fill outer rings, which turn anticlockwise, and take the others out."""
+    areas: dict[bool, list[BaseGeometry]] = {True: [], False: []}
+    for ring in rings:
+        areas[shapely.LinearRing(ring).is_ccw].append(shapely.Polygon(ring).buffer(0))
+    return shapely.union_all(areas[True]).difference(shapely.union_all(areas[False]))
+
+
+def test_the_coast_is_the_original_one(data: dict[str, Any], result: RunResult) -> None:
+    drawn = filled([plane(result, ring) for ring in data["land"]])
+    land = shapely.union_all(result.scene.land).intersection(result.scene.chart.extent)
+    assert drawn.symmetric_difference(land).area < 1e-4 * land.area
+
+
+def test_routes_run_from_start_to_goal_with_their_own_figures(
+    data: dict[str, Any], result: RunResult
+) -> None:
+    start, goal = plane(result, data["start"])[0], plane(result, data["goal"])[0]
+    for season, entry in zip(data["seasons"], result.plans, strict=True):
+        ranked = result.season_routes(entry.season)
+        assert [route["rank"] for route in season["routes"]] == [r.rank for r in ranked]
+        for route, r in zip(season["routes"], ranked, strict=True):
+            places = plane(result, route["places"])
+            assert places[0] == pytest.approx(start, abs=1e-3)
+            assert places[-1] == pytest.approx(goal, abs=1e-3)
+            line = shapely.LineString(places)
+            assert line.hausdorff_distance(shapely.LineString(r.route.path)) < 2e-3
+            assert summed(route["fuel"])[-1] == pytest.approx(r.metrics.fuel, rel=1e-9)
+            assert summed(route["time"])[-1] == pytest.approx(r.metrics.duration_s, rel=1e-9)
+            assert summed(route["distance"])[-1] == pytest.approx(r.metrics.length_m, rel=1e-4)
+            clearance = summed(route["clearance"])
+            assert clearance.min() == pytest.approx(r.metrics.clearance_m, rel=0.01)
+            soft = filled([plane(result, ring) for ring in route["soft"]])
+            zone = r.route.soft_no_go.intersection(result.scene.chart.extent)
+            assert soft.symmetric_difference(zone).area < 0.05 * zone.area
+
+
+def test_arrows_stand_on_water_and_tell_the_planners_current(
+    data: dict[str, Any], result: RunResult
+) -> None:
+    land = shapely.union_all(result.scene.land)
+    for season, entry in zip(data["seasons"], result.plans, strict=True):
+        current = season["current"]
+        velocity = np.stack([current["u"], current["v"]], axis=-1) / 100
+        assert 100 < len(velocity) <= 7000
+        corner = plane(result, current["corner"])[0]
+        lattice = Lattice.of(result.scene.chart.bounds, result.scene.projection.scale)
+        row, column = np.divmod(np.arange(len(velocity)), current["columns"])
+        places = corner + current["spacing"] * lattice.step * np.stack([column, row], axis=-1)
+        moving = velocity.any(axis=1)
+        assert not shapely.contains_xy(land, places[moving]).any()
+        asked = result.scene.currents[entry.season](places[moving])
+        assert np.abs(velocity[moving] - asked).max() <= 0.0051
+        dry = ~moving & shapely.contains_xy(result.scene.chart.extent, places)
+        still = np.abs(result.scene.currents[entry.season](places[dry])).max(axis=1) <= 0.0051
+        assert (shapely.contains_xy(land, places[dry]) | still).all()
+
+
+def test_every_turn_that_met_land_is_kept(result: RunResult) -> None:
+    key = ("summer", 1)
+    found = result.evaluation.contingency[key]
+    collided = np.zeros(len(found.points), dtype=bool)
+    collided[::7] = True
+    kept = {**result.evaluation.contingency, key: replace(found, collided=collided)}
+    changed = replace(result, evaluation=Evaluation(result.evaluation.routes, kept))
+    seasons: Any = map_data(changed, LIMITS)["seasons"]
+    route = seasons[0]["routes"][0]
+    assert plane(result, route["hits"]) == pytest.approx(found.points[collided], abs=1e-3)
+    assert len(plane(result, route["turns"])) <= 80
+
+
+def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:
+    gone = replace(
+        result,
+        plans=tuple(replace(entry, plan=None, failure="no") for entry in result.plans),
+        evaluation=Evaluation((), {}),
+        scene=replace(result.scene, currents={}),
+    )
+    seasons: Any = map_data(gone, LIMITS)["seasons"]
+    assert [(season["current"], season["routes"]) for season in seasons] == [(None, [])] * 2
