@@ -43,9 +43,7 @@ Padding: TypeAlias = Literal["adaptive", "none"] | float
 LAYERS = 2
 """A path may bulge out of its channel by so many triangles."""
 
-# Draws that set a quantile: some at the least, and so many that this many lie beyond it; a power of
-# two, for then Sobol's lie most evenly: their quantile is off by 0.5 % where that of random ones
-# is by 1.5 %.
+# Draws that set a quantile: some at the least, and so many that this many lie beyond it.
 _FEWEST_DRAWS, _BEYOND = 512, 20.0
 # Triangles that are surveyed beside those that are asked for: fewer cost no less time.
 _AT_ONCE = 128
@@ -153,7 +151,7 @@ class Padder:
         self._clearance, self._risk = clearance, risk
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
-        self._draws = Draws(seed, max(_FEWEST_DRAWS, 2 ** math.ceil(math.log2(_BEYOND / risk))))
+        self._draws = Draws(seed, max(_FEWEST_DRAWS, math.ceil(_BEYOND / risk)))
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
         count = len(triangulation.triangles)

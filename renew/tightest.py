@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from renew.route import Route
     from renew.vessel import Vessel
 
-# Enough for a smooth picture; a power of two.
+# Enough for a smooth picture.
 _DRAWS = 4096
 
 

@@ -74,11 +74,13 @@ def test_a_rounded_corner_is_one_waypoint() -> None:
 
 
 def test_a_corner_that_would_make_legs_much_longer_than_the_path_is_not_taken() -> None:
-    # By the corner at (110, 0) it is 40 m and not 34: the leg's speed would be a sixth too much.
-    path = [(90.0, 0.0), (100.0, 0.0), (110.0, 10.0), (110.0, 20.0)]
-    inside = shapely.Polygon([(80, 1), (99.5, 1), (109, 10.5), (109, 40), (80, 40)])
-    free = shapely.LineString(path).buffer(30).difference(inside)
-    assert thinned(path, free) == [list(point) for point in path]
+    # By the corner at (110, 0) it is 42 m and not 37: the legs' speeds would be an eighth too much.
+    ahead = np.array([np.cos(np.radians(80)), np.sin(np.radians(80))])
+    path = [(89.0, 0.0), (100.0, 0.0), *(tuple(np.array([110, 0]) + m * ahead) for m in (10, 21))]
+    # No way is left on the inside of the bend.
+    inside = shapely.Polygon([(80, 0.5), (99.7, 0.5), (*path[2],), (*path[3],), (80, 40)])
+    free = shapely.LineString(path).buffer(30).difference(inside.buffer(-0.2))
+    assert thinned(path, free) == [pytest.approx(point, abs=1e-3) for point in path]
 
 
 def test_legs_that_bend_out_of_the_lane_are_cut() -> None:
