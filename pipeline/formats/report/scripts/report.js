@@ -104,6 +104,12 @@ function openForPrint() {
   });
 }
 
+/** The map is drawn: say when, and lay out the rest of the page. */
+function ready() {
+  document.documentElement.dataset.ready = Math.round(performance.now());
+  setTimeout(() => document.documentElement.classList.add("settled"));
+}
+
 openForPrint();
 const explorer = document.querySelector(".explorer");
 if (explorer) {
@@ -111,7 +117,7 @@ if (explorer) {
   document.documentElement.classList.add("live");
   try {
     new Explorer(explorer);
-    requestAnimationFrame(() => requestAnimationFrame(() => (document.documentElement.dataset.ready = Math.round(performance.now()))));
+    requestAnimationFrame(() => requestAnimationFrame(ready));
   } catch (error) {
     document.documentElement.classList.remove("live");
     throw error;
