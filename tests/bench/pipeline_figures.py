@@ -32,14 +32,20 @@ def figures() -> Iterator[Figure]:
         yield from _of_results(Path(folder) / "palawan-season")
 
 
-def run_scenario(name: str, folder: Path, *options: str) -> tuple[float, float]:
-    """Run a scenario as a user does; wall time (s) and the process's largest memory (GB)."""
+def run_scenario(
+    name: str, folder: Path, *options: str, log: Path | None = None
+) -> tuple[float, float]:
+    """Run a scenario as a user does; wall time (s) and the process's largest memory (GB).
+
+    Its log lines go into a file, where one is named.
+    """
     command = [sys.executable, "-m", "pipeline.cli", "run", name, *options]
     begin = time.perf_counter()
-    child = subprocess.Popen(
-        [*command, "--output", str(folder)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(child.pid, 0)
+    with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
+        child = subprocess.Popen(
+            [*command, "--output", str(folder)], stdout=subprocess.DEVNULL, stderr=heard
+        )
+        _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {child.returncode}")

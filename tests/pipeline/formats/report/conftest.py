@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-import os
-import shutil
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import pytest
+
+from tests.referees import chromium
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,17 +53,10 @@ class Reader:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     """The system's own Chromium."""
-    path = shutil.which("chromium")
-    if path is None:
-        pytest.skip("no chromium on the path: apt-get install chromium")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        # Chromium refuses to sandbox what root runs.
-        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+    with chromium() as browser:
+        if browser is None:
+            pytest.skip("no chromium on the path: apt-get install chromium")
         yield browser
-        browser.close()
 
 
 @pytest.fixture

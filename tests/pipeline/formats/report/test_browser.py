@@ -16,6 +16,7 @@ from pipeline.formats.report.page import gather, render
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.big_page import measure, write_big_page
+from tests.referees import axe_faults
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -295,19 +296,12 @@ def test_the_keyboard_reaches_all(reader: Reader, file: Path) -> None:
 
 
 def test_nothing_stands_in_anybodys_way(reader: Reader, file: Path) -> None:
-    from axe_playwright_python.sync_playwright import Axe
-
     page = reader.open(file)
     looks: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 360), ("dark", 1280))
     for scheme, width in looks:
         page.emulate_media(color_scheme=scheme)
         page.set_viewport_size({"width": width, "height": 800})
-        bad = [
-            (violation["id"], [node["html"][:200] for node in violation["nodes"]][:3])
-            for violation in Axe().run(page).response["violations"]
-            if violation["impact"] in {"serious", "critical"}
-        ]
-        assert bad == [], (scheme, width, json.dumps(bad, indent=1))
+        assert axe_faults(page) == [], (scheme, width)
 
 
 def test_the_map_turns_dark_with_the_page(reader: Reader, file: Path) -> None:
