@@ -278,6 +278,9 @@ def changes(
 
     The spread is that of the field on rings within the turning circle's diameter.
     """
+    if not deviations.any():
+        none = np.zeros((len(points), deviations.shape[1]))
+        return none, none
     angle = 2 * np.pi * np.arange(_RING) / _RING
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     reach = 2 * vessel.turning_radius

@@ -56,14 +56,19 @@ class _Pass(NamedTuple):
     bend: float
 
 
-# Windows shrink to 1/9,000 of the path: 2 cm on the single gyre. The first, wide ones have many
-# points, so that legs between them can take almost any course.
+# Windows shrink to 1/9,000 of the path: 2 cm on the single gyre. The wider they are the more points
+# they have, so that legs between them can take almost any course.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(10))
-_WIDE = tuple(_Pass(window, max(1 / 80, window / 4), 25, math.inf) for window in _WINDOWS[:3])
+_WIDE = tuple(
+    _Pass(window, max(1 / 80, window / 4), points, math.inf)
+    for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
+)
 _NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
 # Paths are sought this share of v/ω further out than V reaches (7 cm for the paper's vessel), so
 # that points closer than that to the line past them can go, and corners be rounded, outside V.
 _SLACK = 0.04
+# A point (x, y) as x + iy, so that points can be looked for among others.
+_AS_COMPLEX = np.array([1, 1j])
 
 
 @dataclass(frozen=True)
@@ -296,7 +301,7 @@ def _without_needless_points(corridor: Corridor, path: FloatArray) -> FloatArray
     """Drop points that straight water does not want, where the legs past them keep out of V."""
     line = shapely.LineString(path)
     thinned = shapely.get_coordinates(line.simplify(_SLACK * corridor.vessel.turning_radius))
-    kept = np.flatnonzero((path[:, None] == thinned[None]).all(axis=2).any(axis=1))
+    kept = np.flatnonzero(np.isin(path @ _AS_COMPLEX, thinned @ _AS_COMPLEX))
     keep = np.zeros(len(path), dtype=bool)
     keep[kept] = True
     for leg in np.flatnonzero(~corridor.legs_clear(path[kept])):

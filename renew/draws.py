@@ -44,20 +44,35 @@ class Draws:
 
         Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there.
         """
+        drawn = self._drawn(statistics, course)
+        return np.asarray(_reaches(row, normals, *drawn, vessel.speed, vessel.turn_rate))
+
+    def exceeded_by(
+        self,
+        statistics: CurrentStatistics,
+        course: FloatArray,
+        row: IntArray,
+        normals: FloatArray,
+        vessel: Vessel,
+        share: float,
+    ) -> FloatArray:
+        """Reach (p,) in metres, which no more than a share of the draws exceed; see `reaches`."""
+        drawn = self._drawn(statistics, course)
+        beyond = math.floor((self.count - 1) * share)
+        return np.asarray(
+            _exceeded_by(row, normals, *drawn, vessel.speed, vessel.turn_rate, beyond)
+        )
+
+    def _drawn(
+        self, statistics: CurrentStatistics, course: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Heading (t, draws) rad, its cosine and sine, and the current, u and v in m/s."""
         s = statistics
+        heading = course[:, None] + self._heading
         speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed)
         towards = s.direction[:, None] + s.direction_std[:, None] * self._turn
-        return np.asarray(
-            _reaches(
-                row,
-                normals,
-                course[:, None] + self._heading,
-                speed * np.cos(towards),
-                speed * np.sin(towards),
-                vessel.speed,
-                vessel.turn_rate,
-            )
-        )
+        turned = np.cos(heading), np.sin(heading)
+        return heading, *turned, speed * np.cos(towards), speed * np.sin(towards)
 
 
 def _even_draws(seed: int, count: int) -> FloatArray:
@@ -88,40 +103,86 @@ def _reaches(
     row: IntArray,
     normals: FloatArray,
     heading: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
     u: FloatArray,
     v: FloatArray,
     speed: float,
     turn_rate: float,
 ) -> FloatArray:
-    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m.
-
-    :func:`renew.padding.turn_reach`, compiled.
-    """
-    cos, sin = np.cos(heading), np.sin(heading)
-    draws = heading.shape[1]
-    radius, period = speed / turn_rate, 2 * math.pi / turn_rate
-    reach = np.empty((len(row), draws))
+    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m."""
+    reach = np.empty((len(row), heading.shape[1]))
     for p in range(len(row)):
         t = row[p]
-        nx, ny = normals[p]
-        bearing = math.atan2(ny, nx)
-        for k in range(draws):
-            drift = u[t, k] * nx + v[t, k] * ny
-            ratio = min(max(-drift / speed, -1.0), 1.0)
-            turned_to = math.acos(ratio)
-            furthest = math.sqrt(1.0 - ratio * ratio)
-            begin = heading[t, k] - bearing
-            sine = sin[t, k] * nx - cos[t, k] * ny
-            port, starboard = turned_to - begin, turned_to + begin
-            port -= 2 * math.pi * math.floor(port / (2 * math.pi))
-            starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
-            reach[p, k] = max(
-                radius * (furthest - sine) + drift * port / turn_rate,
-                radius * (furthest + sine) + drift * starboard / turn_rate,
-                drift * period,
-                0.0,
-            )
+        _reach(normals[p], heading[t], cos[t], sin[t], u[t], v[t], speed, turn_rate, reach[p])
     return reach
+
+
+@njit(cache=True, error_model="numpy")
+def _exceeded_by(
+    row: IntArray,
+    normals: FloatArray,
+    heading: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    speed: float,
+    turn_rate: float,
+    beyond: int,
+) -> FloatArray:
+    """Reach (p,) which so many of the draws exceed: the largest after `beyond` others."""
+    found = np.empty(len(row))
+    reach = np.empty(heading.shape[1])
+    largest = np.empty(beyond + 1)
+    for p in range(len(row)):
+        t = row[p]
+        _reach(normals[p], heading[t], cos[t], sin[t], u[t], v[t], speed, turn_rate, reach)
+        # The largest so far, the least of them first.
+        largest[:] = -1.0
+        for one in reach:
+            if one > largest[0]:
+                place = 0
+                while place < beyond and largest[place + 1] < one:
+                    largest[place] = largest[place + 1]
+                    place += 1
+                largest[place] = one
+        found[p] = largest[0]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _reach(
+    normal: FloatArray,
+    heading: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    speed: float,
+    turn_rate: float,
+    reach: FloatArray,
+) -> None:
+    """Fill in the reach (draws,) of turns along a normal (2,): `renew.padding.turn_reach`."""
+    nx, ny = normal
+    bearing = math.atan2(ny, nx)
+    radius, period = speed / turn_rate, 2 * math.pi / turn_rate
+    for k in range(len(reach)):
+        drift = u[k] * nx + v[k] * ny
+        ratio = min(max(-drift / speed, -1.0), 1.0)
+        turned_to = math.acos(ratio)
+        furthest = math.sqrt(1.0 - ratio * ratio)
+        begin = heading[k] - bearing
+        sine = sin[k] * nx - cos[k] * ny
+        port, starboard = turned_to - begin, turned_to + begin
+        port -= 2 * math.pi * math.floor(port / (2 * math.pi))
+        starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))
+        reach[k] = max(
+            radius * (furthest - sine) + drift * port / turn_rate,
+            radius * (furthest + sine) + drift * starboard / turn_rate,
+            drift * period,
+            0.0,
+        )
 
 
 def normals_away(edges: FloatArray, from_points: FloatArray) -> FloatArray:

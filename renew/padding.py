@@ -290,6 +290,6 @@ class Padder:
         travel = leave - enter
         heading = np.arctan2(travel[:, 1], travel[:, 0])
         normals = normals_away(edges, ((enter + leave) / 2)[row])
-        reach = self._draws.reaches(statistics, heading, row, normals, self._vessel)
-        rank = math.ceil((self._draws.count - 1) * (1 - _SAFE * self._risk))
-        return np.asarray(np.partition(reach, rank, axis=1)[:, rank])
+        return self._draws.exceeded_by(
+            statistics, heading, row, normals, self._vessel, _SAFE * self._risk
+        )
