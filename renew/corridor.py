@@ -56,9 +56,9 @@ class _Pass(NamedTuple):
     bend: float
 
 
-# Windows shrink to 1/9,000 of the path: 2 cm on the single gyre. The wider they are the more points
+# Windows shrink to 1/4,000 of the path: 4 cm on the single gyre. The wider they are the more points
 # they have, so that legs between them can take almost any course.
-_WINDOWS = tuple(0.15 * 0.45**step for step in range(10))
+_WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
 _WIDE = tuple(
     _Pass(window, max(1 / 80, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)

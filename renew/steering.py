@@ -35,9 +35,12 @@ def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, Floa
     """
     first: InfeasibleError | None = None
     for tolerance, rounding in itertools.product(_TOLERANCES, _ROUNDINGS):
-        line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
+        thinned = path
+        if tolerance:
+            line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
+            thinned = shapely.get_coordinates(line)
         try:
-            return _steered(shapely.get_coordinates(line), corridor, rounding)
+            return _steered(thinned, corridor, rounding)
         except InfeasibleError as error:
             first = first or error
     raise first or InfeasibleError("no tolerance to try")
