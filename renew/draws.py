@@ -7,7 +7,7 @@ at which a turn begins about the course.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,16 @@ if TYPE_CHECKING:
 HEADING_SPREAD = math.radians(20)
 """Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
 Larger values change little, since a turn reaches furthest when begun along the edge."""
+
+
+class _Drawn(NamedTuple):
+    """Headings (t, draws) rad, their cosines and sines, and currents u and v (t, draws), m/s."""
+
+    heading: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    u: FloatArray
+    v: FloatArray
 
 
 class Draws:
@@ -45,7 +55,7 @@ class Draws:
         Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there.
         """
         drawn = self._drawn(statistics, course)
-        return np.asarray(_reaches(row, normals, *drawn, vessel.speed, vessel.turn_rate))
+        return np.asarray(_reaches(row, normals, drawn, vessel.speed, vessel.turn_rate))
 
     def exceeded_by(
         self,
@@ -59,20 +69,21 @@ class Draws:
         """Reach (p,) in metres, which no more than a share of the draws exceed; see `reaches`."""
         drawn = self._drawn(statistics, course)
         beyond = math.floor((self.count - 1) * share)
-        return np.asarray(
-            _exceeded_by(row, normals, *drawn, vessel.speed, vessel.turn_rate, beyond)
-        )
+        return np.asarray(_exceeded_by(row, normals, drawn, vessel.speed, vessel.turn_rate, beyond))
 
-    def _drawn(
-        self, statistics: CurrentStatistics, course: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Heading (t, draws) rad, its cosine and sine, and the current, u and v in m/s."""
+    def _drawn(self, statistics: CurrentStatistics, course: FloatArray) -> _Drawn:
+        """Draws of some currents' spread, and of headings about a course (t,) rad in each."""
         s = statistics
         heading = course[:, None] + self._heading
         speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed)
         towards = s.direction[:, None] + s.direction_std[:, None] * self._turn
-        turned = np.cos(heading), np.sin(heading)
-        return heading, *turned, speed * np.cos(towards), speed * np.sin(towards)
+        return _Drawn(
+            heading,
+            np.cos(heading),
+            np.sin(heading),
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+        )
 
 
 def _even_draws(seed: int, count: int) -> FloatArray:
@@ -100,21 +111,12 @@ def _mirrored(index: IntArray, base: int) -> FloatArray:
 
 @njit(cache=True, error_model="numpy")
 def _reaches(
-    row: IntArray,
-    normals: FloatArray,
-    heading: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    speed: float,
-    turn_rate: float,
+    row: IntArray, normals: FloatArray, drawn: _Drawn, speed: float, turn_rate: float
 ) -> FloatArray:
-    """Reach (p, draws) in the draws (t, draws) of a row each along normals (p, 2), m."""
-    reach = np.empty((len(row), heading.shape[1]))
+    """Reach (p, draws) along normals (p, 2), in the draws of a row each, m."""
+    reach = np.empty((len(row), drawn.heading.shape[1]))
     for p in range(len(row)):
-        t = row[p]
-        _reach(normals[p], heading[t], cos[t], sin[t], u[t], v[t], speed, turn_rate, reach[p])
+        _reach(normals[p], row[p], drawn, speed, turn_rate, reach[p])
     return reach
 
 
@@ -122,22 +124,17 @@ def _reaches(
 def _exceeded_by(
     row: IntArray,
     normals: FloatArray,
-    heading: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
+    drawn: _Drawn,
     speed: float,
     turn_rate: float,
     beyond: int,
 ) -> FloatArray:
     """Reach (p,) which so many of the draws exceed: the largest after `beyond` others."""
     found = np.empty(len(row))
-    reach = np.empty(heading.shape[1])
+    reach = np.empty(drawn.heading.shape[1])
     largest = np.empty(beyond + 1)
     for p in range(len(row)):
-        t = row[p]
-        _reach(normals[p], heading[t], cos[t], sin[t], u[t], v[t], speed, turn_rate, reach)
+        _reach(normals[p], row[p], drawn, speed, turn_rate, reach)
         # The largest so far, the least of them first.
         largest[:] = -1.0
         for one in reach:
@@ -153,27 +150,19 @@ def _exceeded_by(
 
 @njit(cache=True, error_model="numpy")
 def _reach(
-    normal: FloatArray,
-    heading: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    speed: float,
-    turn_rate: float,
-    reach: FloatArray,
+    normal: FloatArray, row: int, drawn: _Drawn, speed: float, turn_rate: float, reach: FloatArray
 ) -> None:
     """Fill in the reach (draws,) of turns along a normal (2,): `renew.padding.turn_reach`."""
     nx, ny = normal
     bearing = math.atan2(ny, nx)
     radius, period = speed / turn_rate, 2 * math.pi / turn_rate
     for k in range(len(reach)):
-        drift = u[k] * nx + v[k] * ny
+        drift = drawn.u[row, k] * nx + drawn.v[row, k] * ny
         ratio = min(max(-drift / speed, -1.0), 1.0)
         turned_to = math.acos(ratio)
         furthest = math.sqrt(1.0 - ratio * ratio)
-        begin = heading[k] - bearing
-        sine = sin[k] * nx - cos[k] * ny
+        begin = drawn.heading[row, k] - bearing
+        sine = drawn.sin[row, k] * nx - drawn.cos[row, k] * ny
         port, starboard = turned_to - begin, turned_to + begin
         port -= 2 * math.pi * math.floor(port / (2 * math.pi))
         starboard -= 2 * math.pi * math.floor(starboard / (2 * math.pi))

@@ -102,18 +102,6 @@ def meets(bounds: FloatArray, h: int, west: float, south: float, east: float, no
 
 
 @njit(cache=True, error_model="numpy")
-def _boxes_of(a: FloatArray, b: FloatArray, distance: float) -> FloatArray:
-    """Bounds (n, 4) of legs a -> b (n, 2), widened by a distance."""
-    boxes = np.empty((len(a), 4))
-    for k in range(len(a)):
-        boxes[k, 0] = min(a[k, 0], b[k, 0]) - distance
-        boxes[k, 1] = min(a[k, 1], b[k, 1]) - distance
-        boxes[k, 2] = max(a[k, 0], b[k, 0]) + distance
-        boxes[k, 3] = max(a[k, 1], b[k, 1]) + distance
-    return boxes
-
-
-@njit(cache=True, error_model="numpy")
 def _meeting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
     """Find which bounds (e, 4) meet that around all of some boxes (n, 4): the first of `chosen`."""
     west, south = boxes[:, 0].min(), boxes[:, 1].min()
@@ -131,7 +119,7 @@ def boxes_near(path: FloatArray, distance: float, bounds: FloatArray) -> IntArra
     """Which bounds (e, 4) meet those of a leg of a path (n, 2), widened by a distance: (k,)."""
     close = np.zeros(len(bounds), dtype=np.bool_)
     chosen = np.empty(len(bounds), dtype=np.int64)
-    boxes = _boxes_of(path[:-1], path[1:], distance)
+    boxes = capsule_bounds(path[:-1], path[1:], np.full(len(path) - 1, distance))
     for first in range(0, len(boxes), _BLOCK):
         block = boxes[first : first + _BLOCK]
         for h in chosen[: _meeting(bounds, block, chosen)]:
@@ -194,7 +182,7 @@ def legs_are_clear(
     """Whether each leg a -> b (n, 2) stays out of all capsules: (n,)."""
     none_left_out = np.zeros(len(radius), dtype=np.bool_)
     chosen = np.empty(len(radius), dtype=np.int64)
-    bounds, boxes = capsule_bounds(start, end, radius), _boxes_of(a, b, 0.0)
+    bounds, boxes = capsule_bounds(start, end, radius), capsule_bounds(a, b, np.zeros(len(a)))
     clear = np.empty(len(a), dtype=np.bool_)
     for first in range(0, len(a), _BLOCK):
         count = _meeting(bounds, boxes[first : first + _BLOCK], chosen)

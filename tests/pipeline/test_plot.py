@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from pipeline.formats.pictures.kinds import Form, Kind
 from pipeline.plot import plot
 from pipeline.reading import parse_scenario
 from pipeline.run import Event, run
+from tests.tree import tree
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,18 +31,6 @@ def scenario(**changes: object) -> Scenario:
     table = read_toml(scenario_path("single-gyre"))
     table["planner"]["classes"] = 2
     return parse_scenario(table | changes)
-
-
-def tree(folder: Path) -> dict[str, tuple[int, str]]:
-    """Every file's time of change and hash."""
-    return {
-        str(path.relative_to(folder)): (
-            path.stat().st_mtime_ns,
-            hashlib.sha256(path.read_bytes()).hexdigest(),
-        )
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
 
 
 @pytest.fixture(scope="module")

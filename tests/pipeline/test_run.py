@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import os
 import signal
@@ -19,6 +18,7 @@ from pipeline.catalogue import read_toml, scenario_path
 from pipeline.errors import StageError
 from pipeline.reading import load_scenario, parse_scenario
 from pipeline.run import Event, run
+from tests.tree import tree
 
 if TYPE_CHECKING:
     from pipeline.scenario import Scenario
@@ -31,18 +31,6 @@ def single_gyre(**planner: object) -> Scenario:
     table = read_toml(scenario_path("single-gyre"))
     table["planner"] |= planner
     return parse_scenario(table)
-
-
-def tree(folder: Path) -> dict[str, tuple[int, str]]:
-    """Return every file's time of change and hash."""
-    return {
-        str(path.relative_to(folder)): (
-            path.stat().st_mtime_ns,
-            hashlib.sha256(path.read_bytes()).hexdigest(),
-        )
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
 
 
 @pytest.fixture(scope="module")
