@@ -183,7 +183,7 @@ class OutputOptions(Strictly):
     """How the files are written."""
 
     rtz: Literal["1.0", "1.1", "1.2"] = Field(
-        default="1.1", description="give the RTZ version that the chart plotter reads"
+        default="1.1", description="give '1.0', '1.1' or '1.2', whichever the chart plotter reads"
     )
 
 

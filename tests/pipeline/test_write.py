@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
+from pipeline.scenario import Scenario
 from pipeline.write import _formats, output_directory, safe_name, write
 from tests.pipeline.formats import small_run
 
@@ -101,6 +103,20 @@ def test_a_second_run_replaces_the_first_and_spares_the_users_files(
     assert set(now) == set(earlier)
     assert now["notes.txt"] == earlier["notes.txt"]
     assert all(now[name] != earlier[name] for name in FILES)
+
+
+def test_the_scenario_says_when_to_leave_and_which_rtz_the_plotter_reads(
+    result: RunResult, tmp_path: Path
+) -> None:
+    asked = result.scenario.model_dump(mode="json")
+    asked["outputs"]["rtz"] = "1.0"
+    asked["seasons"][0]["departure"] = "2026-07-01T08:00:00+02:00"
+    write(replace(result, scenario=Scenario.model_validate_json(json.dumps(asked))), tmp_path)
+    assert 'version="1.0"' in (tmp_path / "summer.rtz").read_text()
+    assert 'etd="2026-07-01T06:00:00Z"' in (tmp_path / "summer.rtz").read_text()
+    assert "<time>2026-07-01T06:00:00Z</time>" in (tmp_path / "summer.gpx").read_text()
+    assert "etd=" not in (tmp_path / "winter.rtz").read_text()
+    assert "2026-07-01" not in (tmp_path / "winter.gpx").read_text()
 
 
 def test_files_of_a_season_that_is_no_longer_planned_go(result: RunResult, tmp_path: Path) -> None:
