@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 _LONGEST_NAME = 80
+_DEVICES = r"con|prn|aux|nul|com\d|lpt\d"
 # A folder of a run that was killed; no run takes a day to write.
 _LEFTOVER_AGE_S = 24 * 3600.0
 _ELSEWHERE = "or choose another place with --output"
@@ -103,15 +104,18 @@ def output_directory(root: Path, name: str) -> Path:
 def safe_name(name: str) -> str:
     """Turn any text into a file name that every system takes, different for different texts.
 
-    Letters, digits, `.`, `_` and `-` stay, of any script; what had to change is told apart by a
-    short hash. The result is at most 80 characters and 240 bytes.
+    Letters, digits, `.`, `_` and `-` stay, of any script; what had to change, or names a device on
+    Windows, is told apart by a short hash. The result is at most 80 characters and 240 bytes.
     """
     normal = unicodedata.normalize("NFC", name)
     plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
-    if plain and plain == name and len(plain.encode()) <= 240:
+    is_device = re.fullmatch(_DEVICES, plain.partition(".")[0], re.IGNORECASE)
+    if plain and plain == name and len(plain.encode()) <= 240 and not is_device:
         return plain
     digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
     short = plain.encode()[:64].decode(errors="ignore").strip("-.")
+    if is_device:
+        return f"{digest}-{short}"
     return f"{short}-{digest}" if short else digest
 
 

@@ -266,6 +266,13 @@ def test_ordinary_names_stay(name: str) -> None:
     assert safe_name(name) == name
 
 
+@pytest.mark.parametrize("name", ["con", "NUL", "aux.2", "com1"])
+def test_devices_of_windows_are_no_file_names(name: str) -> None:
+    safe = safe_name(name)
+    assert safe.partition(".")[0].lower() not in {"con", "nul", "aux", "com1"}
+    assert safe != safe_name(f"{name}-")
+
+
 def test_nothing_is_imported_early() -> None:
     """`renew --help` must not wait for matplotlib and GDAL."""
     code = "import sys, pipeline.write; print(*sys.modules)"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 from xml.sax import saxutils
 
 import gpxpy.gpx
 import numpy as np
 
-from pipeline.formats.exchange.thinning import along
 from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.exchange.words import (
     attribution,
@@ -19,7 +19,7 @@ from pipeline.formats.exchange.words import (
     waypoint_name,
     xml_text,
 )
-from pipeline.formats.legs import planned_times
+from pipeline.formats.legs import metres_along, times_at
 from pipeline.formats.phrases import distance, hours
 from pipeline.projection import in_pieces
 
@@ -95,7 +95,7 @@ def _track(
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     dense = in_pieces(path, _TRACK_STEP_M / projection.scale)
-    times = np.interp(along(dense), along(path), planned_times(ranked, result))
+    times = times_at(metres_along(dense), path, ranked, result)
     lonlat = projection.to_lonlat(dense)
     segment = gpxpy.gpx.GPXTrackSegment()
     segment.points = [
@@ -117,8 +117,8 @@ def _track(
 def _summary(ranked: RankedRoute) -> str:
     """Length, time and clearance of a route, and its side."""
     metrics = ranked.metrics
-    side = f"{metrics.side} about, " if metrics.side else ""
-    return (
-        f"{side}{distance(metrics.length_m)}, {hours(metrics.duration_s)}, "
-        f"{distance(metrics.clearance_m)} or more from land"
-    )
+    parts = [f"{metrics.side} about"] if metrics.side else []
+    parts += [distance(metrics.length_m), hours(metrics.duration_s)]
+    if math.isfinite(metrics.clearance_m):
+        parts.append(f"{distance(metrics.clearance_m)} or more from land")
+    return ", ".join(parts)

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # Legs keep this share of the least room that the planned line leaves to V or land; and none needs
 # drawing finer than this share of a turning radius.
 _SHARE_OF_ROOM = 0.5
+# The least fuel lies at V's edge, where no course can be kept without an alarm: legs are drawn so
+# far from it, as a share of the lane's half width, where there is water for it.
+_USEFUL_ROOM = 0.5
 _FINEST_RADII = 2e-3
 # A leg that leaves V ends this many turning radii outside it.
 _EXIT_RADII = 0.1
@@ -66,6 +69,10 @@ class Lane:
         The planned path (n, 2), with a vertex more where it leaves or enters V.
     free
         Within `tolerance` of the path, off the original land and off V.
+    blocked
+        Land and V in these parts.
+    useful
+        Room to `blocked` (metres of the plane) that legs want.
     lawful
         The same with V in it, where the route begins or ends in V: for the legs in there.
     first, last
@@ -76,6 +83,8 @@ class Lane:
 
     path: FloatArray
     free: BaseGeometry
+    blocked: BaseGeometry
+    useful: float
     lawful: BaseGeometry
     first: int
     last: int
@@ -88,6 +97,20 @@ class Lane:
         holes = [shapely.Polygon(ring) for part in parts for ring in shapely.get_rings(part)[1:]]
         inside = shapely.point_on_surface(np.array(holes, dtype=object))
         return np.asarray(shapely.get_coordinates(inside))
+
+    @cached_property
+    def _shore(self) -> shapely.STRtree:
+        """Edges of what is blocked."""
+        return shapely.STRtree(shapely.linestrings(edges_of([self.blocked])))
+
+    def room(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
+        """Room (n,) of points or lines to V and land, in metres of the plane; `useful` at most."""
+        room = np.full(len(geometries), self.useful)
+        (index, _), apart = self._shore.query_nearest(
+            geometries, max_distance=self.useful, all_matches=False, return_distance=True
+        )
+        room[index] = apart
+        return room
 
 
 def lane(route: renew.Route, shores: Shores, tolerance: float) -> Lane:
@@ -109,7 +132,9 @@ def lane(route: renew.Route, shores: Shores, tolerance: float) -> Lane:
     if first > 0 or last < len(path) - 1:
         lawful = shapely.difference(around, land)
     shapely.prepare([free, lawful])
-    return Lane(path, free, lawful, first, last, min(finest, kept_off) or finest)
+    useful = _USEFUL_ROOM * tolerance
+    error = min(finest, kept_off) or finest
+    return Lane(path, free, blocked, useful, lawful, first, last, error)
 
 
 def edges_of(areas: list[BaseGeometry]) -> FloatArray:
@@ -118,6 +143,12 @@ def edges_of(areas: list[BaseGeometry]) -> FloatArray:
     points, ring = shapely.get_coordinates(rings, return_index=True)
     inside = ring[:-1] == ring[1:]
     return np.stack([points[:-1][inside], points[1:][inside]], axis=1)
+
+
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Cross products (n,) of planar vectors (n, 2)."""
+    product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return product
 
 
 def _clear_of(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int, int]:

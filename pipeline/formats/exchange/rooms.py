@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.exchange.lane import edges_of
+from pipeline.formats.exchange.lane import cross, edges_of
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -59,7 +59,7 @@ def turning_radii(legs: Tracks, lane: Lane, radius: float) -> FloatArray:
     corner = shapely.get_coordinates(shapely.get_point(after, 0))
     inwards = shapely.get_coordinates(shapely.get_point(before, -2)) - corner
     outwards = shapely.get_coordinates(shapely.get_point(after, 1)) - corner
-    angle = np.abs(np.arctan2(_cross(inwards, outwards), (inwards * outwards).sum(axis=1)))
+    angle = np.abs(np.arctan2(cross(inwards, outwards), (inwards * outwards).sum(axis=1)))
     # Half the change of course; where it is none, any turn is a straight line.
     slope = np.tan((np.pi - angle) / 2)
     longest = _SHARE_OF_LEG * np.minimum(shapely.length(before), shapely.length(after))
@@ -115,9 +115,3 @@ def _near(edges: FloatArray, zones: ObjectArray) -> FloatArray:
     west, south, east, north = shapely.bounds(zones).T[..., None]
     apart = (low[:, 0] > east) | (high[:, 0] < west) | (low[:, 1] > north) | (high[:, 1] < south)
     return np.asarray(edges[~apart.all(axis=0)])
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Cross products (n,) of planar vectors (n, 2)."""
-    product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return product

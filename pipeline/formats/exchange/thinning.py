@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.exchange.lane import cross
 from pipeline.formats.exchange.tracks import tracks
+from pipeline.formats.legs import metres_along
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -32,10 +34,15 @@ DECIMALS = 8
 _SHARP = 0.1
 # A leg of the path whose chord is the lane's trouble is cut into so many parts at the most.
 _MOST_PARTS = 64
-# No leg is longer than the path beside it by more than this factor.
-_LONGEST_SHARE = 1.03
-# Of two chains of equally many legs the shorter one is taken.
+# Of two chains of equally many legs the shorter one is taken. A leg with half the useful room
+# counts for one more, with a third for two; less than the least share is no room at all.
 _WEIGHT_OF_LENGTH = 0.5
+_WEIGHT_OF_ROOM = 1.0
+_LEAST_SHARE = 0.05
+# Places are moved to where they have so much more room than is useful, for legs cut corners.
+_ASIDE = 1.4
+# Narrows that are nearer to each other than so many useful rooms are one.
+_NARROWS_APART = 10
 
 
 @dataclass(frozen=True)
@@ -67,31 +74,26 @@ class Drawing:
         return tracks(begin, end, self.curve, self.projection, self.error_m).lines
 
 
-def along(path: FloatArray) -> FloatArray:
-    """Metres of path (n,) from its start to each vertex of a path (n, 2)."""
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-
-
 def thin(lane: Lane, drawing: Drawing) -> Places:
     """Choose the fewest places whose legs stay in the lane, start and goal among them.
 
     Legs with which the path leaves or enters V at its ends are kept as planned.
     """
     first, last = lane.first, lane.last
-    path = Places(lane.path, along(lane.path))
+    path = Places(lane.path, metres_along(lane.path))
     before = _cut(path[: first + 1], lane.lawful, drawing)
     middle = _cut(path[first : last + 1], lane.free, drawing)
     after = _cut(path[last:], lane.lawful, drawing)
     if len(middle.xy) > 2:
-        middle = _fewest(*_with_corners(middle, lane), lane, drawing)
-    return _joined(before, middle, after)
+        middle = _fewest(*_with_aside(*_with_corners(middle, lane), lane), lane, drawing)
+    # Each ends where the next one begins.
+    return _joined(before[:-1], middle, after[1:])
 
 
 def _joined(*parts: Places) -> Places:
-    """Chains of places, each beginning where the one before it ends."""
+    """Places one after the other."""
     return Places(
-        np.concatenate([part.xy[i > 0 :] for i, part in enumerate(parts)]),
-        np.concatenate([part.along[i > 0 :] for i, part in enumerate(parts)]),
+        np.concatenate([part.xy for part in parts]), np.concatenate([part.along for part in parts])
     )
 
 
@@ -143,8 +145,8 @@ def _with_corners(path: Places, lane: Lane) -> tuple[Places, IntArray]:
     bend = (np.abs(turn) > _SHARP) & (np.abs(turn) < np.pi / 2)
     before, after = before[bend], after[bend]
     gap = path.xy[after] - path.xy[before + 1]
-    cross = _cross(legs[before], legs[after])
-    ahead, back = _cross(gap, legs[after]) / cross, _cross(gap, legs[before]) / cross
+    turned = cross(legs[before], legs[after])
+    ahead, back = cross(gap, legs[after]) / turned, cross(gap, legs[before]) / turned
     corner = path.xy[before + 1] + ahead[:, None] * legs[before]
     # No leg is drawn out to more than twice its length: the short ones are parts of an arc.
     chosen = (ahead > 0) & (ahead <= 1) & (back < 0) & (back >= -1)
@@ -160,21 +162,57 @@ def _with_corners(path: Places, lane: Lane) -> tuple[Places, IntArray]:
     return places, np.flatnonzero(order < len(path.xy))
 
 
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Cross products (n,) of planar vectors (n, 2)."""
-    product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return product
+def _with_aside(places: Places, own: IntArray, lane: Lane) -> tuple[Places, IntArray]:
+    """Add places beside those that are near V or land, and beside the path where it is nearest.
+
+    They have more room: between two shores, as much as there is.
+    """
+    if lane.blocked.is_empty:
+        return places, own
+    cramped = _joined(places, _narrows(lane, *places.along[[0, -1]]))
+    points = shapely.points(cramped.xy)
+    nearest = shapely.get_coordinates(shapely.shortest_line(lane.blocked, points))[::2]
+    off = cramped.xy - nearest
+    apart = np.linalg.norm(off, axis=1)
+    chosen = np.flatnonzero((apart > 0) & (apart < lane.useful))
+    cramped, off, apart = cramped[chosen], off[chosen], apart[chosen]
+    steps = _ASIDE * lane.useful / apart[:, None] - 1
+    tried = cramped.xy + np.array([1.0, 0.5, 0.25])[:, None, None] * steps * off
+    room = np.where(
+        shapely.contains_xy(lane.free, tried[..., 0], tried[..., 1]),
+        shapely.distance(lane.blocked, shapely.points(tried)),
+        0.0,
+    )
+    better = room.max(axis=0) > apart
+    moved = tried[room.argmax(axis=0), np.arange(len(apart))][better]
+    beside = Places(np.vstack([places.xy, moved]), np.append(places.along, cramped.along[better]))
+    order = np.argsort(beside.along, kind="stable")
+    return beside[order], np.flatnonzero(np.isin(order, own))
+
+
+def _narrows(lane: Lane, begin: float, end: float) -> Places:
+    """Places of the path, from so many metres to so many, where it comes nearest to V or land."""
+    done = np.linspace(begin, end, max(2, int((end - begin) / lane.useful)))
+    points = shapely.line_interpolate_point(shapely.LineString(lane.path), done)
+    room = lane.room(points)
+    beside = np.lib.stride_tricks.sliding_window_view(
+        np.pad(room, _NARROWS_APART, constant_values=np.inf), 2 * _NARROWS_APART + 1
+    )
+    least = np.flatnonzero((room < lane.useful) & (room == beside.min(axis=1)))
+    return Places(shapely.get_coordinates(points[least]), done[least])
 
 
 def _fewest(places: Places, own: IntArray, lane: Lane, drawing: Drawing) -> Places:
     """Go from the path's first place to its last by the fewest legs, of these by the shortest.
 
-    The legs between its own places stand as they are planned.
+    Legs that want room count for more. Those between its own places stand as they are planned.
     """
-    sees = _sees(places, lane, drawing)
+    room = _room(places, lane, drawing)
+    sees = np.isfinite(room)
     sees[own[:-1], own[1:]] = True
     apart = np.linalg.norm(places.xy[:, None] - places.xy, axis=-1)
     step = 1 + _WEIGHT_OF_LENGTH * apart / (places.along[own[-1]] - places.along[own[0]])
+    step += _WEIGHT_OF_ROOM * (1 / np.maximum(room / lane.useful, _LEAST_SHARE) - 1)
     cost, came = np.full(len(places.xy), np.inf), np.zeros(len(places.xy), dtype=np.int64)
     cost[own[0]] = 0.0
     for at in range(own[0] + 1, len(cost)):
@@ -187,13 +225,12 @@ def _fewest(places: Places, own: IntArray, lane: Lane, drawing: Drawing) -> Plac
     return places[np.array(chain[::-1])]
 
 
-def _sees(places: Places, lane: Lane, drawing: Drawing) -> BoolArray:
-    """Whether place i sees place j > i (n, n)."""
+def _room(places: Places, lane: Lane, drawing: Drawing) -> FloatArray:
+    """Room of the leg from place i to place j > i (n, n); -inf where they don't see each other."""
     begin, end = np.triu_indices(len(places.xy), 1)
-    # A corner beside the path counts as reached where the path is nearest: speeds must stay true.
-    apart = np.linalg.norm(places.xy[end] - places.xy[begin], axis=1)
-    timely = apart < _LONGEST_SHARE * (places.along[end] - places.along[begin])
-    begin, end = begin[timely], end[timely]
+    # Places beside the path count as reached where it is nearest.
+    onwards = places.along[end] > places.along[begin]
+    begin, end = begin[onwards], end[onwards]
     for share in (0.5, 0.25, 0.75):  # quick: most pairs are far apart
         point = places.xy[begin] + share * (places.xy[end] - places.xy[begin])
         near = shapely.contains_xy(lane.free, point)
@@ -203,9 +240,9 @@ def _sees(places: Places, lane: Lane, drawing: Drawing) -> BoolArray:
     good = shapely.covers(lane.free, lines)
     if len(lane.holes):
         good &= _same_side(places, begin, end, lines, lane)
-    sees = np.zeros((len(places.xy), len(places.xy)), dtype=bool)
-    sees[begin[good], end[good]] = True
-    return sees
+    room = np.full((len(places.xy), len(places.xy)), -np.inf)
+    room[begin[good], end[good]] = lane.room(lines[good])
+    return room
 
 
 def _same_side(
@@ -222,7 +259,7 @@ def _same_side(
     """
     same = np.ones(len(begin), dtype=bool)
     middles = shapely.get_coordinates(shapely.line_interpolate_point(lines, 0.5, normalized=True))
-    reached = np.union1d(along(lane.path), places.along)
+    reached = np.union1d(metres_along(lane.path), places.along)
     dense = shapely.get_coordinates(
         shapely.line_interpolate_point(shapely.LineString(lane.path), reached)
     )

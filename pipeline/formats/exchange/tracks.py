@@ -58,6 +58,14 @@ class Tracks:
         return np.asarray(shapely.linestrings(self.xy, indices=self.leg))
 
     @property
+    def chain(self) -> tuple[FloatArray, IntArray]:
+        """Legs that follow each other as one line (n, 2) of the plane; indices (k + 1,) of ends."""
+        begins = np.flatnonzero(np.diff(self.leg, prepend=-1))
+        doubled = begins[1:]
+        ends = np.append(begins - np.arange(len(begins)), len(self.leg) - len(begins))
+        return np.delete(self.xy, doubled, axis=0), ends
+
+    @property
     def length_m(self) -> FloatArray:
         """True length of each leg (k,)."""
         steps = _GEOD.inv(

@@ -9,15 +9,14 @@ import numpy as np
 
 from pipeline.formats.exchange.lane import Shores, lane
 from pipeline.formats.exchange.rooms import rooms, turning_radii
-from pipeline.formats.exchange.thinning import Drawing, along, thin
+from pipeline.formats.exchange.thinning import Drawing, thin
 from pipeline.formats.exchange.tracks import Tracks, curve_for, initial_course_deg, tracks
-from pipeline.formats.legs import mean_speed, planned_times
+from pipeline.formats.legs import mean_speed, metres_along, times_at
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pipeline.formats.exchange.lane import Lane
-    from pipeline.formats.exchange.thinning import Places
     from pipeline.formats.exchange.tracks import Curve
     from pipeline.formats.result import RankedRoute, RunResult
 
@@ -25,8 +24,13 @@ if TYPE_CHECKING:
 
 NAUTICAL_MILE_M = 1852.0
 # How far a leg may be from the planned line, as a share of the route's length: 0.7 km on 700 km.
+TOLERANCE = 1e-3
+# On short routes, where no course can be kept to that, it is so many true metres: GNSS alone may
+# be 10 m off (IMO A.1046). But it is no more than a hundredth of the route.
+LEAST_TOLERANCE_M = 30.0
+_MOST_TOLERANCE = 1e-2
 # Finer ones are tried while the thinned route would need more fuel than the limit.
-_TOLERANCES = (1e-3, 5e-4, 2.5e-4, 1e-4)
+_FINER = (1.0, 0.5, 0.25, 0.1)
 MOST_MORE_FUEL = 3e-3
 # Beyond a mile a cross-track alarm would tell nobody anything.
 MOST_ROOM_M = NAUTICAL_MILE_M
@@ -47,7 +51,7 @@ class Waypoints:
     curve : what a leg is: a loxodrome, or in high latitudes an orthodrome.
     course_deg : (n,) true course at the leg's start.
     length_m : (n,) true metres along the leg.
-    time_s : (n,) seconds since departure, as planned for the nearest place of the path.
+    time_s : (n,) seconds since departure, on these legs; at the goal, the route's duration.
     speed_m_s : (n,) mean speed over ground on the leg.
     port_m, starboard_m : (n,) cross-track limits of the leg, true metres; see `rooms`.
     radius_m : (n,) of the turn at the waypoint, true metres; 0 at start and goal.
@@ -86,23 +90,29 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
 def waypoints(ranked: RankedRoute, result: RunResult, shores: Shores) -> Waypoints:
     """Thin a route's path to waypoints whose legs, as sailed, stay off land and off V.
 
-    The legs stay within 0.1 % of the route's length from the planned line and on its side of every
-    island, and need at most 0.3 % more fuel than it. Only where the path itself lies in V, at a
-    start or a goal in it, do the legs as well.
+    The legs stay within 0.1 % of the route's length (30 m on a short one) from the planned line and
+    on its side of every island, and need at most 0.3 % more fuel than it. The plan runs along V's
+    edge; where there is water for it, they keep half so far from that. Only where the path itself
+    lies in V, at a start or a goal in it, do the legs as well.
     """
     scene = result.scene
     curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
+    widest = _widest_lane(ranked.route.length, scene.projection.scale)
     # The last tolerance, or the first whose legs are as good as the plan.
-    for share in _TOLERANCES:
-        water = lane(ranked.route, shores, share * ranked.route.length)
+    for share in _FINER:
+        water = lane(ranked.route, shores, share * widest)
         drawing = Drawing(scene.projection, curve, water.error * scene.projection.scale)
-        places = thin(water, drawing)
-        lonlat = drawing.lonlat(places.xy)
+        lonlat = drawing.lonlat(thin(water, drawing).xy)
         fine = drawing.error_m * _FINENESS
         legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, fine)
-        if _needs(legs, ranked, result) <= (1 + MOST_MORE_FUEL) * ranked.route.fuel:
+        if _needs(legs.chain[0], ranked, result) <= (1 + MOST_MORE_FUEL) * ranked.route.fuel:
             break
-    return _described(ranked, result, shores, water, places, lonlat, legs, curve)
+    return _described(ranked, result, shores, water, lonlat, legs, curve)
+
+
+def _widest_lane(length: float, scale: float) -> float:
+    """How far legs may be from a path of such a length, both in metres of the plane."""
+    return max(TOLERANCE * length, min(LEAST_TOLERANCE_M / scale, _MOST_TOLERANCE * length))
 
 
 def _described(
@@ -110,7 +120,6 @@ def _described(
     result: RunResult,
     shores: Shores,
     water: Lane,
-    places: Places,
     lonlat: FloatArray,
     legs: Tracks,
     curve: Curve,
@@ -121,14 +130,14 @@ def _described(
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
     # True metres to one of the plane, where the plane stretches most.
     true = scene.projection.scale / factor
-    port, starboard = np.maximum(
-        np.array(rooms(legs, ranked.route.soft_no_go, shores, MOST_ROOM_M / float(true.min())))
-        - water.error * _FINENESS,
-        0.0,
-    )
+    inexact = water.error * _FINENESS
+    cap = MOST_ROOM_M / float(true.min()) + inexact
+    found = np.array(rooms(legs, ranked.route.soft_no_go, shores, cap))
+    port, starboard = np.maximum(found - inexact, 0.0)
     radius = scene.vessel.turning_radius
     turns = turning_radii(legs, water, min(radius, _LARGEST_RADIUS_M / float(true.max())))
-    time = np.interp(places.along, along(ranked.route.path), planned_times(ranked, result))
+    line, ends = legs.chain
+    time = times_at(metres_along(line)[ends], line, ranked, result)
     length = legs.length_m
     nothing = np.array([np.nan])
     return Waypoints(
@@ -145,13 +154,12 @@ def _described(
     )
 
 
-def _needs(legs: Tracks, ranked: RankedRoute, result: RunResult) -> float:
-    """Fuel along legs, in the planner's units."""
+def _needs(line: FloatArray, ranked: RankedRoute, result: RunResult) -> float:
+    """Fuel along a line (n, 2) of the plane, in the planner's units."""
     import renew
 
-    doubled = np.append(False, legs.leg[1:] != legs.leg[:-1])
     return renew.fuel(
-        legs.xy[~doubled],
+        line,
         result.scene.currents[ranked.season],
         result.scene.vessel,
         drift=result.scenario.planner.drift,

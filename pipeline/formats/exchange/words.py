@@ -62,7 +62,7 @@ def leg_words(points: Waypoints, leg: int) -> str:
     length = points.length_m[leg] / NAUTICAL_MILE_M
     port, starboard = int(points.port_m[leg]), int(points.starboard_m[leg])
     return (
-        f"course {points.course_deg[leg]:05.1f}°, {length:.2f} NM, {speed:.2f} kn, "
+        f"course {round(points.course_deg[leg], 1) % 360:05.1f}°, {length:.2f} NM, {speed:.2f} kn, "
         f"{duration(points.time_s[leg + 1] - points.time_s[leg])}; "
         f"room {port} m to port, {starboard} m to starboard"
     )

@@ -39,7 +39,7 @@ FIELDS = {
     "collisions": Field("Collisions", "Hard-over turns that met land"),
     "sequence": Field("Number", "Place in the route; 1 is the start"),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
-    "leg_length_m": Field("Leg (m)", "Geodesic length of the leg that leaves here"),
+    "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),
     "time_s": Field("Time (s)", "Since departure, at true scale"),
     "speed_over_ground_m_s": Field(
         "Speed over ground (m/s)", "Mean of the leg that leaves here, current included"

@@ -122,8 +122,8 @@ def _no_go(result: RunResult) -> Table:
 
 
 def _soft_no_go(result: RunResult) -> Table:
-    """Show each route's own soft no-go zone and the padding that made it."""
-    ranked = result.routes
+    """Show each route's own soft no-go zone, where it has one, and the padding that made it."""
+    ranked = tuple(r for r in result.routes if not r.route.soft_no_go.is_empty)
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
     return Table(

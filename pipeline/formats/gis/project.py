@@ -117,7 +117,10 @@ def _document(
 
 
 def _shown(view: View) -> list[_Shown]:
-    """All layers of the project in their drawing order, the top one first."""
+    """All layers of the project in their drawing order, the top one first.
+
+    The season that leads is below the others: its best route is the wider one.
+    """
     shown = []
     for name in _ORDER:
         if name not in _IN_GROUP:
@@ -125,7 +128,7 @@ def _shown(view: View) -> list[_Shown]:
             continue
         shown += [
             _Shown(_LAYERS[name], replace(view, seasons=(season,)), season)
-            for season in view.seasons
+            for season in sorted(view.seasons, key=lambda season: season.leads)
             if season.planned or name == "currents"
         ]
     return shown

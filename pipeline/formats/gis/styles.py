@@ -85,11 +85,17 @@ def qml(layer: str, view: View, columns: Iterable[str]) -> str:
 
 
 def _routes(view: View) -> Style:
-    """Draw the best route bold on a halo, all others thin, in the season's colour."""
+    """Draw the best route bold, all others thin, in the season's colour.
+
+    Where the best of two seasons run the same way, both are seen: that of the season that leads is
+    the wider one, on a halo, below.
+    """
 
     def rules(season: SeasonView) -> list[Rule]:
         others = line(colour(season.colour, 0.6), 0.32)
-        best = [line(_HALO, 1.7, level=1), line(colour(season.colour), 0.95, level=2)]
+        best = [line(colour(season.colour), 0.7, level=3)]
+        if season.leads:
+            best = [line(_HALO, 1.9, level=1), line(colour(season.colour), 1.2, level=2)]
         return [
             Rule("Best route", _BEST, best),
             Rule("Other classes", _OTHER, [others], on=season.leads),
@@ -110,17 +116,19 @@ def _routes(view: View) -> Style:
 
 
 def _waypoints(view: View) -> Style:
-    """Mark start and goal, small the waypoints between, numbered from closer by."""
+    """Mark start and goal; the waypoints between from closer by, and numbered from there on."""
 
     def rules(season: SeasonView) -> list[Rule]:
         own = colour(season.colour)
         between = f'{_BEST} AND "sequence" > 1 AND NOT ({_AT_GOAL})'
         small = marker("circle", colour(season.colour, 0.6), _HALO, 0.9)
+        among = marker("circle", _HALO, own, 1.3, 0.3, level=1)
         start = marker("circle", _HALO, own, 3.4, 0.8, level=2)
         goal = marker("diamond", _HALO, own, 4.0, 0.8, level=2)
         return [
             Rule("Waypoints of the other classes", _OTHER, [small], finer_than=closer),
-            Rule("Waypoints", between, [marker("circle", _HALO, own, 1.3, 0.3, level=1)]),
+            # On the whole map those of a long route would hide it.
+            Rule("Waypoints", between, [among], finer_than=view.full_scale / 2),
             Rule("Start", f'{_BEST} AND "sequence" = 1', [start]),
             Rule("Goal", f"{_BEST} AND {_AT_GOAL}", [goal]),
         ]

@@ -22,6 +22,7 @@ from pipeline.model import (
     Scene,
     SeasonPlan,
     Simplified,
+    Zone,
 )
 from pipeline.project import project
 from pipeline.scenario import Scenario
@@ -187,6 +188,26 @@ def parts(*, planar: bool = False) -> RunResult:
         timings={"fetch": 0.25, "plan": 1.0},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
     )
+
+
+def with_zones(result: RunResult, name: str = "Whale & calf", rule: str = "") -> RunResult:
+    """The same run on a chart with zones.
+
+    A restricted area that juts out of the chart and that the best route of the first season runs
+    through, a traffic scheme that no route meets, another beyond the chart, and a shoal that is
+    the second island's western half.
+    """
+    start = result.scenario.start
+    zones = (
+        Zone("restricted", name, rule, shapely.box(118.5, start[1] - 0.1, 119.2, start[1] + 0.1)),
+        Zone("traffic", "", "keep to starboard", shapely.box(119.9, 9.9, 120.0, 9.95)),
+        Zone("traffic", "", "none sees this", shapely.box(121.0, 9.9, 121.1, 9.95)),
+        Zone(
+            "shoal", "", "", shapely.box(119.7, 9.4, 119.84, 9.8) & result.fetched.land.polygons[1]
+        ),
+    )
+    land = replace(result.fetched.land, zones=zones)
+    return replace(result, fetched=replace(result.fetched, land=land))
 
 
 def with_a_failed_season(result: RunResult) -> RunResult:

@@ -30,11 +30,12 @@ def planned(
     goal: tuple[float, float],
     *,
     scale: float = 1000.0,
+    crs: str | None = None,
     **changes: object,
 ) -> RunResult:
     """Plan in a stream with eddies between islands (degrees), and judge the routes."""
     asked = small_run.scenario(
-        region={"bbox": list(bbox)},
+        region={"bbox": list(bbox), "crs": crs},
         start=list(start),
         goal=list(goal),
         scale=scale,
@@ -119,6 +120,21 @@ def long_way() -> RunResult:
 
 
 @cache
+def short_way() -> RunResult:
+    """Six kilometres round a few islands."""
+    bbox = (119.0, 9.0, 119.06, 9.05)
+    return planned(bbox, _islands(4, bbox, 5, 0.15), (119.003, 9.025), (119.057, 9.025), scale=15.0)
+
+
+@cache
+def stretched() -> RunResult:
+    """From 41 to 59 degrees north in Mercator's plane, that stretches them by 1.3 to 1.9."""
+    bbox = (-30.0, 40.0, -20.0, 60.0)
+    islands = _islands(2, bbox, 2, 0.05)
+    return planned(bbox, islands, (-28.0, 41.0), (-22.0, 59.0), scale=5000.0, crs="EPSG:3395")
+
+
+@cache
 def harbours() -> RunResult:
     """A start and a goal so close to land that both lie in V."""
     islands = [
@@ -127,6 +143,12 @@ def harbours() -> RunResult:
         shapely.box(119.95, 9.4, 120.1, 9.8),
     ]
     return planned((119.0, 9.0, 120.2, 10.0), islands, (119.206, 9.5), (119.944, 9.6))
+
+
+@cache
+def open_sea() -> RunResult:
+    """No land at all."""
+    return planned((119.0, 9.0, 120.2, 10.0), [], (119.2, 9.5), (120.0, 9.5))
 
 
 @cache

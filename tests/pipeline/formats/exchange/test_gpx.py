@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -171,3 +172,8 @@ def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
         write_gpx(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.gpx")
+
+
+def test_where_there_is_no_land_nothing_is_said_of_it(tmp_path: Path) -> None:
+    (route,) = written(runs.open_sea(), tmp_path / "a.gpx").routes
+    assert re.fullmatch(r"[\d.]+ km, [\d.]+ h", route.description or "")

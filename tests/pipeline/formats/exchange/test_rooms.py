@@ -91,7 +91,7 @@ def test_every_leg_has_its_own() -> None:
 def turned(free: shapely.Polygon, radius: float, corner: float = 100.0) -> float:
     """Radius of the turn by 90 degrees to port at (corner, 0), the legs 100 m and 80 m long."""
     shapely.prepare(free)
-    lane = Lane(np.zeros((2, 2)), free, free, 0, 1, 0.01)
+    lane = Lane(np.zeros((2, 2)), free, shapely.Polygon(), 1.0, free, 0, 1, 0.01)
     track = legs((corner - 100, 0.0), (corner, 0.0), (corner, 80.0))
     (found,) = turning_radii(track, lane, radius)
     return float(found)

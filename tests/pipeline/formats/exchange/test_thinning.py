@@ -7,16 +7,24 @@ import pytest
 import shapely
 
 from pipeline.formats.exchange.lane import Lane
-from pipeline.formats.exchange.thinning import Drawing, along, thin
+from pipeline.formats.exchange.thinning import Drawing, thin
 from pipeline.projection import Projection
 
 # At 20 degrees east on the equator loxodromes are straight lines of the plane.
 DRAWING = Drawing(Projection.at(20.0, 0.0), "Loxodrome", 0.01)
 
 
-def lane_of(path: list[tuple[float, float]], free: shapely.Polygon) -> Lane:
+NOTHING = shapely.Polygon()
+
+
+def lane_of(
+    path: list[tuple[float, float]],
+    free: shapely.Polygon,
+    blocked: shapely.Polygon = NOTHING,
+    useful: float = 1.0,
+) -> Lane:
     shapely.prepare(free)
-    return Lane(np.array(path), free, free, 0, len(path) - 1, 0.01)
+    return Lane(np.array(path), free, blocked, useful, free, 0, len(path) - 1, 0.01)
 
 
 def thinned(path: list[tuple[float, float]], free: shapely.Polygon) -> list[list[float]]:
@@ -73,14 +81,22 @@ def test_a_rounded_corner_is_one_waypoint() -> None:
     assert chain[1] == pytest.approx([leg[0] + share * ahead[0], 0.0], abs=0.5)
 
 
-def test_a_corner_that_would_make_legs_much_longer_than_the_path_is_not_taken() -> None:
-    # By the corner at (110, 0) it is 42 m and not 37: the legs' speeds would be an eighth too much.
-    ahead = np.array([np.cos(np.radians(80)), np.sin(np.radians(80))])
-    path = [(89.0, 0.0), (100.0, 0.0), *(tuple(np.array([110, 0]) + m * ahead) for m in (10, 21))]
-    # No way is left on the inside of the bend.
-    inside = shapely.Polygon([(80, 0.5), (99.7, 0.5), (*path[2],), (*path[3],), (80, 40)])
-    free = shapely.LineString(path).buffer(30).difference(inside.buffer(-0.2))
-    assert thinned(path, free) == [pytest.approx(point, abs=1e-3) for point in path]
+def test_legs_keep_off_what_the_path_runs_along() -> None:
+    path = [(0.0, 0.0), (300.0, 0.0), (500.0, 0.0), (1000.0, 0.0)]
+    shore = shapely.Polygon([(300, 0.1), (500, 0.1), (450, 40), (350, 40)])
+    free = shapely.LineString(path).buffer(10).difference(shore)
+    assert thinned(path, free) == [[0, 0], [1000, 0]]
+    chain = thin(lane_of(path, free, shore, 5.0), DRAWING).xy
+    assert len(chain) <= 4
+    assert shapely.distance(shapely.LineString(chain), shore) > 2.5
+
+
+def test_legs_go_between_two_shores_where_there_is_most_room() -> None:
+    path = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.0)]
+    shores = shapely.union(shapely.box(499, 0.1, 501, 40), shapely.box(499, -40, 501, -3.9))
+    free = shapely.LineString(path).buffer(10).difference(shores)
+    chain = thin(lane_of(path, free, shores, 5.0), DRAWING).xy
+    assert shapely.distance(shapely.LineString(chain), shores) > 1.5
 
 
 def test_legs_that_bend_out_of_the_lane_are_cut() -> None:
@@ -89,7 +105,7 @@ def test_legs_that_bend_out_of_the_lane_are_cut() -> None:
     path = np.array([[-50_000.0, 0.0], [50_000.0, 0.0]])
     free = shapely.LineString(path).buffer(30)
     shapely.prepare(free)
-    places = thin(Lane(path, free, free, 0, 1, 0.01), drawing)
+    places = thin(Lane(path, free, NOTHING, 1.0, free, 0, 1, 0.01), drawing)
     lonlat = drawing.lonlat(places.xy)
     assert 4 <= len(lonlat) <= 9
     assert shapely.covers(free, drawing.lines(lonlat[:-1], lonlat[1:])).all()
@@ -104,11 +120,7 @@ def test_a_path_that_touches_land_is_kept_as_planned() -> None:
 def test_the_legs_in_v_are_kept() -> None:
     path = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0], [40.0, 0.0], [50.0, 0.0]])
     wide = shapely.box(-5, -5, 55, 5)
-    places = thin(Lane(path, wide, wide, 2, 4, 0.01), DRAWING)
+    places = thin(Lane(path, wide, NOTHING, 1.0, wide, 2, 4, 0.01), DRAWING)
     assert places.xy[:, 0] == pytest.approx([0, 10, 20, 40, 50])
-    everything = thin(Lane(path, wide, wide, 5, 5, 0.01), DRAWING)
+    everything = thin(Lane(path, wide, NOTHING, 1.0, wide, 5, 5, 0.01), DRAWING)
     assert everything.xy == pytest.approx(path)
-
-
-def test_along_adds_up_the_legs() -> None:
-    assert along(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]])).tolist() == [0, 5, 11]

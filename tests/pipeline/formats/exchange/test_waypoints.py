@@ -143,11 +143,14 @@ def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> N
             assert kept < planned / 2
 
 
-def test_no_chain_of_the_paths_own_vertices_has_fewer_legs() -> None:
+def test_where_room_counts_for_nothing_no_chain_of_own_vertices_has_fewer_legs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pipeline.formats.exchange.thinning._WEIGHT_OF_ROOM", 0.0)
     result = runs.random_run(2)
     shores = Shores(result.scene)
-    for points in season_waypoints(result, runs.SEASON):
-        route = points.ranked.route
+    for ranked in result.routes:
+        points, route = waypoints(ranked, result, shores), ranked.route
         water = lane(route, shores, 1e-3 * route.length)
         lonlat = result.scene.projection.to_lonlat(route.path)
         own = nx.path_graph(len(route.path))
@@ -156,8 +159,7 @@ def test_no_chain_of_the_paths_own_vertices_has_fewer_legs() -> None:
             if shapely.covers(water.free, leg):
                 own.add_edge(one, other)
         fewest = nx.shortest_path_length(own, 0, len(route.path) - 1)
-        # Speeds have to stay true: a leg that cuts a corner by much is not taken.
-        assert len(points.lonlat) - 1 <= fewest + 1
+        assert len(points.lonlat) - 1 <= fewest
 
 
 def test_a_leg_says_what_it_is(any_run: RunResult) -> None:
@@ -187,12 +189,15 @@ def test_times_are_those_of_the_plan(any_run: RunResult) -> None:
         fastest = vessel + any_run.scene.currents[ranked.season].max_speed(
             any_run.scene.chart.bounds
         )
-        assert (points.speed_m_s[:-1] < 1.05 * fastest).all()
+        assert (points.speed_m_s[:-1] < (1 + MOST_MORE_FUEL) * fastest).all()
         nearest = np.linalg.norm(
             any_run.scene.projection.to_plane(points.lonlat)[:, None] - ranked.route.path, axis=-1
         )
         same = nearest.min(axis=1) < 1e-6
-        assert points.time_s[same] == pytest.approx(planned[nearest.argmin(axis=1)[same]], abs=1.0)
+        # As much more as the thinned route may need.
+        assert points.time_s[same] == pytest.approx(
+            planned[nearest.argmin(axis=1)[same]], abs=MOST_MORE_FUEL * planned[-1]
+        )
 
 
 def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
@@ -219,6 +224,19 @@ def test_the_corridor_is_as_wide_as_it_can_be(any_run: RunResult) -> None:
             nearest = projection.geodesic_length_m(shapely.get_coordinates(gap))
             narrower = min(points.port_m[leg], points.starboard_m[leg])
             assert narrower == pytest.approx(min(nearest, MOST_ROOM_M), rel=0.02, abs=0.05)
+
+
+def test_legs_have_room_to_be_steered_where_there_is_water_for_it() -> None:
+    """The plan itself runs within metres of V, as what takes the least fuel does."""
+    result = runs.short_way()
+    blocked = [[ranked.route.soft_no_go, *result.scene.land] for ranked in result.routes]
+    for ranked, parts in zip(result.routes, blocked, strict=True):
+        planned = shapely.distance(shapely.LineString(ranked.route.path), parts).min()
+        assert planned * result.scene.projection.scale < 3
+    for points in every(result):
+        room = min(points.port_m[:-1].min(), points.starboard_m[:-1].min())
+        # On the longer ways round more corners cost more of the fuel that is allowed for.
+        assert room > (5 if points.ranked.rank == 1 else 2)
 
 
 def test_a_leg_in_v_promises_no_room() -> None:

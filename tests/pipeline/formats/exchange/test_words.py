@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from pipeline.formats.exchange import can_write
@@ -69,6 +71,13 @@ def test_moments_are_in_utc_and_whole_seconds() -> None:
 
 def test_waypoints_are_called_by_their_place() -> None:
     assert [waypoint_name(i, 3) for i in range(3)] == ["Start", "WP02", "Goal"]
+
+
+def test_room_is_a_mile_at_most_and_due_north_is_000() -> None:
+    (points,) = season_waypoints(runs.open_sea(), runs.SEASON)
+    assert "room 1852 m to port, 1852 m to starboard" in leg_words(points, 0)
+    north = replace(points, course_deg=np.full_like(points.course_deg, 359.97))
+    assert leg_words(north, 0).startswith("course 000.0°, ")
 
 
 def test_a_leg_is_described_in_a_navigators_units() -> None:

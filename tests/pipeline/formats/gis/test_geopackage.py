@@ -17,6 +17,7 @@ from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
+from tests.pipeline.formats.exchange import runs
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.referees import geopackage_faults
 
@@ -116,7 +117,8 @@ def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> 
         legs = mine.iloc[:-1]
         lon, lat, _ = GEOD.fwd(x[:-1], y[:-1], legs.course_deg, legs.leg_length_m)
         _, _, off = GEOD.inv(lon, lat, x[1:], y[1:])
-        assert np.max(off) < 0.01
+        # The planned line is no geodesic: on 60 km it bends by so much.
+        assert np.max(off) < 0.2
         times = mine.time_s.to_numpy()
         assert times[0] == 0
         assert times[-1] == pytest.approx(ranked.metrics.duration_s)
@@ -324,7 +326,9 @@ def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -
     assert found == [(None, None)]
 
 
-@pytest.mark.parametrize("case", ["as it is", "planar", "badly named", "without routes"])
+@pytest.mark.parametrize(
+    "case", ["as it is", "planar", "badly named", "without routes", "without land"]
+)
 def test_gdals_own_checker_finds_nothing(
     result: RunResult, planar_result: RunResult, tmp_path: Path, case: str
 ) -> None:
@@ -333,6 +337,7 @@ def test_gdals_own_checker_finds_nothing(
         "planar": lambda: planar_result,
         "badly named": lambda: badly_named(result),
         "without routes": lambda: without_routes(result),
+        "without land": lambda: runs.open_sea(),  # noqa: PLW0108 - mypy takes them for one kind
     }[case]()
     package = tmp_path / "routes.gpkg"
     write_geopackage(checked_result, package)

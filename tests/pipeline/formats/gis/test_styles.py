@@ -290,3 +290,23 @@ def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> 
     thinned = [rule.get("filter") for rule in leaves(style("currents", dense).renderer)]
     assert not any("@map_scale" in condition for condition in plain)
     assert all("@map_scale" in condition for condition in thinned)
+
+
+def test_routes_of_two_seasons_on_one_way_are_both_seen(package: Path, result: RunResult) -> None:
+    """The season that leads lies below, and wider than what lies on it."""
+    best = {r.season: r.metrics.fuel for r in result.routes if r.rank == 1}
+    lead = min(best, key=lambda season: best[season])
+    renderer = styles(package)["routes"].find("renderer-v2")
+    symbols = {s.get("name"): s for s in renderer.iter("symbol")}
+    seen: dict[bool, tuple[float, int]] = {}
+    for season in renderer.find("rules"):
+        rule = season.find("rule")
+        top = symbols[rule.get("symbol")].findall("layer")[-1]
+        (width,) = (o.get("value") for o in top.iter("Option") if o.get("name") == "line_width")
+        seen[lead in season.get("filter")] = float(width), int(top.get("pass"))
+    assert seen[True][0] > 1.5 * seen[False][0]
+    assert seen[True][1] < seen[False][1]
+    tree = project(package).find("layer-tree-group")
+    drawn = [item.text for item in tree.find("custom-order") if item.text.startswith("routes")]
+    nodes = {node.get("id"): node for node in tree.iter("layer-tree-layer")}
+    assert nodes[drawn[-1]].getparent().get("name").lower().startswith(lead)
