@@ -92,8 +92,10 @@ def along(ranked: RankedRoute, result: RunResult, *, points: int = 200) -> Along
     clearance = coast.clearance_m(places, projection, crosses=metrics.land_m > 0)
     if least is not None:
         nearest = np.argmin(np.linalg.norm(places - least.place, axis=1))
-        clearance = np.maximum(clearance, least.clearance_m)
-        clearance[nearest] = least.clearance_m
+        # On land the coast may be far.
+        floor = 0.0 if metrics.land_m > 0 else least.clearance_m
+        clearance = np.maximum(clearance, floor)
+        clearance[nearest] = floor
     return Along(
         distance_m=_sums(step_m),
         time_s=_sums(step_s),

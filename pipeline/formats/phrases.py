@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.model import RouteMetrics
+    from pipeline.model import RouteMetrics, Zone
 
 ABSENT = "–"
 _LONG_M, _SHORT_M = 100_000.0, 1_000.0
@@ -70,6 +70,12 @@ def speed_over_ground(metrics: RouteMetrics) -> float:
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan
 
 
+def zone_words(zone: Zone) -> str:
+    """Name a restricted area or a traffic scheme, and say what holds there if the chart does."""
+    name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")
+    return f"{name}: {zone.rule}" if zone.rule else name
+
+
 def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, ...]:
     """Say why the first of a season's routes won and how safe it is, a sentence each.
 
@@ -123,11 +129,15 @@ def _against(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) -> st
     ours, theirs = speed_over_ground(best), speed_over_ground(rival)
     if not (math.isfinite(ours) and math.isfinite(theirs)):
         return f"{names[0]} {fuel}, {length}."
-    return (
-        f"{names[0]} {fuel}, {length}: over the ground it makes {ours:.2f} m/s on average "
-        f"({_signed(ours - vessel_speed)} by the current) against {theirs:.2f} m/s "
-        f"({_signed(theirs - vessel_speed)})."
-    )
+    drifts = _signed(ours - vessel_speed), _signed(theirs - vessel_speed)
+    if f"{ours:.2f}" == f"{theirs:.2f}":
+        speeds = f"over the ground both make {ours:.2f} m/s on average ({drifts[0]} by the current)"
+    else:
+        speeds = (
+            f"over the ground it makes {ours:.2f} m/s on average ({drifts[0]} by the current) "
+            f"against {theirs:.2f} m/s ({drifts[1]})"
+        )
+    return f"{names[0]} {fuel}, {length}: {speeds}."
 
 
 def _safety(best: RouteMetrics) -> str:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
         Scene,
         SeasonPlan,
         Simplified,
+        Zone,
     )
     from pipeline.scenario import Scenario
 
@@ -90,6 +92,23 @@ class RunResult:
     def shoals(self) -> tuple[BaseGeometry, ...]:
         """Water that the chart says is too shallow, lon/lat degrees: no-go like land."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
+
+    @cached_property
+    def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
+        """Restricted areas and traffic schemes that meet the chart, each with its planar area.
+
+        They may be entered, and routes are not kept clear of them.
+        """
+        zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic"}]
+        areas = self.scene.projection.geometry_to_plane(
+            np.array([zone.area for zone in zones], dtype=object)
+        )
+        inside = shapely.relate_pattern(areas, self.scene.chart.extent, "T********")
+        return tuple(
+            (zone, area)
+            for zone, area, is_seen in zip(zones, areas, inside, strict=True)
+            if is_seen
+        )
 
     def is_stand_in(self, season: str) -> bool:
         """Whether another source was preferred for the season's current.

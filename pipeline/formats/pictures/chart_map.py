@@ -46,6 +46,7 @@ _FLATTEST, _TALLEST = 0.45, 1.7
 # Coast finer than this on paper can't be seen, and makes up most of a picture's bytes.
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
+ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 # What the planner took for land beyond what is land.
 _ADDED_ALPHA = 0.4
 # From a mark to its name.
@@ -156,6 +157,38 @@ def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
     """A soft no-go zone, translucent."""
     seen = shapely.simplify(area, DETAIL_PT * point(axes))
     return patch(seen, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
+
+
+def zone_layers(result: RunResult) -> list[Artist]:
+    """Areas of the chart that may be entered, under a rule: outlined, over the land."""
+    return [
+        patch(
+            area,
+            facecolor=(COLOURS[zone.kind], ZONE_ALPHA),
+            edgecolor=COLOURS[zone.kind],
+            linewidth=0.9,
+            linestyle=ZONE_DASHES,
+            zorder=4.5,
+        )
+        for zone, area in result.open_zones
+    ]
+
+
+def zone_handles(result: RunResult) -> list[Artist]:
+    """Legend of the areas that `zone_layers` draws; none where there are none."""
+    from matplotlib.patches import Patch
+
+    kinds = {zone.kind for zone, _ in result.open_zones}
+    return [
+        Patch(
+            facecolor=(COLOURS[kind], ZONE_ALPHA),
+            edgecolor=COLOURS[kind],
+            linestyle=ZONE_DASHES,
+            label=words,
+        )
+        for kind, words in (("restricted", "restricted"), ("traffic", "traffic scheme"))
+        if kind in kinds
+    ]
 
 
 def land_handles(result: RunResult) -> list[Artist]:

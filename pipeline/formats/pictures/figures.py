@@ -1,7 +1,7 @@
 """Maps of seasons: currents, land, the best route's soft no-go zone, and all routes.
 
-`season_svg` leaves the colours to the page it stands in, light or dark; `season_map` and
-`overview` write files.
+`season_svg` leaves the colours to the page it stands in, light or dark; `overview_figure` is for
+files.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from pipeline.formats.pictures.chart_map import (
     land_layers,
     map_figure,
     soft_layer,
+    zone_handles,
+    zone_layers,
 )
 from pipeline.formats.pictures.page_svg import page_svg
 from pipeline.formats.pictures.palette import COLOURS
@@ -25,7 +27,6 @@ from pipeline.formats.pictures.sheet import patch, stroke
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
@@ -37,19 +38,9 @@ if TYPE_CHECKING:
 
 def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> str:
     """Draw a season as an `<svg>` element for a page; see `page_svg`."""
-    return page_svg(_season_figure(result, season), identity=identity, label=label)
-
-
-def season_map(result: RunResult, season: str, path: Path, *, dpi: float = 200) -> None:
-    """Draw one season to a file; its suffix (.png, .svg, .pdf) says the form."""
-    _season_figure(result, season).savefig(path, dpi=dpi, facecolor=COLOURS["halo"])
-
-
-def overview(
-    result: RunResult, path: Path, *, seasons: Sequence[str] = (), dpi: float = 160
-) -> None:
-    """Draw seasons side by side (all, unless some are named) with a legend to a file."""
-    overview_figure(result, seasons).savefig(path, dpi=dpi)
+    figure, [(axes, sea)] = map_figure(result)
+    _draw_season(axes, sea, result, season)
+    return page_svg(figure, identity=identity, label=label)
 
 
 def overview_figure(result: RunResult, seasons: Sequence[str] = ()) -> Figure:
@@ -80,13 +71,6 @@ def _title_of(result: RunResult, season: str) -> tuple[str, str]:
     return title, f"{side}{distance(best.length_m)}, fuel {number(best.fuel)}"
 
 
-def _season_figure(result: RunResult, season: str) -> Figure:
-    """Draw one season on a figure of its own."""
-    figure, [(axes, sea)] = map_figure(result)
-    _draw_season(axes, sea, result, season)
-    return figure
-
-
 def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
     """Draw sea, currents, zones, routes and frame."""
     layers = [*_sea_layers(axes, result, season), *_route_layers(result, season)]
@@ -106,6 +90,7 @@ def _sea_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
         ),
         *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
         *land_layers(axes, result),
+        *zone_layers(result),
     ]
 
 
@@ -132,6 +117,7 @@ def _handles(result: RunResult) -> list[Artist]:
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
         *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
         Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label="soft no-go"),
+        *zone_handles(result),
     ]
     labels = speed_scale(result).labels
     handles += [

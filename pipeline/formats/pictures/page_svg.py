@@ -12,8 +12,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # What matplotlib writes and a page has no use for. Its one style rule names every element, which
-# here would be the whole page's.
-_UNWANTED = (r"<metadata>.*?</metadata>", r"<defs>\s*<style.*?</style>\s*</defs>", r"<!--.*?-->")
+# here would be the whole page's; its fonts are those of the machine that drew.
+_UNWANTED = (
+    r"<metadata>.*?</metadata>",
+    r"<defs>\s*<style.*?</style>\s*</defs>",
+    r"<!--.*?-->",
+    r"font-family: [^;\"]*; ?",
+    r' transform="rotate\(-0 [^"]*"',
+)
 
 
 def page_svg(figure: Figure, *, identity: str, label: str) -> str:
@@ -21,18 +27,23 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> str:
 
     `identity` (letters, digits, hyphens) keeps its ids apart from those of other pictures; `label`
     is what a screen reader says, escaped here. Colours become `var(--map-<role>, <light colour>)`.
+    Text stays text, in the page's font and `var(--text)` times as large.
     """
+    import matplotlib as mpl
     from markupsafe import escape
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     FigureCanvasSVG(figure)
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     for pattern in _UNWANTED:
         text = re.sub(pattern, "", text, flags=re.DOTALL)
     text = re.sub(r'\bd="([^"]*)"', _shorter_path, text)
+    text = re.sub(r'\b([xy])="(-?[\d.]+)"', _shorter_place, text)
+    text = re.sub(r"font-size: ([\d.]+)px", r"font-size: calc(\1px * var(--text, 1))", text)
     text = _rename_ids(text.replace("xlink:href", "href"), identity)
     for role, colour in COLOURS.items():
         text = text.replace(colour, f"var(--map-{role}, {colour})")
@@ -55,16 +66,22 @@ def _shorter_path(match: re.Match[str]) -> str:
     return f'd="{path}"'
 
 
+def _shorter_place(match: re.Match[str]) -> str:
+    """Write a coordinate to a tenth of a point."""
+    return f'{match[1]}="{float(match[2]):.1f}"'.replace(".0", "")
+
+
 def _rename_ids(text: str, identity: str) -> str:
-    """Number ids in order of appearance, since matplotlib draws some of them at random."""
-    names = {
-        name: f"{identity}-{number}"
-        for number, name in enumerate(dict.fromkeys(re.findall(r'\bid="([^"]+)"', text)))
-    }
+    """Keep the ids that are used, numbered, since matplotlib draws some of them at random."""
+    used = re.findall(r'(?:url\(#|href="#)([^)"]+)', text)
+    names = {name: f"{identity}-{number}" for number, name in enumerate(dict.fromkeys(used))}
 
     def renamed(match: re.Match[str]) -> str:
-        return f"{match[1]}{names.get(match[2], match[2])}{match[3]}"
+        return f"{match[1]}{names[match[2]]}"
 
-    text = re.sub(r'(\bid=")([^"]+)(")', renamed, text)
-    text = re.sub(r"(url\(#)([^)]+)(\))", renamed, text)
-    return re.sub(r'(href="#)([^"]+)(")', renamed, text)
+    text = re.sub(r'(url\(#|href="#)([^)"]+)', renamed, text)
+    return re.sub(
+        r' id="([^"]+)"',
+        lambda match: f' id="{names[match[1]]}"' if match[1] in names else "",
+        text,
+    )

@@ -107,7 +107,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     beyond = float((reach_m > padding_m).mean())
     marks = [
         _Mark(float(np.median(reach_m)), "median", "ink"),
-        _Mark(padding_m, f"padding, exceeded by {percent(beyond)},", "other"),
+        _Mark(padding_m, "padding", "other", f", exceeded by {percent(beyond)}"),
         _Mark(gap_m, "route to coast", "best"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
@@ -139,17 +139,18 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
 
 @dataclass(frozen=True)
 class _Mark:
-    """A distance (true metres) to tell of in a histogram."""
+    """A distance (true metres) to tell of in a histogram: its name, and what follows the figure."""
 
     value_m: float
-    words: str
+    name: str
     role: str
+    remark: str = ""
 
 
 def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
     """Draw a distance as a line from below up to its words, at a share of the panel's height."""
     place, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    words = f"{mark.words} {distance(mark.value_m)}"
+    words = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
     if place <= end:
         axes.axvline(place, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
     else:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.phrases import zone_words
 from pipeline.formats.report.encode import Lattice, coarser, series, within
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),
         "shoals": _areas(result, shoals, lattice),
+        "zones": _zones(result, lattice),
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
         "goal": lattice.line(scene.goal[None, :]),
@@ -58,6 +60,31 @@ def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) 
         return []
     inside = within(areas, result.scene.chart.extent)
     return lattice.rings(coarser(inside, lattice.step, _MOST_VERTICES))
+
+
+def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
+    """Write restricted areas and traffic schemes: their areas in the chart, and their own edges.
+
+    Where the chart cuts an area it has no edge.
+    """
+    extent = result.scene.chart.extent
+    zones: list[dict[str, object]] = []
+    for zone, area in result.open_zones:
+        seen = coarser(np.array([area]), lattice.step, _MOST_VERTICES)[0]
+        edges = shapely.line_merge(shapely.intersection(shapely.boundary(seen), extent))
+        zones.append(
+            {
+                "kind": zone.kind,
+                "words": zone_words(zone),
+                "area": lattice.rings(np.array([shapely.intersection(seen, extent)])),
+                "edges": [
+                    lattice.line(shapely.get_coordinates(edge))
+                    for edge in shapely.get_parts(edges)
+                    if edge.length > 0
+                ],
+            }
+        )
+    return zones
 
 
 def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:

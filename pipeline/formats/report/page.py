@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import shapely
+
 from pipeline.formats import phrases
 from pipeline.formats.manifest import versions
 from pipeline.formats.pictures.palette import COLOURS, DARK
@@ -62,6 +64,14 @@ class StandIn:
 
 
 @dataclass(frozen=True)
+class Source:
+    """A source that was used, and what for: land, or the currents of some seasons."""
+
+    purpose: str
+    credit: Credit
+
+
+@dataclass(frozen=True)
 class SeasonPart:
     """What the page says of a season; `best` is None where `failure` says why.
 
@@ -109,7 +119,9 @@ class Report:
     has_shoals: bool
     accuracy_m: float
     simplified: Simplified
-    credits: tuple[Credit, ...]
+    zones: tuple[str, ...]
+    zone_kinds: frozenset[str]
+    sources: tuple[Source, ...]
     versions: tuple[tuple[str, str], ...]
     timings: tuple[tuple[str, float], ...]
 
@@ -178,7 +190,9 @@ def gather(result: RunResult) -> Report:
         has_shoals=bool(result.shoals),
         accuracy_m=result.fetched.land.accuracy_m,
         simplified=result.simplified,
-        credits=result.credits,
+        zones=tuple(dict.fromkeys(phrases.zone_words(zone) for zone, _ in result.open_zones)),
+        zone_kinds=frozenset(zone.kind for zone, _ in result.open_zones),
+        sources=_sources(result),
         versions=tuple(versions().items()),
         timings=tuple(result.timings.items()),
     )
@@ -194,6 +208,17 @@ def _valid(result: RunResult, season: str) -> str:
     """Say which time the season's current stands for; empty where the source doesn't."""
     valid = next((grid.valid for grid in result.fetched.currents if grid.season == season), "")
     return f"valid {valid.replace('/', ' to ')}" if valid else ""
+
+
+def _sources(result: RunResult) -> tuple[Source, ...]:
+    """Every source with what it was used for: land first."""
+    seasons: dict[Credit, list[str]] = {}
+    for grid in result.fetched.currents:
+        seasons.setdefault(grid.credit, []).append(result.season_title(grid.season))
+    return (
+        *(Source("Land", credit) for credit in result.fetched.land.credits),
+        *(Source(f"Currents, {', '.join(of)}", credit) for credit, of in seasons.items()),
+    )
 
 
 def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
@@ -240,7 +265,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         best=metrics[0] if metrics else None,
         saving=_saving(metrics),
         verdict=phrases.verdict(metrics, result.scene.vessel.speed) if metrics else (),
-        remarks=_remarks(ranked[0]) if ranked else (),
+        remarks=_remarks(result, ranked[0]) if ranked else (),
         rows=_rows(metrics),
         rejected=_rejected(entry),
         # What pictures return holds no text of anybody's but its label, which they escape.
@@ -325,8 +350,8 @@ def _rejected(entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
     )
 
 
-def _remarks(best: RankedRoute) -> tuple[str, ...]:
-    """Say what the reader must know of the best route's ends and of land below it."""
+def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
+    """Say what the reader must know of the best route's ends, and of what it runs over."""
     remarks = []
     ends = [
         name
@@ -343,4 +368,10 @@ def _remarks(best: RankedRoute) -> tuple[str, ...]:
         )
     if best.metrics.land_m > 0:
         remarks.append(f"{phrases.distance(best.metrics.land_m)} of the route lies over land.")
+    path = shapely.LineString(best.route.path)
+    met = dict.fromkeys(
+        phrases.zone_words(zone) for zone, area in result.open_zones if area.intersects(path)
+    )
+    if met:
+        remarks.append(f"It runs through areas that the chart puts under a rule: {'; '.join(met)}.")
     return tuple(remarks)

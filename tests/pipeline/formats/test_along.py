@@ -8,7 +8,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import renew
@@ -105,6 +105,7 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:  # noqa: FBT00
 @given(
     st.lists(st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)), min_size=2, max_size=6),
 )
+@example([(0.5, 0.5), (0.375, 0.5)])  # on one island all the way
 def test_any_path_over_water_and_land(shares: list[tuple[float, float]]) -> None:
     result = small_run.parts()
     xmin, ymin, xmax, ymax = result.scene.chart.bounds

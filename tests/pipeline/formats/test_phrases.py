@@ -4,11 +4,12 @@ import math
 from dataclasses import replace
 
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.formats import phrases
-from pipeline.model import RouteMetrics
+from pipeline.model import RouteMetrics, Zone
 
 BEST = RouteMetrics(
     season="summer",
@@ -100,3 +101,26 @@ def test_the_only_class_and_its_collisions_are_called_so() -> None:
     assert "the only class" in text
     assert "no land to stay clear of; 7 of 1,430 simulated hard-over turns met land" in text
     assert "saved" not in text
+
+
+def test_speeds_that_read_alike_are_told_once() -> None:
+    slower = replace(OTHER, duration_s=OTHER.length_m / 1.2499)
+    first, *_ = phrases.verdict([BEST, slower], 1.0)
+    assert "both make 1.25 m/s on average (+0.25 by the current)." in first
+    first, *_ = phrases.verdict([BEST, OTHER], 1.0)
+    assert "it makes 1.25 m/s on average (+0.25 by the current) against 0.90 m/s" in first
+
+
+@pytest.mark.parametrize(
+    ("zone", "words"),
+    [
+        (("restricted", "", ""), "Restricted area"),
+        (("restricted", "Whales", ""), "Whales"),
+        (("restricted", "", "no anchoring"), "Restricted area: no anchoring"),
+        (("traffic", "", ""), "Traffic scheme"),
+        (("traffic", "Lane", "one way"), "Lane: one way"),
+    ],
+)
+def test_zones_are_named_with_their_rule(zone: tuple[str, str, str], words: str) -> None:
+    kind, name, rule = zone
+    assert phrases.zone_words(Zone(kind, name, rule, shapely.Polygon())) == words  # type: ignore[arg-type]

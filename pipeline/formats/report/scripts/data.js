@@ -56,6 +56,12 @@ function readData() {
     extent: lines(data.extent),
     land: data.land.map((ring) => readRing(ring, stepM)),
     shoals: data.shoals.map((ring) => readRing(ring, stepM)),
+    zones: data.zones.map((zone) => ({
+      kind: zone.kind,
+      words: zone.words,
+      area: zone.area.map((ring) => readRing(ring, stepM)),
+      edges: lines(zone.edges),
+    })),
     start: readLine(data.start, stepM)[0],
     goal: readLine(data.goal, stepM)[0],
     grid: data.grid.map((line) => ({

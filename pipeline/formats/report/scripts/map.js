@@ -4,6 +4,13 @@
 // Leaflet's own panes above.
 const PANES = { water: 210, currents: 220, soft: 230, land: 240, routes: 400, marks: 410 };
 const ZOOM_IN = 8;
+// The scale bar is as long as it says down to a metre.
+const SCALE_BAR = 100;
+const DEEPEST = Math.log2(SCALE_BAR);
+// Room for the parallels' labels, in CSS pixels: for a letter, and beside them all.
+const LETTER = 6.5;
+const LABEL_GAP = 16;
+
 const ROUTE_CHOSEN = { weight: 4, opacity: 1, dashArray: null };
 const ROUTE_BESIDE = { weight: 1.6, opacity: 0.6, dashArray: null };
 const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
@@ -27,6 +34,7 @@ class VoyageMap {
     this.map = L.map(container, {
       crs: L.CRS.Simple,
       attributionControl: false,
+      zoomControl: false,
       // One finger scrolls the page, two move the map.
       dragging: !matchMedia("(pointer: coarse)").matches,
       scrollWheelZoom: false,
@@ -39,6 +47,8 @@ class VoyageMap {
       fadeAnimation: false,
       inertia: !still,
     });
+    // Leaflet rounds places to whole pixels, which makes stairs of lines with many of them.
+    this.map.latLngToLayerPoint = (place) => this.map.project(place).subtract(this.map.getPixelOrigin());
     this.renderers = {};
     for (const [name, height] of Object.entries(PANES)) {
       this.map.createPane(name).style.zIndex = height;
@@ -47,12 +57,14 @@ class VoyageMap {
     this.readColours();
     this.fit();
     this.drawWater();
-    this.currents = new CurrentArrows(data.speedLimits, (role) => this.colour(role));
+    this.makeZones();
+    this.currents = new CurrentArrows(data.extent, data.speedLimits, (role) => this.colour(role));
     this.currents.addTo(this.map);
     this.makeRoutes();
     this.drawEnds();
     this.vessel = this.makeVessel();
-    L.control.scale({ imperial: false, position: "bottomright" }).addTo(this.map);
+    L.control.zoom({ position: "topright" }).addTo(this.map);
+    L.control.scale({ imperial: false, position: "bottomright", maxWidth: SCALE_BAR }).addTo(this.map);
     // The wheel belongs to the page until somebody works with the map.
     this.map.on("focus", () => this.map.scrollWheelZoom.enable());
     this.map.on("blur", () => this.map.scrollWheelZoom.disable());
@@ -68,7 +80,7 @@ class VoyageMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", ...seasons, ...speeds];
+    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", "restricted", "traffic", ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -80,10 +92,12 @@ class VoyageMap {
   /** Show the whole chart, and let nobody lose it. */
   fit() {
     const bounds = L.latLngBounds(this.data.extent.flat());
+    const letters = this.data.grid.map(({ label, meridian }) => (meridian ? 0 : label.length));
+    const left = LABEL_GAP + LETTER * Math.max(0, ...letters);
     this.map.setMinZoom(-30).setMaxZoom(30);
-    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [48, 14], paddingBottomRight: [16, 54] });
+    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [left, 14], paddingBottomRight: [56, 54] });
     const zoom = this.map.getZoom();
-    this.map.setMinZoom(zoom - 0.5).setMaxZoom(zoom + ZOOM_IN);
+    this.map.setMinZoom(zoom - 0.5).setMaxZoom(Math.max(zoom, Math.min(zoom + ZOOM_IN, DEEPEST)));
     this.map.setMaxBounds(bounds.pad(0.5));
   }
 
@@ -102,11 +116,22 @@ class VoyageMap {
     const { extent, grid, land, shoals } = this.data;
     this.water = this.area(extent, "water", {}).addTo(this.map);
     this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
-    this.shoals = this.area(shoals, "land", {}).addTo(this.map);
     this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
+    // What is too shallow is no-go, and so lies within what is drawn as land.
+    this.shoals = this.area(shoals, "land", {}).addTo(this.map);
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
       this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
+    }
+  }
+
+  /** Areas of the chart under a rule; only their edges answer, since one may take in all there is. */
+  makeZones() {
+    this.zones = L.featureGroup();
+    for (const { kind, words, area, edges } of this.data.zones) {
+      this.area(area, "soft", { fillOpacity: 0.06, kind }).addTo(this.zones);
+      const edge = this.line(edges, "routes", { interactive: true, weight: 1.5, dashArray: "6 4", kind });
+      edge.bindTooltip(element("span", "", words), { sticky: true, className: "route-label" }).addTo(this.zones);
     }
   }
 
@@ -173,6 +198,8 @@ class VoyageMap {
     this.choice = choice;
     this.toggle(this.currents, choice.layers.currents && season.current !== null);
     this.currents.setCurrent(season.current);
+    this.toggle(this.zones, choice.layers.zones);
+    this.zones.bringToBack();
     this.showRoutes(choice);
     this.soft.setLatLngs(route ? route.soft : []);
     this.toggle(this.soft, choice.layers.soft && Boolean(route));
@@ -235,6 +262,7 @@ class VoyageMap {
     this.shoals.setStyle({ fillColor: colour("shoal") });
     this.land.setStyle({ fillColor: colour("land"), color: colour("coast") });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
+    this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
     this.routes.forEach((lines, s) => lines.forEach((line) => line.setStyle({ color: this.seasonColour(s) })));
     this.halo.setStyle({ color: colour("halo") });
     const accent = this.seasonColour(this.choice.season);

@@ -40,7 +40,7 @@ function spellAngle(degrees, names) {
 
 /** Where a vessel is: latitude and longitude, or metres of a plane. */
 function spellPlace(now, planar) {
-  if (planar) return `${spellNumber(now.place[1])} m, ${spellNumber(now.place[0])} m`;
+  if (planar) return `x ${spellNumber(now.place[1])} m, y ${spellNumber(now.place[0])} m`;
   const lon = ((((now.lon + 180) % 360) + 360) % 360) - 180;
   return `${spellAngle(now.lat, "NS")} ${spellAngle(lon, "EW")}`;
 }

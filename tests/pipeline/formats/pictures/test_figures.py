@@ -5,13 +5,14 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 import shapely
 from matplotlib.image import imread
 
 from pipeline.formats.pictures.arrows import SpeedScale, arrows, speed_scale
-from pipeline.formats.pictures.figures import overview, season_map, season_svg
+from pipeline.formats.pictures.figures import overview_figure, season_svg
 from pipeline.formats.pictures.palette import COLOURS, DARK
 from tests.pipeline.formats import small_run
 
@@ -37,7 +38,7 @@ def test_every_role_has_a_colour_of_its_own_by_day_and_by_night() -> None:
 
 
 def test_the_picture_shows_land_as_large_as_it_is(result: RunResult, tmp_path: Path) -> None:
-    season_map(result, "winter", tmp_path / "map.png")
+    overview_figure(result, ["winter"]).savefig(tmp_path / "map.png", dpi=200)
     picture = imread(tmp_path / "map.png")
     sea = sum(share(picture, role) for role in ("water", "land", "best", "speed0", "speed1"))
     extent = result.scene.chart.extent
@@ -81,13 +82,46 @@ def test_the_svg_is_well_formed_and_asks_for_nothing(result: RunResult) -> None:
     assert re.findall(r"https?://[^\"]*", svg) == ["http://www.w3.org/2000/svg"]
     assert "<style" not in svg
     assert "<script" not in svg
-    assert {"svg", "g", "path", "use", "defs", "clipPath", "rect"} >= {
+    assert {"svg", "g", "path", "use", "defs", "clipPath", "rect", "text"} >= {
         element.tag.rpartition("}")[2] for element in tree.iter()
     }
     # Every colour is left to the page.
     assert set(re.findall(r"(?<!, )#[0-9a-f]{6}", svg)) == set()
     for role in ("water", "land", "soft", "best", "other", "ink", "speed2"):
         assert f"var(--map-{role}, " in svg
+
+
+def test_text_stays_text_in_the_pages_own_font(result: RunResult) -> None:
+    kept = mpl.rcParams["svg.fonttype"]
+    svg = season_svg(result, "summer", identity="one", label="")
+    assert mpl.rcParams["svg.fonttype"] == kept
+    words = {e.text for e in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")}  # noqa: S314
+    assert {"9°00′N", "120°00′E", "0"} <= words
+    assert "font-family" not in svg
+    sizes = set(re.findall(r"font-size: [^;]+;", svg))
+    assert sizes == {"font-size: calc(8.2px * var(--text, 1));"}
+
+
+def test_zones_are_outlined_in_their_colours_and_only_where_there_are_any(
+    result: RunResult,
+) -> None:
+    plain = season_svg(result, "summer", identity="x", label="")
+    zoned = season_svg(small_run.with_zones(result), "summer", identity="x", label="")
+    for role in ("restricted", "traffic"):
+        assert f"var(--map-{role}" not in plain
+        drawn = [line for line in zoned.splitlines() if f"var(--map-{role}" in line]
+        # The second traffic scheme lies off the chart.
+        assert len(drawn) == 1
+        assert all(mark in drawn[0] for mark in ("stroke-dasharray", "fill-opacity: 0.06"))
+    legends = []
+    for case in (result, small_run.with_zones(result)):
+        (legend,) = overview_figure(case).legends
+        legends.append([text.get_text() for text in legend.get_texts()])
+    assert [words for words in legends[1] if words not in legends[0]] == [
+        "too shallow",
+        "restricted",
+        "traffic scheme",
+    ]
 
 
 def test_the_same_run_gives_the_same_picture(result: RunResult) -> None:
@@ -127,16 +161,16 @@ def test_an_arrow_points_along_the_current(result: RunResult) -> None:
 def test_a_hostile_title_breaks_no_picture(result: RunResult, tmp_path: Path) -> None:
     seasons = tuple(spec.model_copy(update={"title": HOSTILE}) for spec in result.scenario.seasons)
     hostile = replace(result, scenario=result.scenario.model_copy(update={"seasons": seasons}))
-    overview(hostile, tmp_path / "overview.png", dpi=50)
+    overview_figure(hostile).savefig(tmp_path / "overview.png", dpi=50)
     plain = tmp_path / "plain.png"
-    overview(result, plain, dpi=50)
+    overview_figure(result).savefig(plain, dpi=50)
     assert imread(tmp_path / "overview.png").shape == imread(plain).shape
 
 
 def test_a_plane_a_failed_season_and_one_without_current_are_drawn(
     result: RunResult, planar_result: RunResult, tmp_path: Path
 ) -> None:
-    overview(planar_result, tmp_path / "planar.png", dpi=50)
+    overview_figure(planar_result).savefig(tmp_path / "planar.png", dpi=50)
     assert share(imread(tmp_path / "planar.png"), "land") > 0.01
     failed = small_run.with_a_failed_season(result)
     only_summer = {"summer": result.scene.currents["summer"]}

@@ -167,7 +167,7 @@ def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
         assert line[:, 0] == pytest.approx(place)
     text = words(axes)
     assert "median 2.00 km" in text
-    assert "padding, exceeded by 5.0 %, 2.90 km" in text
+    assert "padding 2.90 km, exceeded by 5.0 %" in text
     assert "route to coast 3.20 km" in text
 
 

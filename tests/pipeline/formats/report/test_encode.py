@@ -84,6 +84,15 @@ def test_a_coast_is_made_coarser_only_where_it_is_too_long() -> None:
     assert shapely.get_num_coordinates(coarser(triangle, 1e-9, 1)).sum() == 5
 
 
+def test_islets_go_before_islands() -> None:
+    corners = np.random.default_rng(3).uniform(0, 1000, (3000, 2))
+    islets = shapely.box(*corners.T, *(corners + 0.4).T)
+    island = shapely.Point(500, 500).buffer(100, quad_segs=20)
+    seen = coarser(np.append(islets, island), 0.1, 200)
+    assert shapely.is_empty(seen[:-1]).all()
+    assert shapely.area(seen[-1]) == pytest.approx(shapely.area(island), rel=0.01)
+
+
 @given(st.text())
 def test_json_stays_data_in_a_script(text: str) -> None:
     hostile = f"</script><!--{text}<script>]]>"

@@ -10,6 +10,7 @@ import shapely
 from pipeline.formats.report.encode import Lattice
 from pipeline.formats.report.map_data import map_data
 from pipeline.model import Evaluation
+from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -114,3 +115,26 @@ def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:
     )
     seasons: Any = map_data(gone, LIMITS)["seasons"]
     assert [(season["current"], season["routes"]) for season in seasons] == [(None, [])] * 2
+
+
+def test_zones_are_cut_to_the_chart_and_have_edges_of_their_own_only(
+    data: dict[str, Any], result: RunResult
+) -> None:
+    assert data["zones"] == []
+    zoned = small_run.with_zones(result, rule="no <entry>")
+    zones: Any = map_data(zoned, LIMITS)["zones"]
+    extent = result.scene.chart.extent
+    assert [(zone["kind"], zone["words"]) for zone in zones] == [
+        ("restricted", "Whale & calf: no <entry>"),
+        ("traffic", "Traffic scheme: keep to starboard"),
+    ]
+    for zone, (_, area) in zip(zones, zoned.open_zones, strict=True):
+        inside = area.intersection(extent)
+        drawn = filled([plane(result, ring) for ring in zone["area"]])
+        assert drawn.symmetric_difference(inside).area < 1e-3 * inside.area
+        edges = shapely.multilinestrings([plane(result, edge) for edge in zone["edges"]])
+        own = area.boundary.intersection(extent)
+        assert edges.hausdorff_distance(own) < 2e-3
+        assert edges.length == pytest.approx(own.length, rel=1e-3)
+    juts_out = shapely.multilinestrings([plane(result, edge) for edge in zones[0]["edges"]])
+    assert juts_out.length < 0.9 * zoned.open_zones[0][1].intersection(extent).length

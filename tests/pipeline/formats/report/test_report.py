@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
+import shapely
 
 from pipeline.formats import phrases
 from pipeline.formats.report.page import gather, render
@@ -213,6 +214,56 @@ def test_a_plane_speaks_of_metres(planar_result: RunResult) -> None:
     assert "in metres as given" in page.root.text
     assert "given as figures in the scenario" in page.root.text
     assert "Scaled metres are" not in page.root.text
+
+
+def test_zones_are_told_and_explained_only_where_there_are_any(
+    page: Page, result: RunResult
+) -> None:
+    assert not any("under a rule" in e.words for e in page.all("summary") + page.all("label"))
+    zoned = Page(render(gather(small_run.with_zones(result, name=HOSTILE))))
+    [details] = [e for e in zoned.all("details") if "under a rule" in e.words]
+    assert [item.words for item in details.all("li")] == [
+        " ".join(HOSTILE.split()),
+        "Traffic scheme: keep to starboard",
+    ]
+    for before, after in zip(page.with_class("legend"), zoned.with_class("legend"), strict=True):
+        known = {item.words for item in before.all("li")}
+        new = [item.words for item in after.all("li") if item.words not in known]
+        assert new == ["water too shallow for the vessel", "restricted area", "traffic scheme"]
+    for section, entry in zip(("season-1-title", "season-2-title"), result.plans, strict=True):
+        [part] = [
+            e
+            for e in zoned.elements
+            if e.tag == "section" and e.attributes.get("aria-labelledby") == section
+        ]
+        remarks = [e.words for e in part.all("p") if e.attributes.get("class") == "remark"]
+        best = shapely.LineString(result.season_routes(entry.season)[0].route.path)
+        area = small_run.with_zones(result).open_zones[0][1]
+        assert best.intersects(area)
+        assert sum("runs through" in words for words in remarks) == 1
+        assert not any("keep to starboard" in words for words in remarks)
+    assert zoned.unbalanced == []
+
+
+def test_sources_say_what_they_were_used_for(page: Page, result: RunResult) -> None:
+    assert {"Currents, Summer", "Currents, Winter (December)", "Land"} <= {
+        e.words for e in page.all("dt")
+    }
+    [first, second] = result.fetched.currents
+    shared = replace(second, credit=first.credit)
+    once = replace(result, fetched=replace(result.fetched, currents=(first, shared)))
+    terms = [e.words for e in Page(render(gather(once))).all("dt")]
+    assert [term for term in terms if term.startswith("Currents")] == ["Currents, Summer, Winter"]
+
+
+def test_every_line_of_the_map_stands_in_its_legend(page: Page, result: RunResult) -> None:
+    def live_legend(of: Page) -> list[str]:
+        [legend] = of.with_class("lively")[:1]
+        return [item.words for item in legend.all("li")]
+
+    assert "other seasons’ best" in live_legend(page)
+    failed = Page(render(gather(small_run.with_a_failed_season(result))))
+    assert "other seasons’ best" not in live_legend(failed)
 
 
 def test_hostile_names_stay_text(result: RunResult) -> None:
