@@ -62,8 +62,9 @@ def ground(result: RunResult) -> Ground:
     if np.abs(outline[:, 0]).max() > 180:
         return Ground(lonlat(), is_lonlat=True, bounds=_around(outline), convergence="")
     crs = pyproj.CRS.from_user_input(projection.crs)
-    # PROJ looks through all that it knows: 80 ms.
-    authority = ":".join(crs.to_authority() or ())
+    # PROJ looks through all that it knows, for 80 ms; the planner's own planes have no name there.
+    own = projection.crs.startswith("+proj")
+    authority = "" if own else ":".join(crs.to_authority() or ())
     if not authority:
         crs = pyproj.CRS.from_json_dict({**crs.to_json_dict(), "name": _NAME})
     to_plane = pyproj.Transformer.from_crs("OGC:CRS84", crs, always_xy=True)

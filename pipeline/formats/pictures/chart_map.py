@@ -130,14 +130,14 @@ def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = Non
     Cut to an area if one is given.
     """
     detail = DETAIL_PT * point(axes)
-    land = shapely.simplify(_cut(result.scene.land, within), detail)
+    land = _drawn(_cut(result.scene.land, within), detail)
     shoals = result.scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
     return [
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
         patch(
-            shapely.simplify(_cut(shoals, within), detail),
+            _drawn(_cut(shoals, within), detail),
             facecolor=COLOURS["shoal"],
             edgecolor="none",
             zorder=4,
@@ -265,6 +265,14 @@ def _figure_size_pt(result: RunResult) -> tuple[float, float]:
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _FLATTEST, _TALLEST))
     return WIDTH_PT, (WIDTH_PT - LEFT_PT - RIGHT_PT) * ratio + BOTTOM_PT + TOP_PT
+
+
+def _drawn(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+    """Simplify areas (n,) by a detail, and leave out those smaller than it: none shows on paper."""
+    west, south, east, north = shapely.bounds(areas).T
+    return np.asarray(
+        shapely.simplify(areas[np.maximum(east - west, north - south) >= detail], detail)
+    )
 
 
 def _cut(
