@@ -150,11 +150,6 @@ class Projection:
         proj4 = _proj4(name, longitude, latitude) + f" +k_0={factor!r} +y_0={northing * factor!r}"
         return cls(proj4, scale, longitude)
 
-    @property
-    def crs_wkt(self) -> str:
-        """The plane in true metres as WKT; planar coordinates are these divided by `scale`."""
-        return pyproj.CRS.from_user_input(self.crs).to_wkt()
-
     def to_plane(self, lonlat: npt.ArrayLike) -> FloatArray:
         """Project lon/lat (..., 2) in degrees to scaled planar metres (..., 2)."""
         points = np.asarray(lonlat, dtype=np.float64)

@@ -216,7 +216,7 @@ def _measured(scene: Scene, land: Land, path: FloatArray, reported_m: float) -> 
     """Take a route to degrees by PROJ itself, finely cut, and measure it."""
     line = shapely.segmentize(shapely.LineString(path), _STEP_M / scene.projection.scale)
     xy = shapely.get_coordinates(line) * scene.projection.scale
-    there = pyproj.Transformer.from_crs(scene.projection.crs_wkt, "OGC:CRS84", always_xy=True)
+    there = pyproj.Transformer.from_crs(scene.projection.crs, "OGC:CRS84", always_xy=True)
     lonlat = np.column_stack(there.transform(xy[:, 0], xy[:, 1]))
     return Route(reported_m, clearance_m(lonlat, land.polygons), over_land_m(lonlat, land.polygons))
 

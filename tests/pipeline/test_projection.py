@@ -272,8 +272,8 @@ def test_equal_picklable_and_named_by_its_value() -> None:
 
 
 @regions
-def test_wkt_is_the_plane_in_true_metres(name: str) -> None:
+def test_the_crs_is_the_plane_in_true_metres(name: str) -> None:
     projection = _projection(name, 1000.0)
     point = _point(name, (0.7, 0.6))
-    there = pyproj.Transformer.from_crs("OGC:CRS84", projection.crs_wkt, always_xy=True)
+    there = pyproj.Transformer.from_crs("OGC:CRS84", projection.crs, always_xy=True)
     assert np.array(there.transform(*point)) / 1000 == pytest.approx(projection.to_plane(point))
