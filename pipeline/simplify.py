@@ -262,10 +262,10 @@ class _Search:
         # A tolerance of nought has to grow from somewhere.
         tolerance = max(tolerance_m, largest_m / 1000)
         largest_m = max(largest_m, tolerance_m)
-        fewest = count_vertices(first.polygons)
         while (count := count_vertices(trial.polygons)) > budget:
-            fewest = min(fewest, count)
             if tolerance >= largest_m:
+                # Trials between depend on the budget: another may not meet what one of them did.
+                fewest = min(count, count_vertices(first.polygons))
                 fault = (
                     f"chart.vertex_budget is {budget}, but {fewest} vertices are left at a "
                     f"tolerance of {tolerance / 1000:.1f} km, a fiftieth of the region: set it to "
