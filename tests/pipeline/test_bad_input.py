@@ -13,21 +13,15 @@ from typer.testing import CliRunner
 from pipeline.cli import app
 from pipeline.sources import osm
 from tests.pipeline.conftest import ACROSS_BOX
+from tests.pipeline.small_waters import small_waters
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 # Small waters across the middle of Palawan: the island cuts the box from edge to edge.
-ACROSS = """
-schema_version = 1
-name = "across"
-vessel = "paper-asv"
-scale = 1000
-start = [118.40, 10.20]
-goal = [118.60, 10.30]
-[region]
-bbox = [118.3, 9.3, 119.2, 10.4]
-[chart]
+ACROSS = (
+    small_waters("across")
+    + """[chart]
 join_gap_m = 0
 tolerance_m = 500
 [[seasons]]
@@ -37,6 +31,7 @@ currents = ["embedded-palawan"]
 [planner]
 classes = 2
 """
+)
 PLANE = """
 schema_version = 1
 name = "plain"

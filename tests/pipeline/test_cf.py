@@ -23,6 +23,7 @@ from pipeline.scenario import Season
 from pipeline.sources.cf import CfFiles
 from pipeline.sources.field import Field, Shore
 from tests.pipeline.seas import coastal, dataset, sea, write
+from tests.pipeline.small_waters import small_waters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,16 +33,9 @@ if TYPE_CHECKING:
 NO_LAND = Land((), (), 0.0)
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
 # Open water south of Palawan's middle: small, quick to plan in, and the region of the tests here.
-SCENARIO = """
-schema_version = 1
-name = "mine"
-vessel = "paper-asv"
-scale = 1000
-start = [118.40, 10.20]
-goal = [118.60, 10.30]
-[region]
-bbox = [118.3, 9.3, 119.2, 10.4]
-[chart]
+SCENARIO = (
+    small_waters("mine")
+    + """[chart]
 tolerance_m = 500
 [[seasons]]
 name = "summer"
@@ -51,6 +45,7 @@ currents = ["field.nc"]
 [planner]
 classes = 2
 """
+)
 SHARED = {
     "cwb": "cwb_ocm_M-B0071-000_20200617T00.nc",
     "duacs": "duacs_nrt_global_allsat_phy_l4_20190223_20190226.nc",

@@ -166,7 +166,7 @@ def plane_scene(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.
     st.integers(0, 2**32 - 1),
     st.booleans(),
 )
-def test_the_side_is_where_the_way_round_lies(angle: float, seed: int, is_left: bool) -> None:  # noqa: FBT001
+def test_the_side_is_where_the_way_round_lies(angle: float, seed: int, is_left: bool) -> None:
     """Go round a random island at a fixed radius: the side is known from how the path was made."""
     rng = np.random.default_rng(seed)
     spokes = np.sort(rng.uniform(0, 2 * math.pi, 9))

@@ -341,7 +341,7 @@ def test_a_strait_narrower_than_the_gap_closes() -> None:
 
 
 @pytest.mark.parametrize(("gap", "closed"), [(900.0, True), (700.0, False)])
-def test_no_route_passes_between_rocks_nearer_than_the_gap(gap: float, closed: bool) -> None:  # noqa: FBT001
+def test_no_route_passes_between_rocks_nearer_than_the_gap(gap: float, closed: bool) -> None:
     rocks = shapely.multipolygons(
         [shapely.box(x, 50_000, x + 50, 50_050) for x in (50_000, 50_850)]
     )

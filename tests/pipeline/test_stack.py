@@ -16,27 +16,22 @@ from pipeline.sources import land_source
 from pipeline.sources.osm_adapter import OsmLand
 from pipeline.sources.stack import Stack, stacked
 from tests.pipeline.conftest import ACROSS_BOX
+from tests.pipeline.small_waters import small_waters
 from tests.pipeline.test_vector import write
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-SCENARIO = """
-schema_version = 1
-name = "mine"
-vessel = "paper-asv"
-scale = 1000
-start = [118.40, 10.20]
-goal = [118.60, 10.30]
-[region]
-bbox = [118.3, 9.3, 119.2, 10.4]
-[chart]
+SCENARIO = (
+    small_waters("mine")
+    + """[chart]
 source = {source}
 [[seasons]]
 name = "summer"
 valid = "2024-07"
 currents = ["embedded-palawan"]
 """
+)
 ROCK = shapely.box(118.45, 10.25, 118.46, 10.26)
 
 

@@ -113,7 +113,7 @@ def test_the_current_stays_within_its_radius_of_the_interpolant(name: str) -> No
 @given(st.tuples(*[st.integers(-2000, 2000).map(lambda n: n / 1000)] * 4), st.booleans())
 def test_the_rate_is_the_largest_over_the_circle(
     vectors: tuple[float, float, float, float],
-    compiled: bool,  # noqa: FBT001
+    compiled: bool,
 ) -> None:
     px, py, cx, cy = vectors
     rate = bounds._projected_rate if compiled else bounds._projected_rate.py_func

@@ -152,9 +152,9 @@ def render(report: Report) -> str:
         light=COLOURS,
         dark=DARK,
         # Files of this package, in which nobody else writes.
-        script=Markup(script()),  # noqa: S704
+        script=Markup(script()),  # noqa: S704 - our own
         script_hash=content_hash(script()),
-        leaflet_style=Markup(leaflet_style()),  # noqa: S704
+        leaflet_style=Markup(leaflet_style()),  # noqa: S704 - our own
     )
 
 
@@ -182,7 +182,7 @@ def gather(result: RunResult) -> Report:
         seasons=tuple(_season(result, entry, i) for i, entry in enumerate(result.plans, start=1)),
         speed_labels=speeds.labels,
         # JSON in which no character can end the element that it stands in.
-        map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704
+        map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
         map_ratio=_ratio(result.scene.chart.bounds),
         comparison=comparison(result),
         comparison_origin=scenario.published.origin if scenario.published else "",
@@ -270,8 +270,8 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         rejected=_rejected(entry),
         # What pictures return holds no text of anybody's but its label, which they escape.
         picture=Markup(picture),  # noqa: S704 - our own SVG
-        profile=Markup(profile),  # noqa: S704
-        padding=Markup(padding),  # noqa: S704
+        profile=Markup(profile),  # noqa: S704 - our own
+        padding=Markup(padding),  # noqa: S704 - our own
     )
 
 

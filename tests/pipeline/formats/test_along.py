@@ -88,7 +88,7 @@ def check_sums(found: Along, ranked: RankedRoute) -> None:
 
 
 @pytest.mark.parametrize("planar", [False, True])
-def test_the_figures_end_at_the_routes_own(planar: bool) -> None:  # noqa: FBT001
+def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
     result = judged(small_run.parts(planar=planar))
     assert result.routes
     for ranked in result.routes:

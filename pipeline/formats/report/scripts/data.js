@@ -1,30 +1,22 @@
 // The page's data, read back: `encode.py` writes every place and figure as a whole number, the
 // difference to the one before.
 
-/** Running sums of a flat x, y, dx, dy, ... as [y, x] pairs in metres, the order Leaflet wants. */
-function readLine(moves, stepM) {
+/** Running sums of a flat x, y, dx, dy, ... as places in metres: [y, x], the order Leaflet wants. */
+function readLine(moves, stepM, place = (y, x) => [y, x]) {
   const places = new Array(moves.length / 2);
   let x = 0;
   let y = 0;
   for (let i = 0; i < places.length; i += 1) {
     x += moves[2 * i];
     y += moves[2 * i + 1];
-    places[i] = [y * stepM, x * stepM];
+    places[i] = place(y * stepM, x * stepM);
   }
   return places;
 }
 
 /** The same as Leaflet's own places: a coast has too many to make each of them twice. */
 function readRing(moves, stepM) {
-  const places = new Array(moves.length / 2);
-  let x = 0;
-  let y = 0;
-  for (let i = 0; i < places.length; i += 1) {
-    x += moves[2 * i];
-    y += moves[2 * i + 1];
-    places[i] = new L.LatLng(y * stepM, x * stepM);
-  }
-  return places;
+  return readLine(moves, stepM, (y, x) => new L.LatLng(y, x));
 }
 
 /** Running sums of a series in its own unit; null where it has infinite figures. */

@@ -203,7 +203,7 @@ def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult, kin
 @pytest.mark.parametrize("kind", Kind.asked(()))
 def test_no_words_of_a_figure_run_into_each_other_or_off_it(
     kind: Kind,
-    planar: bool,  # noqa: FBT001
+    planar: bool,
 ) -> None:
     result = small_run.parts(planar=planar)
     drawn = figure(result, result.plans[0].season, kind)
