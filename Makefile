@@ -66,7 +66,7 @@ bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench
 
 pictures: $(READY)  ## the documents' pictures anew: docs/*.png
-	$(BIN)/python -m tests.pipeline.formats.pictures
+	$(BIN)/python -m tests.pipeline.formats.figures
 
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel

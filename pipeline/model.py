@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     import renew
-    from pipeline.projection import Projection
+    from pipeline.geo.projection import Projection
 
     FloatArray = npt.NDArray[np.float64]
     Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent

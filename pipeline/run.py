@@ -11,23 +11,24 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import renew
-from pipeline import artefact, plane
-from pipeline.artefact import Store
+from pipeline import store as artefact
 from pipeline.errors import RequestError, StageError
-from pipeline.fetch import Parts, fetch
-from pipeline.formats.result import RunResult
+from pipeline.formats.shared.result import RunResult
+from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
-from pipeline.projection import Projection
-from pipeline.season import SeasonTask, Status, run_tasks
-from pipeline.simplify import SimplifiedLand, simplify_land
-from pipeline.write import output_directory, write
+from pipeline.stages import planar as plane
+from pipeline.stages.fetch import Parts, fetch
+from pipeline.stages.season_task import SeasonTask, Status, run_tasks
+from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.write import output_directory, write
+from pipeline.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from pipeline.model import Evaluation, Simplified
-    from pipeline.scenario import Scenario
+    from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "plan", "write"]
 STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
@@ -291,7 +292,7 @@ class _Run:
         key = artefact.key("project", simplified_key, dict(parts.current_keys), self._world())
 
         def make() -> Scene:
-            from pipeline.project import project
+            from pipeline.stages.project import project
 
             try:
                 return project(scenario, parts.fetched, simplified)
@@ -331,7 +332,7 @@ class _Run:
         self, parts: Parts, tasks: Sequence[SeasonTask], scheduler: str | None
     ) -> tuple[tuple[SeasonPlan, ...], Evaluation]:
         """Fourth and fifth stage; every season with its own status."""
-        from pipeline.evaluate import joined
+        from pipeline.stages.evaluate import joined
 
         done = {task.season: result for task in tasks if (result := task.result()) is not None}
         waiting = {task.season: task for task in tasks if task.season not in done}

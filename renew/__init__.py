@@ -4,9 +4,6 @@ Plans vessel routes that are safe and cheap in ocean currents, after the AAAI 20
 name. Planar metres, arrays and shapely geometries in, routes out.
 """
 
-from renew.chart import Chart
-from renew.contingency import Contingency, contingency
-from renew.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.errors import (
     CurrentTooStrongError,
     GeometryError,
@@ -16,11 +13,14 @@ from renew.errors import (
     StartInNoGoError,
     UnreachableError,
 )
-from renew.fuel import fuel
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
+from renew.inputs.fuel import fuel
+from renew.inputs.vessel import Vessel
 from renew.planner import plan
 from renew.route import Plan, Rejected, Route
-from renew.tightest import Tightest, tightest
-from renew.vessel import Vessel
+from renew.turns.closest_approach import Tightest, tightest
+from renew.turns.contingency import Contingency, contingency
 
 __all__ = [
     "Chart",

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
-from renew.advice import advise
-from renew.channels import ChannelSearch, Order
-from renew.class_search import ClassSearch, Method
-from renew.current import CurrentLike, as_field
+from renew._types import FloatArray
+from renew.classes.channels import ChannelSearch, Order
+from renew.classes.h_signature import shortened
 from renew.errors import ParameterError, UnreachableError
-from renew.examine import Examined, examine
-from renew.fuel import Drift, check_drift
-from renew.homotopy import shortened
-from renew.padding import Padder, Padding, check_padding
-from renew.request import as_point, check_counts, check_ends
+from renew.inputs.arguments import as_point, check_counts, check_ends
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.fuel import Drift, check_drift
+from renew.inputs.vessel import Vessel
+from renew.padding.padding_model import Padder, Padding, check_padding
 from renew.route import Plan, Rejected, Route
-from renew.waters import Waters
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.chart import Chart
-    from renew.vessel import Vessel
+from renew.search.class_planner import ClassSearch, Method
+from renew.search.diagnosis import advise
+from renew.search.k_sailable_classes import Examined, examine
+from renew.search.problem import Waters
 
 
 def plan(
@@ -68,7 +66,7 @@ def plan(
     samples : int
         Chains a class, for ``"sampled"``.
     drift : {"projected", "crab"}
-        Drift model of Eq. 4; see :mod:`renew.fuel`.
+        Drift model of Eq. 4; see :mod:`renew.inputs.fuel`.
     seed : int
         Seed of all draws; the same seed gives the same plan.
     order : {"fuel", "length", "depth-first"}

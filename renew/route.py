@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from renew.bounds import fuel_lower_bound
-from renew.crossing import visits
-from renew.errors import UnreachableError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from shapely.geometry.base import BaseGeometry
-
-    from renew._types import FloatArray
-    from renew.chart import Chart
-    from renew.current import CurrentField
-    from renew.errors import Strait
-    from renew.fuel import Drift
-    from renew.vessel import Vessel
+from renew._types import FloatArray
+from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.errors import Strait, UnreachableError
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField
+from renew.inputs.fuel import Drift
+from renew.inputs.vessel import Vessel
+from renew.kernels.traversal import visits
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -40,7 +34,7 @@ class LeastFuel:
 
     @cached_property
     def bound(self) -> float:
-        """The proven lower bound (fuel units); see :mod:`renew.bounds`."""
+        """The proven lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
         return fuel_lower_bound(
             self.chart, self.current, self.vessel, self.start, self.goal, self.drift
         )

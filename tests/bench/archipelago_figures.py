@@ -11,10 +11,10 @@ import shapely
 from shapely import Polygon
 
 import renew
-from pipeline import catalogue
-from pipeline.project import extent_polygon
-from pipeline.projection import Projection
-from pipeline.sources.osm import land_polygons
+from pipeline.geo.projection import Projection
+from pipeline.scenario import catalogue
+from pipeline.sources.land.osm import land_polygons
+from pipeline.stages.project import extent_polygon
 from tests import yardstick
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most

@@ -18,14 +18,14 @@ import pyproj
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.evaluate import evaluate_season
+from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Fetched
-from pipeline.plan import plan_season
-from pipeline.project import project
-from pipeline.projection import Projection
-from pipeline.scenario import Scenario
-from pipeline.simplify import simplify_land
-from pipeline.sources import osm
+from pipeline.scenario.model import Scenario
+from pipeline.sources.land import osm
+from pipeline.stages.evaluate import evaluate_season
+from pipeline.stages.plan import plan_season
+from pipeline.stages.project import project
+from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario
 from tests.true_scale import clearance_m, over_land_m

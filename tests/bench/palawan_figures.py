@@ -11,12 +11,12 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.artefact import Store
-from pipeline.fetch import fetch
-from pipeline.project import project
-from pipeline.projection import Projection
-from pipeline.reading import load_scenario
-from pipeline.simplify import simplify_land
+from pipeline.geo.projection import Projection
+from pipeline.loading import load_scenario
+from pipeline.stages.fetch import fetch
+from pipeline.stages.project import project
+from pipeline.stages.simplify import simplify_land
+from pipeline.store import Store
 from tests import yardstick
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pipeline.model import Fetched, Scene
-    from pipeline.scenario import Scenario
+    from pipeline.scenario.model import Scenario
     from renew._types import FloatArray
 
 NAUTICAL_MILE = 1852.0

@@ -39,7 +39,7 @@ def run_scenario(
 
     Its log lines go into a file, where one is named.
     """
-    command = [sys.executable, "-m", "pipeline.cli", "run", name, *options]
+    command = [sys.executable, "-m", "pipeline.cli.main", "run", name, *options]
     begin = time.perf_counter()
     with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
         child = subprocess.Popen(

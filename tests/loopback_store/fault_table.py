@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.sources.copernicus import Copernicus
+from pipeline.sources.currents.copernicus.adapter import Copernicus
 from tests.loopback_store import world
 
 if TYPE_CHECKING:

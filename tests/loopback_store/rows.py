@@ -7,18 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.sources.copernicus import Copernicus
-from pipeline.sources.copernicus_account import PASSWORD, USERNAME
+from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME
+from pipeline.sources.currents.copernicus.adapter import Copernicus
 from tests.loopback_store import world
 from tests.loopback_store.server import LOGIN, Fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pipeline.catalogue import CopernicusSpec
+    from pipeline.scenario.catalogue import CopernicusSpec
 
 DAILY, TOTAL = "copernicus-forecast-daily", "copernicus-total-hourly"
-# A cell that is off by less still looks like the sea; see `pipeline.sources.acceptance`.
+# A cell that is off by less still looks like the sea; see `pipeline.sources.quality.acceptance`.
 _UNSEEN_M_S = 0.4
 
 

@@ -17,12 +17,12 @@ import pytest
 import shapely
 import trustme
 
-from pipeline import catalogue
-from pipeline.catalogue import CopernicusSpec
 from pipeline.model import Credit, Land
-from pipeline.scenario import Season
-from pipeline.sources.copernicus_account import PASSWORD as PASSWORD_VARIABLE
-from pipeline.sources.copernicus_account import USERNAME as USERNAME_VARIABLE
+from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import CopernicusSpec
+from pipeline.scenario.model import Season
+from pipeline.sources.currents.copernicus.account import PASSWORD as PASSWORD_VARIABLE
+from pipeline.sources.currents.copernicus.account import USERNAME as USERNAME_VARIABLE
 from tests.loopback_store.datasets import Dataset, times
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import PASSWORD, USERNAME, LoopbackStore

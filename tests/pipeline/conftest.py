@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.artefact import Store
-from pipeline.fetch import fetch
-from pipeline.reading import load_scenario
-from pipeline.scenario import Scenario
+from pipeline.loading import load_scenario
+from pipeline.scenario.model import Scenario
+from pipeline.stages.fetch import fetch
+from pipeline.store import Store
 
 if TYPE_CHECKING:
     from pathlib import Path

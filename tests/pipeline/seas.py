@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pipeline.sources.field import Field
+from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import numpy.typing as npt
 
-    from pipeline.sources.field import Shore
+    from pipeline.sources.quality.field import Shore
 
     FloatArray = npt.NDArray[np.float64]
 

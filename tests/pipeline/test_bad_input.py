@@ -10,8 +10,8 @@ import pytest
 import shapely
 from typer.testing import CliRunner
 
-from pipeline.cli import app
-from pipeline.sources import osm
+from pipeline.cli.main import app
+from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.small_waters import small_waters
 

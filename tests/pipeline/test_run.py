@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.catalogue import read_toml, scenario_path
 from pipeline.errors import StageError
-from pipeline.reading import load_scenario, parse_scenario
+from pipeline.loading import load_scenario, parse_scenario
 from pipeline.run import Event, run
+from pipeline.scenario.catalogue import read_toml, scenario_path
 from tests.tree import tree
 
 if TYPE_CHECKING:
-    from pipeline.scenario import Scenario
+    from pipeline.scenario.model import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -130,7 +130,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from pipeline.run import run
-from pipeline.scenario import Scenario
+from pipeline.scenario.model import Scenario
 if __name__ == "__main__":
     scenario = Scenario.model_validate_json(Path(sys.argv[1]).read_text())
     if sys.argv[3:]:

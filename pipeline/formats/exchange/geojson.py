@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from pipeline.formats.exchange.text import attribution, heading, waypoint_name, whole_text
 from pipeline.formats.exchange.waypoints import season_waypoints
-from pipeline.formats.exchange.words import attribution, heading, waypoint_name, whole_text
 from pipeline.formats.gis.layers import LAYERS
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pipeline.formats.exchange.waypoints import Waypoints
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]
     Feature = dict[str, Any]

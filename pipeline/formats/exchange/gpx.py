@@ -9,8 +9,7 @@ from xml.sax import saxutils
 import gpxpy.gpx
 import numpy as np
 
-from pipeline.formats.exchange.waypoints import season_waypoints
-from pipeline.formats.exchange.words import (
+from pipeline.formats.exchange.text import (
     attribution,
     heading,
     leg_words,
@@ -19,16 +18,17 @@ from pipeline.formats.exchange.words import (
     waypoint_name,
     xml_text,
 )
-from pipeline.formats.legs import metres_along, times_at
-from pipeline.formats.phrases import distance, hours
-from pipeline.projection import in_pieces
+from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.shared.legs import metres_along, times_at
+from pipeline.formats.shared.text import distance, hours
+from pipeline.geo.projection import in_pieces
 
 if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
     from pipeline.formats.exchange.waypoints import Waypoints
-    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
 
 # Points of the track, in true metres: between them the straight line of the plane and any other
 # way to draw a line are 0.2 m apart at most.

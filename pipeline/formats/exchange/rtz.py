@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
-from pipeline.formats.exchange.words import (
+from pipeline.formats.exchange.text import (
     KNOTS,
     attribution,
     duration,
@@ -25,13 +24,14 @@ from pipeline.formats.exchange.words import (
     waypoint_name,
     xml_text,
 )
+from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
 
 if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
     from pipeline.formats.exchange.waypoints import Waypoints
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""

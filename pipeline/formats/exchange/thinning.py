@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.exchange.lane import cross
+from pipeline.formats.exchange.safe_corridor import cross
 from pipeline.formats.exchange.tracks import tracks
-from pipeline.formats.legs import metres_along
+from pipeline.formats.shared.legs import metres_along
 
 if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.exchange.lane import Lane
+    from pipeline.formats.exchange.safe_corridor import Lane
     from pipeline.formats.exchange.tracks import Curve
-    from pipeline.projection import Projection
+    from pipeline.geo.projection import Projection
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.int64]

@@ -18,7 +18,7 @@ import shapely
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.projection import Projection
+    from pipeline.geo.projection import Projection
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.int64]

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.exchange.lane import Shores, lane
-from pipeline.formats.exchange.rooms import rooms, turning_radii
+from pipeline.formats.exchange.cross_track_limits import rooms, turning_radii
+from pipeline.formats.exchange.safe_corridor import Shores, lane
 from pipeline.formats.exchange.thinning import Drawing, thin
 from pipeline.formats.exchange.tracks import Tracks, curve_for, initial_course_deg, tracks
-from pipeline.formats.legs import mean_speed, metres_along, times_at
+from pipeline.formats.shared.legs import mean_speed, metres_along, times_at
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.lane import Lane
+    from pipeline.formats.exchange.safe_corridor import Lane
     from pipeline.formats.exchange.tracks import Curve
-    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
 
     FloatArray = npt.NDArray[np.float64]
 

@@ -17,17 +17,17 @@ import numpy as np
 import shapely
 
 from pipeline.formats.gis import project, records
-from pipeline.formats.gis.disk import os_error
 from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.gis.styles import qml
 from pipeline.formats.gis.view import view
-from pipeline.formats.manifest import manifest
+from pipeline.formats.shared.os_errors import os_error
+from pipeline.formats.tables.manifest import manifest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 # The project's name inside the file, as QGIS lists it.
 PROJECT = "RENEW"

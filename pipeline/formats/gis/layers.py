@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from pipeline.formats.legs import legs
+from pipeline.formats.shared.legs import legs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
 
 # A straight line of the plane departs from the straight line in degrees by s²/8R·tan(latitude):
 # 0.1 m at 2 km and 10 degrees, 0.2 m at 70 degrees.

@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from pipeline.formats.gis.ground import ground, lonlat
+from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.map_crs import ground, lonlat
 from pipeline.formats.gis.styles import style
 from pipeline.formats.gis.symbols import LONGEST_TITLE, clean, short
-from pipeline.formats.pictures.palette import COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pipeline.formats.gis.ground import Ground, System
     from pipeline.formats.gis.layers import Layer
+    from pipeline.formats.gis.map_crs import Ground, System
     from pipeline.formats.gis.view import SeasonView, View
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
     Element = Any  # lxml has no types
 

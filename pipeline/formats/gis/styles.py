@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.fields import FIELDS
 from pipeline.formats.gis.symbols import (
     Label,
@@ -21,7 +22,6 @@ from pipeline.formats.gis.symbols import (
     rule_renderer,
     short,
 )
-from pipeline.formats.pictures.palette import COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.pictures.arrows import SpeedScale, speed_scale
-from pipeline.formats.pictures.palette import COLOURS
+from pipeline.formats.figures.arrows import SpeedScale, speed_scale
+from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 # A season's routes: apart from each other, from land, water and currents, and in lightness too.
 _SEASON_COLOURS = (COLOURS["best"], "#4a148c", "#e65100", "#00695c", "#827717")

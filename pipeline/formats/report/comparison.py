@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.formats.result import RunResult
-    from pipeline.scenario import PublishedRow
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.scenario.model import PublishedRow
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.phrases import zone_words
 from pipeline.formats.report.encode import Lattice, coarser, series, within
+from pipeline.formats.shared.text import zone_words
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.model import RouteKey
 
     FloatArray = npt.NDArray[np.float64]
@@ -89,7 +89,7 @@ def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
     """Write meridians and parallels, or lines of even metres, each with its label's place."""
-    from pipeline.formats.pictures.graticule import graticule
+    from pipeline.formats.figures.graticule import graticule
 
     scene, is_planar = result.scene, result.scenario.is_planar
     return [
@@ -138,7 +138,7 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
 
 def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
     """Write a route: places with what is met there, and its hard-over turns."""
-    from pipeline.formats.along import along
+    from pipeline.formats.shared.along import along
 
     places = along(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
     whole = lattice.whole(result.scene.projection.to_plane(places.lonlat))

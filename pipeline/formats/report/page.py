@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import shapely
 
-from pipeline.formats import phrases
-from pipeline.formats.manifest import versions
-from pipeline.formats.pictures.palette import COLOURS, DARK
+from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.formats.shared import text as phrases
+from pipeline.formats.tables.manifest import versions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from pipeline.formats.report.comparison import Comparison
-    from pipeline.formats.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.model import Credit, RouteMetrics, SeasonPlan, Simplified
-    from pipeline.scenario import PlannerOptions, VesselSpec
+    from pipeline.scenario.model import PlannerOptions, VesselSpec
     from renew import Rejected
 
 _FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
@@ -162,7 +162,7 @@ def gather(result: RunResult) -> Report:
     """Gather all that the page shows."""
     from markupsafe import Markup
 
-    from pipeline.formats.pictures.arrows import speed_scale
+    from pipeline.formats.figures.arrows import speed_scale
     from pipeline.formats.report.comparison import comparison
     from pipeline.formats.report.encode import json_for_script
     from pipeline.formats.report.map_data import map_data
@@ -246,7 +246,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
     """Gather a season's part."""
     from markupsafe import Markup
 
-    from pipeline.formats.pictures.figures import season_svg
+    from pipeline.formats.figures.figures import season_svg
 
     ranked = result.season_routes(entry.season)
     metrics = [r.metrics for r in ranked]
@@ -277,7 +277,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
     """Draw what the best route meets on its way, and the padding at its tightest place."""
-    from pipeline.formats.pictures.plots import padding_svg, profile_svg
+    from pipeline.formats.figures.plots import padding_svg, profile_svg
 
     m = best.metrics
     profile = profile_svg(

@@ -12,7 +12,7 @@ from tests.pipeline.formats.page import Page
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 
 @pytest.fixture(scope="session")

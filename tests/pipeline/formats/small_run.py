@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.formats.result import RunResult
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import (
     Credit,
     CurrentGrid,
@@ -24,8 +24,8 @@ from pipeline.model import (
     Simplified,
     Zone,
 )
-from pipeline.project import project
-from pipeline.scenario import Scenario
+from pipeline.scenario.model import Scenario
+from pipeline.stages.project import project
 
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
 STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")

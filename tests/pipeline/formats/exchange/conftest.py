@@ -8,7 +8,7 @@ from tests.pipeline.formats import small_run
 from tests.pipeline.formats.exchange import runs
 
 if TYPE_CHECKING:
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 NAMES = ("small", "180 degrees", "north", "long", "harbours", "random 0", "random 1", "random 2")
 

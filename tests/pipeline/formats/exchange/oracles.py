@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pipeline.formats.exchange.waypoints import Waypoints
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]
 

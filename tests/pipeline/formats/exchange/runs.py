@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.evaluate import evaluate_season, joined
-from pipeline.formats.result import RunResult
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.plan import plan_season
-from pipeline.project import project
+from pipeline.stages.evaluate import evaluate_season, joined
+from pipeline.stages.plan import plan_season
+from pipeline.stages.project import project
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
-    from pipeline.scenario import Scenario
+    from pipeline.scenario.model import Scenario
 
 STREAM = Credit("Test stream", "current", "A stream made up for a test", "CC0")
 SEASON = "summer"

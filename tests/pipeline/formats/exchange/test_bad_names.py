@@ -16,8 +16,8 @@ from lxml import etree
 from pipeline.formats.exchange.geojson import write_geojson
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.exchange.words import whole_text, xml_text
-from pipeline.write import safe_name
+from pipeline.formats.exchange.text import whole_text, xml_text
+from pipeline.stages.write import safe_name
 from tests.pipeline.formats.exchange import runs
 from tests.pipeline.formats.exchange.test_gpx import check_order
 from tests.pipeline.formats.exchange.test_rtz import VERSIONS
@@ -26,7 +26,7 @@ from tests.referees import rtz_faults
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 NAMES = (
     "<script>alert(1)</script>",

@@ -22,7 +22,7 @@ from tests.pipeline.formats.exchange import runs
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 
 def refused(text: str) -> None:

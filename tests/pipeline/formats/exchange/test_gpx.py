@@ -15,13 +15,13 @@ from lxml import etree
 
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.waypoints import season_waypoints
-from pipeline.formats.legs import planned_times
+from pipeline.formats.shared.legs import planned_times
 from tests.pipeline.formats.exchange import oracles, runs
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 Element: TypeAlias = Any  # lxml has no types
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)

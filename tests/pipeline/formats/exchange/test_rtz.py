@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 # lxml has no types.
 Element: TypeAlias = Any

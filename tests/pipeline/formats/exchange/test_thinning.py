@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.exchange.lane import Lane
+from pipeline.formats.exchange.safe_corridor import Lane
 from pipeline.formats.exchange.thinning import Drawing, thin
-from pipeline.projection import Projection
+from pipeline.geo.projection import Projection
 
 # At 20 degrees east on the equator loxodromes are straight lines of the plane.
 DRAWING = Drawing(Projection.at(20.0, 0.0), "Loxodrome", 0.01)

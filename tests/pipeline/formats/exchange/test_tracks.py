@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.formats.exchange.tracks import curve_for, initial_course_deg, tracks
-from pipeline.projection import Projection
+from pipeline.geo.projection import Projection
 from tests.pipeline.formats.exchange import oracles
 
 latitudes = st.floats(-70, 70)

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.exchange.lane import Shores, lane
+from pipeline.formats.exchange.safe_corridor import Shores, lane
 from pipeline.formats.exchange.waypoints import (
     MOST_MORE_FUEL,
     MOST_ROOM_M,
@@ -19,7 +19,7 @@ from pipeline.formats.exchange.waypoints import (
     season_waypoints,
     waypoints,
 )
-from pipeline.formats.legs import planned_times
+from pipeline.formats.shared.legs import planned_times
 from tests.pipeline.formats.exchange import oracles, runs
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 
 def every(result: RunResult) -> Iterator[Waypoints]:

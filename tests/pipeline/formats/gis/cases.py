@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import shapely.affinity
 
+from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Evaluation, Land
-from pipeline.projection import Projection
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from shapely.geometry import Polygon
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
 _RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave

@@ -14,7 +14,7 @@ import pytest
 import shapely
 
 from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.manifest import manifest
+from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.exchange import runs
@@ -24,7 +24,7 @@ from tests.referees import geopackage_faults
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 LAYERS = {

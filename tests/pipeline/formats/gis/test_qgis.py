@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.pictures.palette import COLOURS
-from pipeline.plane import unsimplified
+from pipeline.stages.planar import unsimplified
 from tests.pipeline.formats.gis.cases import badly_named, moved_east
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 pytestmark = pytest.mark.slow
 

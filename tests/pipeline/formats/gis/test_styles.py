@@ -19,20 +19,20 @@ from hypothesis import strategies as st
 from lxml import etree
 
 import renew
+from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.ground import ground
+from pipeline.formats.gis.map_crs import ground
 from pipeline.formats.gis.styles import style
 from pipeline.formats.gis.symbols import clean, literal
 from pipeline.formats.gis.view import view
-from pipeline.formats.pictures.palette import COLOURS
-from pipeline.projection import Projection
+from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 LAYERS = {"routes", "waypoints", "channels", "no_go", "soft_no_go", "currents", "contingency"}
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
     from pipeline.model import RouteKey, RouteMetrics, SeasonPlan
 
 ISLANDS, CORNERS = 250, 200

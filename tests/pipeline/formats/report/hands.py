@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from playwright.sync_api import Page
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 
 def written(result: RunResult, directory: Path) -> Path:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 
 import pytest
 
-from pipeline.formats import phrases
 from pipeline.formats.report import assets
+from pipeline.formats.shared import text as phrases
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.big_page import measure, write_big_page
@@ -21,7 +21,7 @@ from tests.referees import axe_faults
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
     from tests.pipeline.formats.report.conftest import Reader
 
 WIDTHS = (360, 768, 1280)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pipeline.formats.pictures.palette import COLOURS
+from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.report import assets
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.hands import closest, drawn, pixels, written
@@ -17,7 +17,7 @@ from tests.pipeline.formats.report.hands import closest, drawn, pixels, written
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
     from tests.pipeline.formats.report.conftest import Reader
 
 HOSTILE = (

@@ -15,7 +15,7 @@ from tests.pipeline.formats import small_run
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 LIMITS = (0.2, 0.4)
 

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import pytest
 import shapely
 
-from pipeline.formats import phrases
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared import text as phrases
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 
 if TYPE_CHECKING:
-    from pipeline.formats.result import RunResult
+    from pipeline.formats.shared.result import RunResult
 
 HOSTILE = (
     '<script>alert("1")</script>"\'><img src=x onerror=alert(1)> ../../etc \N{ROCKET} \u202eevil'

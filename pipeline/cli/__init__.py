@@ -1,0 +1,1 @@
+"""The command line `renew`: commands, progress, summary."""

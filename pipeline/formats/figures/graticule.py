@@ -1,0 +1,147 @@
+"""Meridians, parallels (or a grid in metres) and a scale bar for a map in the planner's plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy.typing as npt
+    from shapely import Polygon
+
+    from pipeline.geo.projection import Projection
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Steps that a reader can count in: whole degrees, then minutes, then seconds of arc.
+_STEPS_DEG = (
+    *(30.0, 20.0, 10.0, 5.0, 2.0, 1.0),
+    *(minutes / 60 for minutes in (30, 20, 10, 5, 2, 1)),
+    *(seconds / 3600 for seconds in (30, 20, 10, 5, 2, 1)),
+)
+_FEWEST_LINES = 3.0
+_SAMPLES = 65
+# How far a straight edge may stand off a meridian, as a share of the chart's diagonal.
+_EDGE = 2.5e-3
+# A line that falls on the extent's edge is meant to be drawn.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class GridLine:
+    """A meridian or parallel in the chart or on its edge: pieces (n, 2), label, and its place.
+
+    `foot` is the lowest point of a meridian, the leftmost of a parallel.
+    """
+
+    is_meridian: bool
+    label: str
+    parts: tuple[FloatArray, ...]
+    foot: tuple[float, float]
+
+
+def graticule(
+    projection: Projection, extent: Polygon, *, in_metres: bool = False
+) -> tuple[GridLine, ...]:
+    """Lines at a round step, at least three to the extent's longer side.
+
+    Meridians and parallels, or with `in_metres` the lines x and y = a round number of metres.
+    """
+    xmin, ymin, xmax, ymax = extent.bounds
+    if in_metres:
+        step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _FEWEST_LINES), down=False)
+        return _lines(extent, (xmin, ymin, xmax, ymax), step, lambda xy: xy, _metres)
+    # A region that begins at a full degree has its edge on a meridian, and the chart's edge is that
+    # meridian made straight.
+    near = extent.buffer(_EDGE * math.hypot(xmax - xmin, ymax - ymin), join_style="mitre")
+    outline = projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length / 256))
+    west, south, east, north = outline.bounds
+    widest = max(east - west, north - south)
+    step = next((s for s in _STEPS_DEG if widest / s >= _FEWEST_LINES), _STEPS_DEG[-1])
+    return _lines(near, (west, south, east, north), step, projection.to_plane, _degrees)
+
+
+def scale_bar_m(
+    projection: Projection, bounds: tuple[float, float, float, float]
+) -> tuple[float, float]:
+    """Length of a scale bar: a round number of true metres, and the same in the plane.
+
+    It spans at most three tenths of the map's width; true in the middle of the map.
+    """
+    xmin, ymin, xmax, ymax = bounds
+    middle = projection.to_lonlat(np.array([(xmin + xmax) / 2, (ymin + ymax) / 2]))
+    true_m = projection.scale / float(projection.point_scale(middle))
+    length_m = nice_step(0.3 * (xmax - xmin) * true_m, down=True)
+    return length_m, length_m / true_m
+
+
+def nice_step(near: float, *, down: bool = False) -> float:
+    """Round a positive number up (or down) to 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(near))
+    steps = [factor * power for factor in (1.0, 2.0, 5.0, 10.0)]
+    slack = _ROUNDING * near
+    if down:
+        return max(step for step in steps if step <= near + slack)
+    return min(step for step in steps if step >= near - slack)
+
+
+def _lines(
+    extent: Polygon,
+    bounds: tuple[float, float, float, float],
+    step: float,
+    to_plane: Callable[[FloatArray], FloatArray],
+    spell: Callable[[float, bool, float], str],
+) -> tuple[GridLine, ...]:
+    """Lines of constant first, then second coordinate at multiples of `step` within `bounds`."""
+    lines = []
+    for axis in (0, 1):
+        low, high = bounds[axis], bounds[axis + 2]
+        across = np.linspace(bounds[1 - axis], bounds[3 - axis], _SAMPLES)
+        first, last = math.ceil(low / step - _ROUNDING), math.floor(high / step + _ROUNDING)
+        for value in step * np.arange(first, last + 1):
+            points = np.empty((_SAMPLES, 2))
+            points[:, axis], points[:, 1 - axis] = value, across
+            parts = _clip(to_plane(points), extent)
+            if parts:
+                every = np.concatenate(parts)
+                x, y = every[np.argmin(every[:, 1 - axis])]
+                label = spell(float(value), axis == 0, step)
+                lines.append(GridLine(axis == 0, label, parts, (float(x), float(y))))
+    return tuple(lines)
+
+
+def _clip(line: FloatArray, extent: Polygon) -> tuple[FloatArray, ...]:
+    """Cut a line (n, 2) to the pieces that lie inside the extent."""
+    inside = shapely.get_parts(shapely.intersection(shapely.LineString(line), extent))
+    return tuple(
+        shapely.get_coordinates(part)
+        for part in inside
+        if isinstance(part, shapely.LineString) and not part.is_empty
+    )
+
+
+def _metres(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - as _degrees
+    """Spell a coordinate in metres."""
+    del is_meridian, step
+    return f"{value:g} m"
+
+
+def _degrees(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - a callback
+    """Spell a longitude or latitude to the step's own precision: 118°E, 10°30′N, 0°."""
+    value = (value + 180) % 360 - 180 if is_meridian else value
+    seconds = round(abs(value) * 3600)
+    degrees, rest = divmod(seconds, 3600)
+    text = f"{degrees}°"
+    if step < 1 - _ROUNDING:
+        text += f"{rest // 60:02d}′"
+    if step < 1 / 60 - _ROUNDING:
+        text += f"{rest % 60:02d}″"
+    if seconds == 0 or (is_meridian and degrees == 180):
+        return text
+    return text + ("EW" if is_meridian else "NS")[0 if value > 0 else 1]

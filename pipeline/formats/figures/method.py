@@ -1,0 +1,128 @@
+"""Figures of the method, as in the paper: triangles, channels of classes, padding with its turns.
+
+RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026). Each function gives a
+figure of one season; see `chart_map` for what they share.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.figures.chart_map import (
+    add_layers,
+    draw_ends,
+    draw_frame,
+    land_handles,
+    land_layers,
+    line_handle,
+    map_figure,
+    no_go_layers,
+)
+from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.formats.figures.sheet import lines, patch, stroke
+from pipeline.formats.shared.text import distance, number
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from renew.classes.triangulation import Triangulation
+
+    FloatArray = npt.NDArray[np.float64]
+
+_CHANNEL_ALPHA = 0.3
+
+
+def mesh_figure(result: RunResult, season: str) -> Figure:
+    """Draw the triangles of the water, and the constrained edges, which are the hazards."""
+    mesh = _triangulation(result, season)
+    passing, constrained = _passing_edges(mesh), mesh.constrained_edges
+    handles = [
+        *land_handles(result),
+        line_handle("other", 0.8, f"{len(passing):,} passing edges"),
+        line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
+    ]
+    figure, [(axes, sea)] = map_figure(result, handles)
+    layers = [
+        *no_go_layers(result),
+        *land_layers(axes, result),
+        lines(passing, COLOURS["other"], 0.5, 5),
+        lines(constrained, COLOURS["ink"], 1.1, 6),
+    ]
+    add_layers(axes, layers, sea)
+    draw_ends(axes, result)
+    draw_frame(axes, result, sea)
+    return figure
+
+
+def channels_figure(result: RunResult, season: str) -> Figure:
+    """Draw the best classes' channels of triangles, a map and a colour each, with their routes.
+
+    The best of every side are among them.
+    """
+    chosen = _told_apart(result.season_routes(season), len(CLASS_COLOURS))
+    passing = _passing_edges(_triangulation(result, season))
+    figure, maps = map_figure(
+        result, titles=[_class_title(ranked) for ranked in chosen], columns=min(2, len(chosen))
+    )
+    for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
+        channel = ranked.route.channel
+        layers = [
+            *no_go_layers(result),
+            *land_layers(axes, result),
+            lines(passing, COLOURS["grid"], 0.5, 2),
+            patch(
+                shapely.polygons(channel),
+                facecolor=colour,
+                edgecolor="none",
+                alpha=_CHANNEL_ALPHA,
+                zorder=3,
+            ),
+            lines(_edges(channel), colour, 0.7, 3.2),
+            stroke(ranked.route.path, COLOURS["halo"], 4.0, 6),
+            stroke(ranked.route.path, colour, 2.2, 7),
+        ]
+        add_layers(axes, layers, sea)
+        draw_ends(axes, result, [ranked.route.path])
+        draw_frame(axes, result, sea)
+    return figure
+
+
+def _triangulation(result: RunResult, season: str) -> Triangulation:
+    """Triangulate as the planner did; water that outran the vessel was left out."""
+    from renew.classes.triangulation import triangulate
+
+    plan = next((entry.plan for entry in result.plans if entry.season == season), None)
+    return triangulate(result.scene.chart, closed=plan.overpowering if plan else None)
+
+
+def _passing_edges(mesh: Triangulation) -> FloatArray:
+    """Edges (e, 2, 2) that two triangles share."""
+    triangle, corner = np.nonzero(mesh.neighbours > np.arange(len(mesh.triangles))[:, None])
+    return np.asarray(mesh.vertices[mesh.edge_vertices(triangle, corner)])
+
+
+def _edges(triangles: FloatArray) -> FloatArray:
+    """All edges (3 t, 2, 2) of triangles (t, 3, 2)."""
+    return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+
+
+def _told_apart(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
+    """Choose the best route of each side first, then the next best; in the order of rank."""
+    sides: dict[str, RankedRoute] = {}
+    for ranked in routes:
+        sides.setdefault(ranked.metrics.side, ranked)
+    first = list(sides.values())[:count]
+    rest = [ranked for ranked in routes if ranked not in first]
+    return sorted([*first, *rest[: count - len(first)]], key=lambda ranked: ranked.rank)
+
+
+def _class_title(ranked: RankedRoute) -> tuple[str, str]:
+    """Name a class over its map; its length and fuel."""
+    metrics = ranked.metrics
+    side = f"{metrics.side} about" if metrics.side else f"class {metrics.rank}"
+    return f"{metrics.rank}: {side}", f"{distance(metrics.length_m)}, fuel {number(metrics.fuel)}"

@@ -1,0 +1,1 @@
+"""What several formats share: the run's result, legs, figures along a route, text."""

@@ -1,0 +1,106 @@
+"""The legs of a route as a navigator counts them: course, distance, time, speed over ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.geo.projection import in_pieces
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Pieces of this length (true metres) have one scale of the plane and one course: the planner's
+# straight line is then as long as the geodesic, to a millionth or better.
+_PIECE_M = 10_000.0
+
+
+@dataclass(frozen=True)
+class Legs:
+    """A route's n vertices, each with the leg that leaves it; NaN for the goal's, which has none.
+
+    `lonlat` (n, 2) degrees; `course_deg` (n,) true, at the leg's start; `length_m` (n,) true metres
+    along the planned line; `time_s` (n,) since departure; `speed_m_s` (n,) mean speed over ground.
+    """
+
+    lonlat: FloatArray
+    course_deg: FloatArray
+    length_m: FloatArray
+    time_s: FloatArray
+    speed_m_s: FloatArray
+
+
+def legs(ranked: RankedRoute, result: RunResult) -> Legs:
+    """Legs of a route as planned; they add up to the route's length and its duration."""
+    import pyproj
+
+    projection = result.scene.projection
+    path = np.asarray(ranked.route.path, dtype=float)
+    longest = _PIECE_M / projection.scale
+    pieces = [in_pieces(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
+    first = np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
+    lonlat = projection.to_lonlat(np.concatenate([*pieces, path[-1:]]))
+    azimuth, _, step = pyproj.Geod(ellps="WGS84").inv(
+        lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
+    )
+    length = np.add.reduceat(np.asarray(step), first)
+    time = planned_times(ranked, result)
+    return Legs(
+        lonlat=lonlat[np.append(first, -1)],
+        course_deg=np.append(np.asarray(azimuth)[first] % 360, np.nan),
+        length_m=np.append(length, np.nan),
+        time_s=time,
+        speed_m_s=np.append(mean_speed(length, time), np.nan),
+    )
+
+
+def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
+    """Seconds since departure (n,) at which each vertex of a route's path is reached."""
+    path = np.asarray(ranked.route.path, dtype=float)
+    return times_at(metres_along(path), path, ranked, result)
+
+
+def times_at(
+    done: FloatArray, path: FloatArray, ranked: RankedRoute, result: RunResult
+) -> FloatArray:
+    """Seconds since departure (n,) at which so many metres of a path (m, 2) are done, in the plane.
+
+    The path is the route's own or as good. The route's duration is shared out by the time that the
+    drift model gives each piece, at true scale: a metre of the plane is more or less than one on
+    earth, and takes as much more or less time.
+    """
+    from renew.inputs.fuel import passage_times
+
+    scene = result.scene
+    places = in_pieces(path, _PIECE_M / scene.projection.scale)
+    passage = passage_times(
+        places,
+        scene.currents[ranked.season],
+        scene.vessel,
+        drift=result.scenario.planner.drift,
+    )
+    passage = passage / scene.projection.point_scale(
+        scene.projection.to_lonlat((places[:-1] + places[1:]) / 2)
+    )
+    passage *= ranked.metrics.duration_s / passage.sum()
+    reached: FloatArray = np.append(0.0, np.cumsum(passage))
+    return np.asarray(np.interp(done, metres_along(places), reached))
+
+
+def metres_along(path: FloatArray) -> FloatArray:
+    """Metres (n,) from the start of a path (n, 2) to each of its vertices."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+
+
+def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Mean speed over ground (n - 1,) in m/s on legs between times (n,); NaN where none passes."""
+    passage = np.diff(time_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed: FloatArray = np.where(passage > 0, length_m / passage, np.nan)
+    return speed

@@ -1,0 +1,157 @@
+"""The finished run as every format sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+    import numpy.typing as npt
+    from shapely.geometry.base import BaseGeometry
+
+    import renew
+    from pipeline.model import (
+        Credit,
+        Evaluation,
+        Fetched,
+        RouteMetrics,
+        Scene,
+        SeasonPlan,
+        Simplified,
+        Zone,
+    )
+    from pipeline.scenario.model import Scenario
+
+    FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RankedRoute:
+    """A route with its figures: `rank` 1 is the season's best."""
+
+    season: str
+    rank: int
+    route: renew.Route
+    metrics: RouteMetrics
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """All artefacts of one run; `created` is the time of writing (UTC), `timings` in seconds."""
+
+    scenario: Scenario
+    fetched: Fetched
+    simplified: Simplified
+    scene: Scene
+    plans: tuple[SeasonPlan, ...]
+    evaluation: Evaluation
+    timings: Mapping[str, float]
+    created: datetime
+
+    @cached_property
+    def routes(self) -> tuple[RankedRoute, ...]:
+        """Every planned route with its figures, by season in the plans' order, then by rank.
+
+        The evaluation decides the ranks; a plan's own order is by fuel, and the sampled method
+        may choose another route than its first.
+        """
+        ranked = []
+        for entry in self.plans:
+            if entry.plan is None:
+                continue
+            routes = {(route.homotopy, route.fuel): route for route in entry.plan.routes}
+            rows = (row for row in self.evaluation.routes if row.season == entry.season)
+            ranked += [
+                RankedRoute(entry.season, row.rank, routes[row.homotopy, row.fuel], row)
+                for row in sorted(rows, key=lambda row: row.rank)
+            ]
+        return tuple(ranked)
+
+    def season_routes(self, season: str) -> tuple[RankedRoute, ...]:
+        """One season's routes, best first; empty where the season could not be planned."""
+        return tuple(ranked for ranked in self.routes if ranked.season == season)
+
+    @cached_property
+    def current_credits(self) -> tuple[Credit, ...]:
+        """The current sources that were used, each once."""
+        return tuple(dict.fromkeys(grid.credit for grid in self.fetched.currents))
+
+    @property
+    def credits(self) -> tuple[Credit, ...]:
+        """Every source that was used: land first."""
+        return (*self.fetched.land.credits, *self.current_credits)
+
+    @property
+    def shoals(self) -> tuple[BaseGeometry, ...]:
+        """Water that the chart says is too shallow, lon/lat degrees: no-go like land."""
+        return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
+
+    @cached_property
+    def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
+        """Restricted areas and traffic schemes that meet the chart, each with its planar area.
+
+        They may be entered, and routes are not kept clear of them.
+        """
+        zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic"}]
+        areas = self.scene.projection.geometry_to_plane(
+            np.array([zone.area for zone in zones], dtype=object)
+        )
+        inside = shapely.relate_pattern(areas, self.scene.chart.extent, "T********")
+        return tuple(
+            (zone, area)
+            for zone, area, is_seen in zip(zones, areas, inside, strict=True)
+            if is_seen
+        )
+
+    def is_stand_in(self, season: str) -> bool:
+        """Whether another source was preferred for the season's current.
+
+        A source is named in the notes only where others were passed over for it.
+        """
+        return any(
+            grid.credit.name in note
+            for grid in self.fetched.currents
+            for note in self.fetched.notes
+            if grid.season == season
+        )
+
+    def season_title(self, season: str) -> str:
+        """What a reader calls the season: its name, and its title where that says more.
+
+        A title such as "July 2024" would not be true of a stand-in.
+        """
+        name = season.capitalize()
+        title = next((spec.title for spec in self.scenario.seasons if spec.name == season), "")
+        if not title or self.is_stand_in(season):
+            return name
+        return title if season.lower() in title.lower() else f"{name} ({title})"
+
+    def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
+        """Where a season's current is known and what it is there, to east and north.
+
+        Two arrays (n, 2): lon/lat degrees and m/s. The source's own grid where
+        there is one; else the field over the chart, 25 points a side. Empty where there is none.
+        """
+        for grid in self.fetched.currents:
+            if grid.season == season:
+                lon, lat = np.meshgrid(grid.lon, grid.lat)
+                known = np.isfinite(grid.u) & np.isfinite(grid.v)
+                return (
+                    np.stack([lon[known], lat[known]], axis=-1),
+                    np.stack([grid.u[known], grid.v[known]], axis=-1),
+                )
+        if season not in self.scene.currents:
+            return np.empty((0, 2)), np.empty((0, 2))
+        xmin, ymin, xmax, ymax = self.scene.chart.bounds
+        x, y = np.meshgrid(np.linspace(xmin, xmax, 25), np.linspace(ymin, ymax, 25))
+        points = np.stack([x.ravel(), y.ravel()], axis=-1)
+        lonlat = self.scene.projection.to_lonlat(points)
+        velocity = np.asarray(self.scene.currents[season](points), dtype=float)
+        return lonlat, self.scene.projection.rotate_to_lonlat(lonlat, velocity)

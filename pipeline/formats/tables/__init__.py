@@ -1,0 +1,1 @@
+"""Tables and metadata: metrics.csv, currents.nc, manifest.json."""

@@ -1,0 +1,162 @@
+"""`manifest.json`: what went in, what came out, with which software and when."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import platform
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from pipeline import store as artefact
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pipeline.formats.shared.result import RunResult
+
+SCHEMA_VERSION = 1
+# The packages whose version can change a figure or a file.
+_PACKAGES = (
+    "renew-planner",
+    "copernicusmarine",
+    "dask",
+    "gpxpy",
+    "jinja2",
+    "lxml",
+    "matplotlib",
+    "netCDF4",
+    "networkx",
+    "numba",
+    "numpy",
+    "pydantic",
+    "pyogrio",
+    "pyproj",
+    "roaring-landmask",
+    "scipy",
+    "shapely",
+    "triangle",
+    "xarray",
+)
+
+
+def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
+    """Write the manifest of a run whose other files are `outputs`, complete and closed."""
+    content = manifest(result, outputs)
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, indent=2)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
+    """Say all that is needed to know, and to check, where a run's figures came from."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        **provenance(result),
+        "scenario_as_run": _plain(result.scenario.model_dump(mode="json")),
+        "inputs": _inputs(result),
+        "seasons": [
+            {
+                "season": entry.season,
+                "status": "failed" if entry.failure else "planned",
+                "failure": entry.failure,
+                "classes": len(entry.plan.routes) if entry.plan else 0,
+                "rejected": len(entry.plan.rejected) if entry.plan else 0,
+                "seconds": round(entry.seconds, 3),
+            }
+            for entry in result.plans
+        ],
+        "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
+        "outputs": {
+            path.name: {"bytes": path.stat().st_size, "sha256": artefact.file_hash(path)}
+            for path in outputs
+        },
+    }
+
+
+def provenance(result: RunResult) -> dict[str, object]:
+    """Sources, credits and versions: what travels inside every file that can hold it."""
+    return {
+        "scenario": result.scenario.name,
+        "created_utc": result.created.isoformat(timespec="seconds"),
+        "land_sources": [asdict(credit) for credit in result.fetched.land.credits],
+        "current_sources": [
+            {"season": grid.season, "valid": grid.valid, **asdict(grid.credit)}
+            for grid in result.fetched.currents
+        ],
+        "notes": list(result.fetched.notes),
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, of the packages that are installed, and of the libraries below them."""
+    import pyproj
+
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    found["GEOS"] = shapely.geos_version_string
+    found["PROJ"] = pyproj.proj_version_str
+    return found
+
+
+def _inputs(result: RunResult) -> dict[str, object]:
+    """Fingerprints of what the run was planned on, so that two runs can be told apart."""
+    scenario = json.dumps(
+        _plain(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
+    )
+    land = hashlib.sha256()
+    for polygon in result.fetched.land.polygons:
+        land.update(shapely.to_wkb(polygon, byte_order=1))
+    return {
+        "scenario": {"sha256": hashlib.sha256(scenario.encode()).hexdigest()},
+        "land": {
+            "sha256": land.hexdigest(),
+            "polygons": len(result.fetched.land.polygons),
+            "accuracy_m": result.fetched.land.accuracy_m,
+        },
+        "simplified": {
+            "original_vertices": result.simplified.original_vertices,
+            "vertices": result.simplified.vertices,
+            "tolerance_m": result.simplified.tolerance_m,
+            "joined_gap_m": result.simplified.joined_gap_m,
+            "margin_m": result.simplified.margin_m,
+        },
+        "currents": {
+            grid.season: {
+                "sha256": _arrays_hash(grid.lon, grid.lat, grid.u, grid.v),
+                "shape": list(grid.u.shape),
+                "valid": grid.valid,
+                "files": dict(grid.files),
+            }
+            for grid in result.fetched.currents
+        },
+    }
+
+
+def _arrays_hash(*arrays: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+    """SHA-256 of arrays, the same on every machine."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any JSON value in, the same out
+    """Replace numbers that JSON has no word for by null."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value

@@ -1,0 +1,49 @@
+"""`metrics.csv`: one row a season and class, units in the columns' names."""
+
+from __future__ import annotations
+
+import csv
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.model import RouteMetrics
+
+# Column in the file -> field of RouteMetrics. Fuel is in the planner's own, scaled units, as is
+# length_planner_m; every other `_m` is true metres.
+COLUMNS = {
+    "season": "season",
+    "rank": "rank",
+    "side": "side",
+    "homotopy": "homotopy",
+    "fuel": "fuel",
+    "fuel_per_distance": "fuel_per_distance",
+    "length_planner_m": "length",
+    "length_m": "length_m",
+    "clearance_m": "clearance_m",
+    "duration_s": "duration_s",
+    "optimality_gap": "optimality_gap",
+    "trials": "trials",
+    "collisions": "collisions",
+    "land_m": "land_m",
+}
+
+
+def write_metrics(result: RunResult, path: Path) -> None:
+    """Write the evaluation to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for ranked in result.routes:
+            writer.writerow([_cell(ranked.metrics, field) for field in COLUMNS.values()])
+
+
+def _cell(metrics: RouteMetrics, field: str) -> str:
+    """Spell a figure so that it reads back the same; empty where there is none."""
+    value = getattr(metrics, field)
+    if isinstance(value, float):
+        return repr(float(value)) if math.isfinite(value) else ""
+    return str(value)

@@ -1,0 +1,1 @@
+"""Geodesy and coast: projections, and simplification of land."""

@@ -1,0 +1,288 @@
+"""From a scenario's file to the model, with every fault at once.
+
+pydantic finds what is wrong inside a table; what is wrong between tables is looked for among
+those that are sound, so that one bad key hides no other fault.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from pipeline.errors import RequestError
+from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import EXAMPLE
+from pipeline.scenario.messages import model_faults
+from pipeline.scenario.model import Scenario, Season
+from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.strict import Point, looks_like_path
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+_POINT: TypeAdapter[Point] = TypeAdapter(Point)
+_AS_PATH = "; a folder or file is written as a path, './charts', './field.nc'"
+
+
+def load_scenario(
+    asked: str, *, charts: Path | None = None, currents: Sequence[Path] = ()
+) -> Scenario:
+    """Read a scenario by its name in the catalogue or its path.
+
+    Parameters
+    ----------
+    asked
+        The name, or the path. Paths in the file are from its own folder.
+    charts
+        A vector file or a folder of S-57 cells to take in place of the scenario's chart.
+    currents
+        Files that belong together, to take in place of every season's currents.
+
+    Raises
+    ------
+    RequestError
+        Not found, not a scenario, or wrong: one line for each fault.
+    """
+    path = catalogue.scenario_path(asked)
+    data = catalogue.read_toml(path)
+    if not {"start", "goal", "seasons"} & data.keys():
+        raise RequestError(
+            [f"{path} is TOML but no scenario: it has no start, goal or seasons; {EXAMPLE}"]
+        )
+    if charts is not None:
+        data = _with_chart(data, charts)
+    if currents:
+        data = _with_currents(data, currents)
+    return parse_scenario(data, path.parent)
+
+
+def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
+    """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
+    folder = folder or Path.cwd()
+    faults = list(_unknown_names(data))
+    resolved = _with_vessel(data)
+    try:
+        scenario = _with_paths(Scenario.model_validate(resolved), folder)
+    except ValidationError as error:
+        faults += model_faults(error, Scenario, resolved)
+    else:
+        if not faults:
+            faults += [*_missing_paths(scenario), *_between(_Sound.of(data, folder))]
+            if not faults:
+                return scenario
+            raise RequestError(faults)
+    raise RequestError(faults + list(_between(_Sound.of(data, folder))))
+
+
+@dataclass(frozen=True)
+class _Sound:
+    """The tables of a scenario that are sound by themselves."""
+
+    region: Region | None
+    plane: Plane | None
+    ends: dict[str, Point]
+    seasons: tuple[Season, ...]
+
+    @classmethod
+    def of(cls, data: dict[str, Any], folder: Path) -> _Sound:
+        """Pick them out of a scenario's table; paths are from `folder`."""
+        seasons = data.get("seasons")
+        found = [_sound(Season, item) for item in seasons] if isinstance(seasons, list) else []
+        ends = {}
+        for name in ("start", "goal"):
+            try:
+                ends[name] = _POINT.validate_python(data.get(name))
+            except ValidationError:
+                continue
+        return cls(
+            region=_sound(Region, data.get("region")),
+            plane=_sound(Plane, data.get("plane")),
+            ends=ends,
+            seasons=tuple(_with_files(season, folder) for season in found if season is not None),
+        )
+
+
+def _sound(model: type[ModelT], data: object) -> ModelT | None:
+    """Validate one table; nothing where it is absent or wrong."""
+    try:
+        return model.model_validate(data)
+    except ValidationError:
+        return None
+
+
+def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
+    """Replace a vessel's catalogue name by its entry."""
+    name = data.get("vessel")
+    if not isinstance(name, str):
+        return data
+    if name in catalogue.names("vessels"):
+        return {**data, "vessel": catalogue.vessel_table(name)}
+    # Told already as an unknown name: any sound vessel keeps pydantic from telling it again.
+    return {**data, "vessel": {"length_m": 1.0, "speed_m_s": 1.0, "turn_rate_deg_s": 1.0}}
+
+
+def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
+    """Replace a scenario's chart by the user's."""
+    chart = data.get("chart", {})
+    source = {"path": str(charts.expanduser().resolve())}
+    return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
+
+
+def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any]:
+    """Replace the currents of a scenario's seasons by the user's files."""
+    if "plane" in data:
+        raise RequestError(
+            ["--currents needs a scenario with a [region]; a [plane] gives its current as figures"]
+        )
+    seasons = data.get("seasons")
+    paths = [_absolute(str(file), Path.cwd()) for file in files]
+    return {
+        **data,
+        "seasons": [
+            {**season, "currents": [paths]} if isinstance(season, dict) else season
+            for season in (seasons if isinstance(seasons, list) else [])
+        ],
+    }
+
+
+def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Make the paths of charts and of currents absolute."""
+    chart = scenario.chart
+    source = tuple(
+        one.model_copy(update={"path": _absolute(one.path, folder)}) if one.path else one
+        for one in chart.source
+    )
+    return scenario.model_copy(
+        update={
+            "chart": chart.model_copy(update={"source": source}),
+            "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
+        }
+    )
+
+
+def _with_files(season: Season, folder: Path) -> Season:
+    """Make the paths of a season's files of currents absolute."""
+    currents = tuple(
+        named if isinstance(named, str) else tuple(_absolute(path, folder) for path in named)
+        for named in season.currents
+    )
+    return season.model_copy(update={"currents": currents})
+
+
+def _absolute(path: str, folder: Path) -> str:
+    """Resolve a path, or a pattern of paths, that may begin at a folder or at home."""
+    return str((folder / Path(path).expanduser()).resolve())
+
+
+def _missing_paths(scenario: Scenario) -> Iterator[str]:
+    """Say which charts are not there."""
+    for one in scenario.chart.source:
+        if one.path and not Path(one.path).exists():
+            yield (
+                f"chart.source = {one.path!r} does not exist; give a vector file, or a folder of "
+                "S-57 cells"
+            )
+
+
+def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
+    """Find names of vessels and sources that the catalogue does not have."""
+    vessel = data.get("vessel")
+    if isinstance(vessel, str) and vessel not in catalogue.names("vessels"):
+        yield catalogue.unknown("vessel", "vessel", vessel, catalogue.names("vessels"))
+    sources = catalogue.names("sources")
+    for key, name in _chart_names(data.get("chart")):
+        if name not in sources:
+            yield catalogue.unknown("source", key, name, sources) + _AS_PATH
+        elif not isinstance(catalogue.source(name), catalogue.ChartEntry):
+            yield f"{key} = {name!r} gives currents, not land; use 'osm-land'"
+    seasons = data.get("seasons")
+    for i, season in enumerate(seasons if isinstance(seasons, list) else ()):
+        named = season.get("currents") if isinstance(season, dict) else None
+        for j, name in enumerate(named if isinstance(named, list) else ()):
+            key = f"seasons[{i}].currents[{j}]"
+            if not isinstance(name, str) or looks_like_path(name):
+                continue
+            if name not in sources:
+                yield catalogue.unknown("source", key, name, sources) + _AS_PATH
+            elif isinstance(catalogue.source(name), catalogue.ChartEntry):
+                yield f"{key} = {name!r} gives land, not currents; name a source of currents"
+
+
+def _chart_names(chart: object) -> Iterator[tuple[str, str]]:
+    """Names of catalogue entries in a chart's table, with their keys."""
+    if not isinstance(chart, dict) or "source" not in chart:
+        return
+    try:
+        given = ChartSpec.model_validate({"source": chart["source"]})
+    except ValidationError:
+        return
+    for i, one in enumerate(given.source):
+        if one.name:
+            yield (f"chart.source[{i}]" if len(given.source) > 1 else "chart.source"), one.name
+
+
+def _between(sound: _Sound) -> Iterator[str]:
+    """Faults between tables: ends outside the waters, currents that do not reach over them."""
+    if sound.region is not None:
+        yield from _ends_outside_region(sound.region, sound.ends)
+        yield from _uncovered(sound.region, sound.seasons)
+    elif sound.plane is not None:
+        import shapely
+
+        for name, point in sound.ends.items():
+            away = shapely.distance(sound.plane.shape, shapely.Point(point))
+            if away > 0:
+                yield (
+                    f"{name} = {list(point)} lies {away:.4g} m outside plane.extent "
+                    f"{list(sound.plane.extent)}; move it inside or widen the extent"
+                )
+
+
+def _ends_outside_region(region: Region, ends: dict[str, Point]) -> Iterator[str]:
+    """Say which end lies outside the region, and how far."""
+    import shapely
+
+    for name, point in ends.items():
+        here = shapely.Point(point)
+        if region.shape.covers(here):
+            continue
+        lon, lat = point
+        if not (-180 <= lon <= 360 and -90 <= lat <= 90):
+            yield (f"{name} = {list(point)} is no place on earth: give [longitude, latitude]")
+            continue
+        import pyproj
+
+        nearest = shapely.get_coordinates(shapely.shortest_line(here, region.shape))[-1]
+        away = pyproj.Geod(ellps="WGS84").inv(lon, lat, *nearest)[2] / 1000
+        bounds = ", ".join(f"{bound:g}" for bound in region.shape.bounds)
+        yield (
+            f"{name} = {list(point)} lies {away:.0f} km outside the region (its bounds: {bounds}); "
+            "move it inside or widen the region"
+        )
+
+
+def _uncovered(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
+    """Say which seasons have no source whose figures reach over the region."""
+    from pipeline.sources.registry import current_source
+
+    lacking: dict[str, list[str]] = {}
+    for season in seasons:
+        reasons = [
+            current_source(named).uncovered(region.shape, season)
+            for named in season.currents
+            if not isinstance(named, str) or _gives_currents(named)
+        ]
+        if reasons and all(reasons):
+            lacking.setdefault("; ".join(reasons), []).append(repr(season.name))
+    for reason, names in lacking.items():
+        yield f"season{'s' * (len(names) > 1)} {', '.join(names)}: {reason}"
+
+
+def _gives_currents(name: str) -> bool:
+    """Whether a name is that of a source of currents; of another it is told already."""
+    known = name in catalogue.names("sources")
+    return known and not isinstance(catalogue.source(name), catalogue.ChartEntry)

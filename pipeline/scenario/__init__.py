@@ -1,0 +1,1 @@
+"""Scenarios and the catalogue as strict models, and messages about what is wrong in them."""

@@ -1,0 +1,227 @@
+"""What can be run, as data: scenarios, vessels, sources and tables of the catalogue."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from pipeline.errors import RequestError
+from pipeline.scenario.messages import model_faults, near_miss, shown
+from pipeline.scenario.model import VesselSpec
+from pipeline.scenario.strict import Latitude, Name, NotNegative, Positive, Strictly, Whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Section = Literal["scenarios", "vessels", "sources"]
+EXAMPLE = "`renew show palawan-season` prints one to begin from"
+SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
+
+
+class Licence(Strictly):
+    """The line a licence asks for, and where the data came from."""
+
+    credit: str
+    licence: str
+    url: str = ""
+
+
+class SourceBase(Strictly):
+    """What every source's entry says."""
+
+    schema_version: Literal[1]
+    name: Name
+    title: str
+
+
+class OsmLandSpec(SourceBase):
+    """Land polygons of OpenStreetMap out of the `roaring-landmask` package."""
+
+    adapter: Literal["osm-land"]
+
+
+class S57Spec(SourceBase):
+    """S-57 cells in a folder that the user names; they say themselves whose they are."""
+
+    adapter: Literal["s57"]
+
+
+class VectorSpec(SourceBase, Licence):
+    """Land polygons in a vector file that the user names."""
+
+    adapter: Literal["vector"]
+    accuracy_m: Positive
+
+
+class TableSeason(Licence):
+    """One season of an embedded table: its key in the `season` column, and its time."""
+
+    valid: str
+
+
+class EmbeddedTableSpec(SourceBase):
+    """A table of currents in `catalog/currents`: season, lon, lat, u, v."""
+
+    adapter: Literal["embedded-table"]
+    table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
+    seasons: dict[str, TableSeason]
+
+
+StepLength = Literal["month", "day", "6 hours", "hour"]
+StepKind = Literal["mean", "instant", "climatology"]
+
+
+class CopernicusSpec(SourceBase, Licence):
+    """A dataset of the Copernicus Marine Service.
+
+    Without a `version` the newest is asked for. `covers` says for people what `first_day` and
+    `days_ahead` (the last day counted from today) say for the program; both are generous, as the
+    service itself knows best. Figures may still change until `settles_after_days`.
+    """
+
+    adapter: Literal["copernicus"]
+    product: str
+    doi: str
+    dataset: str
+    version: str = Field(default="", pattern=r"^(\d{6})?$")
+    eastward: str = "uo"
+    northward: str = "vo"
+    cell_deg: Positive
+    latitudes: tuple[Latitude, Latitude] = (-80.0, 90.0)
+    across_180: bool = True
+    depth_m: NotNegative | None = None
+    step: StepLength
+    kind: StepKind
+    covers: str
+    first_day: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$")
+    days_ahead: Whole = 0
+    settles_after_days: NotNegative = 0.0
+    gaps_vary: bool = False
+    speed_limit_m_s: Positive
+    deadline_s: Positive = 900.0
+    attempts: Annotated[int, Field(ge=1)] = 3
+    pause_s: NotNegative = 20.0
+
+
+ChartEntry = OsmLandSpec | S57Spec | VectorSpec
+CurrentEntry = EmbeddedTableSpec | CopernicusSpec
+SourceSpec = Annotated[ChartEntry | CurrentEntry, Field(discriminator="adapter")]
+_SOURCE: TypeAdapter[ChartEntry | CurrentEntry] = TypeAdapter(SourceSpec)
+
+
+@cache
+def root() -> Path:
+    """Find the catalogue: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    for place in (package / "catalog", package.parent / "catalog"):
+        if (place / "scenarios").is_dir():
+            return place
+    raise RequestError(
+        [f"no catalogue in {package} or beside it: the installation is incomplete; repeat it"]
+    )
+
+
+def names(section: Section) -> tuple[str, ...]:
+    """Names of a section's entries, sorted."""
+    return tuple(sorted(path.stem for path in (root() / section).glob("*.toml")))
+
+
+def entry(section: Section, name: str) -> dict[str, Any]:
+    """Read an entry as it stands."""
+    return read_toml(root() / section / f"{name}.toml")
+
+
+def table(name: str) -> Path:
+    """Path of an embedded current table."""
+    return root() / "currents" / name
+
+
+def source(name: str) -> ChartEntry | CurrentEntry:
+    """Read a source's entry."""
+    if name not in names("sources"):
+        raise RequestError([f"unknown source {name!r}: {near_miss(name, names('sources'))}"])
+    data = entry("sources", name)
+    try:
+        return _SOURCE.validate_python(data)
+    except ValidationError as error:
+        lines = model_faults(error, SourceBase, data)
+        raise RequestError([f"source {name!r}: {line}" for line in lines]) from None
+
+
+def vessel(name: str) -> VesselSpec:
+    """Read a vessel's entry."""
+    if name not in names("vessels"):
+        raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
+    data = vessel_table(name)
+    try:
+        return VesselSpec.model_validate(data)
+    except ValidationError as error:
+        lines = model_faults(error, VesselSpec, data)
+        raise RequestError([f"vessel {name!r}: {line}" for line in lines]) from None
+
+
+def vessel_table(name: str) -> dict[str, Any]:
+    """Read a vessel's entry as a scenario would give it inline."""
+    data = entry("vessels", name)
+    data.pop("schema_version", None)
+    return data
+
+
+def scenario_path(asked: str) -> Path:
+    """Find the file of a scenario: a path that exists, else a name in the catalogue.
+
+    Raises
+    ------
+    RequestError
+        Neither; a directory; the message says what may have been meant.
+    """
+    path = Path(asked).expanduser()
+    named = root() / "scenarios" / f"{asked}.toml"
+    if asked in names("scenarios"):
+        return named
+    if path.is_dir():
+        raise RequestError(
+            [f"{asked!r} is a directory, not a scenario; name the .toml file inside it"]
+        )
+    if path.is_file():
+        return path
+    what = "no file of that name" if path.suffix or len(path.parts) > 1 else "no file, and no entry"
+    raise RequestError(
+        [f"no scenario {asked!r} ({what}): {near_miss(Path(asked).stem, names('scenarios'))}"]
+    )
+
+
+def entry_path(asked: str) -> Path:
+    """Find the file of any entry, scenarios first, or of a scenario by its path."""
+    for section in SECTIONS:
+        if asked in names(section):
+            return root() / section / f"{asked}.toml"
+    if Path(asked).expanduser().exists():
+        return scenario_path(asked)
+    known = [name for section in SECTIONS for name in names(section)]
+    raise RequestError([f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}"])
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; whatever else it is, is refused in one line."""
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise RequestError(
+            [f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"]
+        ) from None
+    except OSError as error:
+        raise RequestError([f"{path} can't be read: {error.strerror}; check the path"]) from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RequestError([f"{path} is not TOML: {error}; {EXAMPLE}"]) from None
+
+
+def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:
+    """Say that a name stands for nothing in the catalogue."""
+    return f"{key} = {shown(value)} is no {kind} of the catalogue: {near_miss(str(value), known)}"

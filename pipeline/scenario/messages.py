@@ -1,0 +1,164 @@
+"""From what pydantic finds wrong to lines that say the value, the limit and the remedy."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel
+
+from pipeline.scenario.strict import FAULT_SEPARATOR
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pydantic import ValidationError
+    from pydantic.fields import FieldInfo
+    from pydantic_core import ErrorDetails
+
+_LONGEST_VALUE = 60
+_LIMITS = {
+    "greater_than": ("gt", "is not above"),
+    "greater_than_equal": ("ge", "is below"),
+    "less_than": ("lt", "is not below"),
+    "less_than_equal": ("le", "is above"),
+}
+_KINDS = {
+    "float_type": "is no number",
+    "int_type": "is no whole number",
+    "int_from_float": "is no whole number",
+    "string_type": "is no text",
+    "bool_type": "is neither true nor false",
+    "tuple_type": "is no list",
+    "list_type": "is no list",
+    "finite_number": "is not finite",
+    "model_type": "is no table",
+    "model_attributes_type": "is no table",
+    "dict_type": "is no table",
+    "string_pattern_mismatch": "does not fit",
+    "literal_error": "is not known here",
+}
+
+
+def near_miss(name: str, known: Iterable[str]) -> str:
+    """Say which known name was probably meant, or which there are."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"there are: {', '.join(names)}" if names else "there are none"
+
+
+def shown(value: object) -> str:
+    """Spell a value as TOML would, cut where it is long."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
+
+
+def model_faults(
+    error: ValidationError, model: type[BaseModel], data: object, prefix: str = ""
+) -> list[str]:
+    """One line for each fault of a model, in the order found; members of a union count as one."""
+    lines: dict[str, str] = {}
+    found = error.errors(include_url=False)
+    for details in found:
+        # pydantic counts only the sound items of a list: one that is not is told already.
+        depth = len(details["loc"])
+        if details["type"] == "too_short" and any(
+            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
+        ):
+            continue
+        path = _path_in(data, details)
+        for line in _lines(details, model, path, prefix):
+            # A value that fits no member of a union is told once for each: keep the first.
+            key = line if details["type"] == "value_error" else _spelled(path, prefix)
+            lines.setdefault(key, line)
+    return list(lines.values())
+
+
+def _lines(
+    details: ErrorDetails,
+    model: type[BaseModel],
+    path: Sequence[str | int],
+    prefix: str,
+) -> list[str]:
+    """Lines for one of pydantic's errors."""
+    key, kind, given = _spelled(path, prefix), details["type"], details["input"]
+    context = details.get("ctx", {})
+    field = _field(model, path)
+    remedy = f"; {field.description}" if field is not None and field.description else ""
+    if kind == "extra_forbidden":
+        owner = _model(model, path[:-1])
+        known = owner.model_fields if owner is not None else ()
+        return [f"unknown key {key}: {near_miss(str(path[-1]), known)}"]
+    if kind == "missing":
+        return [f"{key} is missing{remedy}"]
+    if kind == "value_error":
+        return [
+            f"{key} {reason}{remedy if ';' not in reason else ''}".strip()
+            for reason in str(context["error"]).split(FAULT_SEPARATOR)
+        ]
+    if kind in _LIMITS:
+        bound, words = _LIMITS[kind]
+        said = f"{words} {context[bound]:g}"
+    elif kind in {"too_short", "too_long"}:
+        limit = context.get("min_length", context.get("max_length"))
+        said = f"has {context['actual_length']} items, not {limit}"
+    else:
+        said = _KINDS.get(kind, details["msg"].lower())
+    return [f"{key} = {shown(given)} {said}{remedy}"]
+
+
+def _path_in(data: object, details: ErrorDetails) -> list[str | int]:
+    """Keep of pydantic's location what leads through the data: it adds names of union members."""
+    path: list[str | int] = []
+    here: Any = data
+    for step in details["loc"]:
+        in_list = isinstance(here, list) and isinstance(step, int) and step < len(here)
+        if in_list or (isinstance(here, dict) and step in here):
+            here = here[step]
+        elif details["type"] != "missing" or step != details["loc"][-1]:
+            continue
+        path.append(step)
+    return path
+
+
+def _spelled(path: Sequence[str | int], prefix: str) -> str:
+    """Spell a path as `seasons[0].name`."""
+    text = prefix
+    for step in path:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | None:
+    """Find the field that a path ends in, or passes last."""
+    names = [step for step in path if isinstance(step, str)]
+    if not names:
+        return None
+    last = max(i for i, step in enumerate(path) if isinstance(step, str))
+    owner = _model(model, path[:last])
+    return owner.model_fields.get(names[-1]) if owner is not None else None
+
+
+def _model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:
+    """Find the model that a path leads to."""
+    here: type[BaseModel] | None = model
+    for step in path:
+        if isinstance(step, int):
+            continue
+        field = here.model_fields.get(step) if here is not None else None
+        here = _model_in(field.annotation) if field is not None else None
+    return here
+
+
+def _model_in(annotation: object) -> type[BaseModel] | None:
+    """Find the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_model_in(part) for part in get_args(annotation))
+    return next((model for model in found if model is not None), None)

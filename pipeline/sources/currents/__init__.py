@@ -1,0 +1,1 @@
+"""Adapters for currents: embedded tables, CF files, Copernicus Marine."""

@@ -1,0 +1,1 @@
+"""The user's own files of currents, by the CF conventions."""

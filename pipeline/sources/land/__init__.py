@@ -1,0 +1,1 @@
+"""Adapters for land and charts: OpenStreetMap, S-57 cells, vector files, overlays."""

@@ -1,0 +1,162 @@
+"""Land of OpenStreetMap for any region, offline, out of the `roaring-landmask` package.
+
+The package carries the world as one WKB MultiPolygon: 745,676 whole polygons (cut at 180 degrees
+only), 9.6 million vertices, 154 MB, simplified by its makers to 0.0005 degrees. Building them all
+takes 1.1 GB; here they are built a few thousand at a time and only those near the region stay.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.model import Credit, Land
+from pipeline.sources.land.polygons import (
+    BEYOND_M,
+    box_around,
+    clipped,
+    mended,
+    mended_note,
+    polygonal,
+    turns_into,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+
+    Polygons = npt.NDArray[np.object_]
+
+NAME = "roaring-landmask"
+# 0.0005 degrees are 55.7 m along a meridian: how far the thinned coast may lie off the mapped one.
+ACCURACY_M = 60.0
+
+# Polygons built at one time: 20,000 are 250,000 vertices on average, some 30 MB.
+_CHUNK = 20_000
+
+# WKB (OGC 06-103r4, 8.2), little endian: byte order 1, type 6 MultiPolygon, count of polygons; each
+# of them byte order, type 3, count of rings; each ring a count of points of two float64.
+_MULTIPOLYGON = b"\x01" + struct.pack("<I", 6)
+_COUNT = struct.Struct("<I")
+_HEADER = len(_MULTIPOLYGON)
+_POINT = 16
+
+
+@dataclass(frozen=True, slots=True)
+class LandPolygons:
+    """Valid polygons in lon/lat degrees near a region, and what had to be done to them.
+
+    `mended` counts invalid polygons made valid, `duplicates` those left out because they came
+    twice, `seams` how many pieces cut at 180 degrees went into joined polygons.
+    """
+
+    polygons: tuple[Polygon, ...]
+    mended: int
+    duplicates: int
+    seams: int
+
+
+def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
+    """Return the land near a region with its credit, as the fetch stage passes it on."""
+    found = land_polygons(region, beyond_m)
+    notes = mended_note("OpenStreetMap land", found.mended)
+    return Land(found.polygons, (credit(),), ACCURACY_M, notes=notes)
+
+
+def credit() -> Credit:
+    """Return the line that the Open Database License asks for."""
+    release = version(NAME)
+    return Credit(
+        name=f"OpenStreetMap land polygons (roaring-landmask {release})",
+        kind="land",
+        text=f"© OpenStreetMap contributors, land polygons via roaring-landmask {release}",
+        licence="ODbL 1.0",
+        url="https://www.openstreetmap.org/copyright",
+    )
+
+
+def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
+    """Return OpenStreetMap's land near a region.
+
+    Parameters
+    ----------
+    region
+        Lon/lat degrees, continuous across 180 (170 to 190).
+    beyond_m
+        How far outside the region's bounds land is kept (true metres, about). Mainland is cut
+        along that box.
+
+    Returns
+    -------
+    LandPolygons
+        Valid, in the region's own longitudes; whole where they don't cross the box. Pieces that
+        the source cuts at 180 degrees are joined again.
+    """
+    # Imported late: loading its library of 110 MB takes a moment that `renew --help` must not.
+    from roaring_landmask import LandmaskProvider, Shapes
+
+    box = box_around(region, beyond_m)
+    return tidy(near(Shapes.wkb(LandmaskProvider.Osm), box), box)
+
+
+def near(wkb: bytes, box: Polygon) -> Polygons:
+    """Return the polygons of a WKB MultiPolygon whose bounds meet a box (degrees), as they are.
+
+    Each is moved by whole turns into the box's longitudes; one that meets it both ways round comes
+    twice, moved.
+    """
+    return np.concatenate(
+        [np.empty(0, dtype=object), *(turns_into(polygons, box)[0] for polygons in _chunks(wkb))]
+    )
+
+
+def tidy(polygons: Polygons, box: Polygon) -> LandPolygons:
+    """Mend, clip to the box, leave out duplicates and join along 180 degrees."""
+    sound, unsound = mended(polygons)
+    parts = clipped(sound, box)
+    single = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
+    joined, seams = _join_seam(single)
+    return LandPolygons(
+        polygons=tuple(joined.tolist()),
+        mended=unsound,
+        duplicates=len(parts) - len(single),
+        seams=seams,
+    )
+
+
+def _chunks(wkb: bytes) -> Iterator[Polygons]:
+    """Yield a MultiPolygon's polygons, so many at a time that memory stays low."""
+    total: int = _COUNT.unpack_from(wkb, _HEADER)[0]
+    position = begin = _HEADER + _COUNT.size
+    for first in range(0, total, _CHUNK):
+        count = min(_CHUNK, total - first)
+        for _ in range(count):
+            rings = _COUNT.unpack_from(wkb, position + _HEADER)[0]
+            position += _HEADER + _COUNT.size
+            for _ring in range(rings):
+                position += _COUNT.size + _POINT * _COUNT.unpack_from(wkb, position)[0]
+        chunk = _MULTIPOLYGON + _COUNT.pack(count) + wkb[begin:position]
+        yield shapely.get_parts(shapely.from_wkb(chunk))
+        begin = position
+
+
+def _join_seam(polygons: Polygons) -> tuple[Polygons, int]:
+    """Join the polygons that share an edge on an odd multiple of 180 degrees; count such pieces.
+
+    Only they are touched: a union of everything would cost seconds and merge what merely touches.
+    """
+    if len(polygons) == 0:
+        return polygons, 0
+    xmin, _, xmax, _ = shapely.bounds(polygons).T
+    at_seam = ((xmin % 360 == 180) | (xmax % 360 == 180)) & (xmax - xmin < 360)
+    if not at_seam.any():
+        return polygons, 0
+    merged = polygonal(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
+    return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())

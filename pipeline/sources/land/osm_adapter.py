@@ -1,0 +1,28 @@
+"""OpenStreetMap land behind the LandSource interface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
+
+    from pipeline.model import Land
+
+
+@dataclass(frozen=True)
+class OsmLand:
+    """The world's land as `roaring-landmask` carries it; always there, never asks the network."""
+
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """Release of the package: its data change with it."""
+        return ("osm-land", version("roaring-landmask"))
+
+    def land(self, region: Polygon) -> Land:
+        """Land near a region (lon/lat degrees)."""
+        from pipeline.sources.land import osm
+
+        return osm.land(region)

@@ -1,0 +1,179 @@
+"""Cells of S-57 charts as objects of their classes, with every update applied or a refusal.
+
+IHO S-57 3.1, appendix B.1 (ENC product specification). GDAL's driver applies `.001`, `.002`, … by
+itself, but stops without a word where one is missing: the number of the last update that it
+applied is therefore held against the files that lie there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.errors import RequestError
+from pipeline.sources.land.polygons import mended, turns_into
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+    Geometries = npt.NDArray[np.object_]
+
+# The attributes that are read: depths of areas (DRVAL1) and of objects (VALSOU), coverage, zones of
+# confidence, restrictions, names.
+_COLUMNS = ("DRVAL1", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
+_OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
+# DSPM: horizontal datum WGS 84, depths in metres. The product specification allows no others.
+_WGS84, _METRES = 2, 1
+_COVERED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Objects:
+    """Objects of one class: geometries (n,) in lon/lat degrees, and attributes (n,) by name.
+
+    A number that the chart does not give is NaN, a text empty; an attribute that the class has not
+    at all is missing.
+    """
+
+    geometry: Geometries
+    columns: Mapping[str, npt.NDArray[np.object_]]
+
+    def numbers(self, name: str) -> npt.NDArray[np.float64]:
+        """Return a numeric attribute (n,), NaN where it is not known."""
+        if name not in self.columns:
+            return np.full(len(self.geometry), math.nan)
+        return self.columns[name].astype(np.float64)
+
+    def texts(self, name: str) -> list[str]:
+        """Return a textual attribute, empty where there is none."""
+        values = self.columns.get(name)
+        if values is None:
+            return [""] * len(self.geometry)
+        return ["" if value is None else str(value) for value in values]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
+
+    `scale` is the compilation scale's denominator, `producer` the two letters of its name that say
+    who made it, `mended` how many of its areas were invalid.
+    """
+
+    name: str
+    edition: str
+    update: str
+    issued: str
+    scale: int
+    covered: BaseGeometry
+    objects: Mapping[str, Objects]
+    mended: int = 0
+
+    @property
+    def producer(self) -> str:
+        """Code of the producer, such as US."""
+        return self.name[:2]
+
+
+def base_files(place: Path) -> tuple[Path, ...]:
+    """Find the base files (.000) of all cells in a folder and below it, or the one given."""
+    found = [place] if place.is_file() else place.rglob("*.[0-9][0-9][0-9]")
+    return tuple(sorted(path for path in found if path.suffix == ".000"))
+
+
+def files_of(base: Path) -> tuple[Path, ...]:
+    """Return a cell's base file and all updates beside it, in their order."""
+    beside = base.parent.glob(f"{base.stem}.[0-9][0-9][0-9]")
+    return tuple(sorted(path for path in beside if path.is_file()))
+
+
+def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
+    """Read a cell's objects of some classes in a box (lon/lat degrees); None if it lies elsewhere.
+
+    Raises
+    ------
+    RequestError
+        It can't be read, an update is missing, or it breaks the product specification.
+    """
+    import pyogrio
+
+    try:
+        layers = {str(name) for name, _ in pyogrio.list_layers(base)}
+        head = _identification(base)
+        coverage, _ = _objects(base, "M_COVR", box)
+        covered = coverage.geometry[coverage.numbers("CATCOV") == _COVERED]
+        _check(base, head)
+        if not len(covered):
+            return None
+        read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        fault = (
+            f"{base} can't be read as an S-57 cell ({error}): fetch the cell and its updates again"
+        )
+        raise RequestError([fault]) from error
+    return Cell(
+        name=base.stem,
+        edition=str(head["DSID_EDTN"]),
+        update=str(head["DSID_UPDN"]),
+        issued=_date(str(head["DSID_ISDT"])),
+        scale=int(str(head["DSPM_CSCL"])),
+        covered=shapely.union_all(covered),
+        objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
+        mended=sum(count for _, count in read.values()),
+    )
+
+
+def _identification(base: Path) -> dict[str, object]:
+    """Read the fields that say what the cell is."""
+    import pyogrio
+
+    meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
+    return {name: column[0] for name, column in zip(meta["fields"], columns, strict=True)}
+
+
+def _check(base: Path, head: Mapping[str, object]) -> None:
+    """Refuse a cell that is not as the product specification has it, or not up to date."""
+    faults = []
+    applied, last = int(str(head["DSID_UPDN"])), int(files_of(base)[-1].suffix[1:])
+    if applied < last:
+        faults.append(
+            f"{base.name}: update .{last:03d} lies there, but only those up to .{applied:03d} "
+            f"could be applied: .{applied + 1:03d} is missing or damaged; fetch it"
+        )
+    if head["DSPM_HDAT"] != _WGS84:
+        faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
+    if head["DSPM_DUNI"] != _METRES:
+        faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
+    if faults:
+        raise RequestError(faults)
+
+
+def _objects(base: Path, layer: str, box: Polygon) -> tuple[Objects, int]:
+    """Read a class's objects that meet a box, mended and in its longitudes; count the mended."""
+    import pyogrio
+
+    meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
+    geometry = shapely.force_2d(shapely.from_wkb(wkb))
+    there = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
+    near, index = turns_into(geometry[there], box)
+    index = there[index]
+    sound, count = mended(near)
+    values = {
+        str(name): column[index].astype(object)
+        for name, column in zip(meta["fields"], columns, strict=True)
+    }
+    return Objects(sound, values), count
+
+
+def _date(digits: str) -> str:
+    """Spell a date of S-57, 20260108, as 2026-01-08."""
+    return f"{digits[:4]}-{digits[4:6]}-{digits[6:]}" if len(digits) == 8 else digits

@@ -1,0 +1,1 @@
+"""Checks of a current's figures: acceptance, plausibility, shift, component signs."""

@@ -1,0 +1,1 @@
+"""The lower bound on fuel behind the optimality gap."""

@@ -1,0 +1,95 @@
+"""How far a current can be from its linear interpolant in the triangles of a grid.
+
+The lower bound on fuel (:mod:`renew.bounds.fuel_lower_bound`) knows a current at the grid's nodes
+and takes it as linear between them; what that leaves out is bounded here, per kind of field.
+`UniformCurrent`, `GyreCurrent` and `GriddedCurrent` have closed forms, whose proofs stand with
+them: second derivatives of the gyre's sines, slopes of the bilinear cells. Any other field is known
+by its values alone, and gets an estimate.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
+
+
+def deviation_radius(
+    current: CurrentField, x: FloatArray, y: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Radius r (ny - 1, nx - 1) >= |c - linear interpolant of c| in each cell's triangles, m/s.
+
+    `x` (nx,) and `y` (ny,) are the nodes, m, and `velocity` (ny, nx, 2) is c there; a cell may be
+    cut along either diagonal.
+
+    Gyre: |d²c/de²| <= A (a² + b²) for every unit e, with a, b the wave numbers along x and y; and
+    linear interpolation in a triangle errs by at most that times half the square of the radius
+    of the circle around it.
+    """
+    wide, high = np.diff(x)[None, :], np.diff(y)[:, None]
+    if isinstance(current, UniformCurrent):
+        return np.zeros((y.size - 1, x.size - 1))
+    if isinstance(current, GyreCurrent):
+        waves = (current.columns / current.width) ** 2 + (current.rows / current.height) ** 2
+        return abs(current.amplitude) * np.pi**2 * waves * (wide**2 + high**2) / 8
+    if isinstance(current, GriddedCurrent):
+        along_x = _slope_spread(current.x, current.y, current.uv, x, y)
+        along_y = _slope_spread(current.y, current.x, current.uv.swapaxes(0, 1), y, x).T
+        return np.asarray((along_x * wide + along_y * high) / 2)
+    return _sampled_deviation(x, y, velocity)
+
+
+def _slope_spread(
+    grid_x: FloatArray, grid_y: FloatArray, uv: FloatArray, x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Radius of a ball that holds every ∂c/∂x of a bilinear field in each cell, 1/s.
+
+    With such radii ρ of ∂c/∂x and σ of ∂c/∂y, linear interpolation in a triangle w wide and h
+    high errs by at most (ρ w + σ h)/2: the error is Σ λᵢ ∫ (∇c - q)·(xᵢ - x) over the segments
+    from x to the corners xᵢ, for any constant q, and Σ λᵢ |xᵢ - x| <= w/2 along x.
+    """
+    slope = np.diff(uv, axis=1) / np.diff(grid_x)[None, :, None]
+    still = np.zeros((grid_y.size, 1, 2))
+    slope = np.concatenate([still, slope, still], axis=1)  # the field is constant outside
+    first = np.searchsorted(grid_x, x[:-1], side="right")
+    last = np.searchsorted(grid_x, x[1:], side="left")
+    low = np.stack([slope[:, i : max(i, j) + 1].min(1) for i, j in zip(first, last, strict=True)])
+    high = np.stack([slope[:, i : max(i, j) + 1].max(1) for i, j in zip(first, last, strict=True)])
+    # Along y each ∂c/∂x is linear between the grid's rows: extremes are at rows or cell sides.
+    spread = np.empty((y.size - 1, x.size - 1, 2))
+    place = np.interp(y, grid_y, np.arange(grid_y.size))
+    for row, (south, north) in enumerate(itertools.pairwise(place)):
+        between = np.arange(math.floor(south) + 1, math.ceil(north))
+        rows = np.concatenate([[south], between, [north]])
+        floor = np.minimum(rows.astype(int), grid_y.size - 2)
+        part = (rows - floor)[None, :, None]
+        lowest = ((1 - part) * low[:, floor] + part * low[:, floor + 1]).min(1)
+        highest = ((1 - part) * high[:, floor] + part * high[:, floor + 1]).max(1)
+        spread[row] = highest - lowest
+    return np.asarray(np.hypot(spread[..., 0], spread[..., 1]) / 2)
+
+
+def _sampled_deviation(x: FloatArray, y: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Four times the interpolation error (m/s) that the nodes' second differences suggest."""
+    bend = _bend(x, velocity.swapaxes(0, 1)).T + _bend(y, velocity)
+    bend = np.maximum(
+        np.maximum(bend[:-1, :-1], bend[:-1, 1:]), np.maximum(bend[1:, :-1], bend[1:, 1:])
+    )
+    twist = velocity[1:, 1:] - velocity[1:, :-1] - velocity[:-1, 1:] + velocity[:-1, :-1]
+    return np.asarray(bend + np.linalg.norm(twist, axis=-1))
+
+
+def _bend(axis: FloatArray, velocity: FloatArray) -> FloatArray:
+    """How far each node's velocity (n, m, 2) is off the line through its neighbours, (n, m)."""
+    bend = np.zeros(velocity.shape[:2])
+    if axis.size < 3:
+        return bend
+    part = ((axis[1:-1] - axis[:-2]) / (axis[2:] - axis[:-2]))[:, None, None]
+    line = (1 - part) * velocity[:-2] + part * velocity[2:]
+    bend[1:-1] = np.linalg.norm(velocity[1:-1] - line, axis=-1)
+    bend[0], bend[-1] = bend[1], bend[-2]
+    return bend

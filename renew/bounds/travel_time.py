@@ -1,0 +1,222 @@
+"""Travel times from a point to the nodes of a grid in a current: the value function u.
+
+u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
+from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
+most helpful of that triangle's currents. Nodes are settled in Dijkstra's order, and taken up
+again where a node that comes later betters them, as it may in a current.
+
+u is only nearly right: :mod:`renew.bounds.fuel_lower_bound` makes a proof of it, and has it solved
+again with the slowness of some cells lowered.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from renew._types import BoolArray, FloatArray
+
+TOLERANCE = 1e-4
+"""A time is only corrected by more than this share of what the step to it costs."""
+
+BEYOND = 1.02
+"""Times beyond this multiple of the goal's are not looked for."""
+
+# Slowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
+# that outrun the vessel. No part of the proof.
+_SLOWEST = 0.05
+
+
+class Mesh(NamedTuple):
+    """Nodes, row by row from the south-west, and the cells between them; m and m/s.
+
+    Cell (row, column) has the nodes (row, column) to (row + 1, column + 1).
+    """
+
+    x: FloatArray  # (nx,)
+    y: FloatArray  # (ny,)
+    current: FloatArray  # (ny, nx, 2)
+    deviation: FloatArray  # (ny - 1, nx - 1): r
+    wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
+    speed: float
+    crab: bool
+
+
+class Place(NamedTuple):
+    """A cell, and a point in it as a mean of its corners SW, SE, NW, NE with weights (2, 4).
+
+    Two means, for the two ways to cut the cell into triangles.
+    """
+
+    row: int
+    column: int
+    weights: FloatArray
+
+    def corners(self, time: FloatArray) -> FloatArray:
+        """Times at the corners: a view (2, 2) of the nodes' times."""
+        return time[self.row : self.row + 2, self.column : self.column + 2]
+
+    def values(self, time: FloatArray) -> FloatArray:
+        """Interpolated time at the point, for both ways to cut the cell (2,)."""
+        # A corner without weight may be out of reach, and 0 times infinity is no number.
+        times = np.where(self.weights > 0, self.corners(time).ravel(), 0.0)
+        return np.asarray((self.weights * times).sum(axis=1))
+
+
+def source(mesh: Mesh, start: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Travel times (s) that are zero at the node nearest the start and unknown elsewhere."""
+    time = np.full((mesh.y.size, mesh.x.size), np.inf)
+    dirty = np.zeros(time.shape, dtype=bool)
+    nearest = np.abs(mesh.y - start[1]).argmin(), np.abs(mesh.x - start[0]).argmin()
+    time[nearest] = 0.0
+    dirty[nearest] = True
+    return time, dirty
+
+
+def locate(mesh: Mesh, point: FloatArray) -> Place:
+    """Cell that holds a point, and the point's place in it."""
+    column = int(np.clip(np.searchsorted(mesh.x, point[0]) - 1, 0, mesh.x.size - 2))
+    row = int(np.clip(np.searchsorted(mesh.y, point[1]) - 1, 0, mesh.y.size - 2))
+    s = float(np.clip((point[0] - mesh.x[column]) / (mesh.x[column + 1] - mesh.x[column]), 0, 1))
+    t = float(np.clip((point[1] - mesh.y[row]) / (mesh.y[row + 1] - mesh.y[row]), 0, 1))
+    rising = [1 - max(s, t), max(s - t, 0.0), max(t - s, 0.0), min(s, t)]
+    lower, upper = max(1 - s - t, 0.0), max(s + t - 1, 0.0)
+    falling = [lower, s - upper, t - upper, upper]
+    return Place(row, column, np.array([rising, falling]))
+
+
+@njit(cache=True)
+def _passage(
+    dx: float,
+    dy: float,
+    winds: FloatArray,
+    speed: float,
+    deviation: float,
+    crab: bool,
+) -> float:
+    """Time (s) along (dx, dy) m in the most helpful of three currents (3, 2).
+
+    Projected, a vessel may tack: v + c·T is no convex polar below v/2, and its hull there is
+    v²/(-4 c·T).
+    """
+    length = math.sqrt(dx * dx + dy * dy)
+    tx, ty = dx / length, dy / length
+    fastest, helpful = _SLOWEST * speed, -math.inf
+    for k in range(3):
+        along = winds[k, 0] * tx + winds[k, 1] * ty + (0.0 if crab else deviation)
+        helpful = max(helpful, along)
+        if crab:
+            across = winds[k, 1] * tx - winds[k, 0] * ty
+            square = (speed + deviation) ** 2 - across * across
+            if square > 0.0:
+                fastest = max(fastest, along + math.sqrt(square))
+    if not crab:
+        tacking = helpful <= -speed / 2
+        fastest = max(fastest, -speed * speed / (4 * helpful) if tacking else speed + helpful)
+    return float(length / fastest)
+
+
+@njit(cache=True)
+def _arrival(
+    legs: FloatArray,
+    times: FloatArray,
+    winds: FloatArray,
+    speed: float,
+    deviation: float,
+    stretch: float,
+    crab: bool,
+) -> float:
+    """Earliest arrival (s) from the segment between two nodes with these times.
+
+    `legs` (2, 2) lead from the nodes to the place of arrival, m. A convex function of the place
+    on the segment: halving steps find its least value closely enough.
+    """
+    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], winds, speed, deviation, crab)
+    if times[1] == np.inf:
+        return float(first)
+    second = times[1] + stretch * _passage(legs[1, 0], legs[1, 1], winds, speed, deviation, crab)
+    best = min(first, second)
+    place, least, step = 0.5, np.inf, 0.5
+    for k in range(7):
+        # The middle, then a step of a quarter, an eighth, a sixteenth to either side.
+        if k == 0:
+            s = 0.5
+        elif k % 2 == 1:
+            step /= 2
+            centre = place
+            s = centre - step
+        else:
+            s = centre + step
+        dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
+        dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
+        value = (1 - s) * times[0] + s * times[1]
+        value += stretch * _passage(dx, dy, winds, speed, deviation, crab)
+        if value < least:
+            place, least = s, value
+    return float(min(best, least))
+
+
+@njit(cache=True)
+def solve(
+    time: FloatArray, dirty: BoolArray, stretch: FloatArray, mesh: Mesh, cell: FloatArray
+) -> None:
+    """Lower the times (ny, nx) until none can be bettered through a triangle; from dirty nodes.
+
+    It ends a little after `cell`, a view of some of the times, is known; later nodes stay dirty.
+
+    Dijkstra's order, but a node whose time is bettered later is taken up again: with currents,
+    the quickest way to a node may come through one that is reached after it.
+    """
+    rows, columns = time.shape
+    legs, times, winds = np.empty((2, 2)), np.empty(2), np.empty((3, 2))
+    queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
+    heapq.heapify(queue)
+    while queue:
+        now, row, column = heapq.heappop(queue)
+        if now > BEYOND * cell.max():
+            break
+        if not dirty[row, column] or now > time[row, column]:
+            continue
+        dirty[row, column] = False
+        times[0] = now
+        winds[0] = mesh.current[row, column]
+        for quadrant in range(4):
+            dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
+            cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
+            inside = 0 <= cell_row < rows - 1 and 0 <= cell_column < columns - 1
+            if not (inside and mesh.wet[cell_row, cell_column]):
+                continue
+            # Every triangle of this node, another corner that is reached, and a third.
+            for pair in range(9):
+                i, j = pair // 3 + 1, pair % 3 + 1
+                to_row, to_column = row + dr * (i // 2), column + dc * (i % 2)
+                if i == j or time[to_row, to_column] <= now:
+                    continue
+                by_row, by_column = row + dr * (j // 2), column + dc * (j % 2)
+                times[1] = time[by_row, by_column]
+                if dirty[by_row, by_column] and times[1] > now:
+                    times[1] = np.inf  # its turn comes, and this triangle's with it
+                winds[1] = mesh.current[by_row, by_column]
+                winds[2] = mesh.current[to_row, to_column]
+                legs[0, 0] = mesh.x[to_column] - mesh.x[column]
+                legs[0, 1] = mesh.y[to_row] - mesh.y[row]
+                legs[1, 0] = mesh.x[to_column] - mesh.x[by_column]
+                legs[1, 1] = mesh.y[to_row] - mesh.y[by_row]
+                arrival = _arrival(
+                    legs,
+                    times,
+                    winds,
+                    mesh.speed,
+                    mesh.deviation[cell_row, cell_column],
+                    stretch[cell_row, cell_column],
+                    mesh.crab,
+                )
+                known = time[to_row, to_column]
+                if known == np.inf or arrival < known - TOLERANCE * (known - now):
+                    time[to_row, to_column] = arrival
+                    dirty[to_row, to_column] = True
+                    heapq.heappush(queue, (arrival, to_row, to_column))

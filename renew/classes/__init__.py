@@ -1,0 +1,1 @@
+"""Homotopy classes: triangulation, dual graph, h-signature, and the k best channels."""

@@ -1,0 +1,260 @@
+"""Constrained Delaunay triangulation of the water, and its dual graph.
+
+Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle by default;
+GEOS's through shapely where Triangle is not installed (its licence bars commercial
+distribution).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from typing import Literal, TypeAlias, get_args
+
+import networkx as nx
+import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from shapely.geometry.base import BaseGeometry
+
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.errors import GeometryError, ParameterError
+from renew.inputs.chart import Chart
+
+# A point this share of the chart's size outside all triangles lies on the water's edge.
+_ON_EDGE = 1e-7
+
+Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """Triangles of the water, anticlockwise, with their neighbours.
+
+    Attributes
+    ----------
+    vertices : (v, 2) metres.
+    triangles : (t, 3) indices of vertices, anticlockwise.
+    neighbours : (t, 3) the triangle across the edge opposite each corner, -1 where there is none.
+    hazardous : (t, 3) True where that edge lies on the no-go zone (a constrained edge), False on
+        passing edges and on the end of the chart.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    neighbours: IntArray
+    hazardous: BoolArray
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Coordinates (t, 3, 2) of every triangle's corners."""
+        return self.vertices[self.triangles]
+
+    @cached_property
+    def constrained_edges(self) -> FloatArray:
+        """The constrained edges as segments (e, 2, 2), water on their left."""
+        triangle, corner = np.nonzero(self.hazardous)
+        return self.vertices[self.edge_vertices(triangle, corner)]
+
+    @cached_property
+    def dual(self) -> nx.Graph[int]:
+        """Dual graph: a node a triangle, an edge a passing edge with its midpoint and length."""
+        graph: nx.Graph[int] = nx.Graph()
+        graph.add_nodes_from(range(len(self.triangles)))
+        triangle, corner = np.nonzero(self.neighbours > np.arange(len(self.triangles))[:, None])
+        ends = self.vertices[self.edge_vertices(triangle, corner)]
+        for one, other, (a, b) in zip(
+            triangle.tolist(), self.neighbours[triangle, corner].tolist(), ends, strict=True
+        ):
+            graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
+        return graph
+
+    @cached_property
+    def on_land(self) -> BoolArray:
+        """Which vertices (v,) a constrained edge ends in."""
+        ends = np.zeros(len(self.vertices), dtype=bool)
+        ends[self.edge_vertices(*np.nonzero(self.hazardous))] = True
+        return ends
+
+    def joined(self, one: int, other: int) -> bool:
+        """Whether a row of triangles leads from one to the other."""
+        triangle, corner = np.nonzero(self.neighbours >= 0)
+        beside = self.neighbours[triangle, corner]
+        count = len(self.triangles)
+        links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
+        _, waters = connected_components(links, directed=False)
+        return bool(waters[one] == waters[other])
+
+    def surroundings(self, row: list[int], layers: int) -> dict[int, int]:
+        """Triangles at most so many edges away from a row, each with the place it is nearest to.
+
+        The row's own come first, in their order.
+        """
+        nearest = {triangle: place for place, triangle in enumerate(row)}
+        outermost = row
+        for _ in range(layers):
+            found: dict[int, int] = {}
+            for triangle in outermost:
+                for beside in self.neighbours[triangle].tolist():
+                    if beside >= 0 and beside not in nearest:
+                        found.setdefault(beside, nearest[triangle])
+            nearest |= found
+            outermost = list(found)
+        return nearest
+
+    def open_outline(self, triangles: IntArray) -> FloatArray:
+        """Outer edges (w, 2, 2) of some triangles, but for constrained ones, in metres."""
+        inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last for "none", -1
+        inside[triangles] = True
+        outer = ~inside[self.neighbours[triangles]] & ~self.hazardous[triangles]
+        row, corner = np.nonzero(outer)
+        return self.vertices[self.edge_vertices(triangles[row], corner)]
+
+    def edge_vertices(self, triangle: IntArray | int, corner: IntArray | int) -> IntArray:
+        """Vertices (..., 2) of the edge opposite a corner, in the triangle's own sense."""
+        corner = np.asarray(corner)
+        return np.stack(
+            [
+                self.triangles[triangle, (corner + 1) % 3],
+                self.triangles[triangle, (corner + 2) % 3],
+            ],
+            axis=-1,
+        )
+
+    def locate(self, point: FloatArray) -> int:
+        """Index of the triangle that holds a point, or -1 for a point outside the water."""
+        corners = self.corners - point
+        edges = np.roll(corners, -1, axis=1) - corners
+        # Signed distances to the three edges, positive inside.
+        apart = _cross(edges, -corners) / np.linalg.norm(edges, axis=2)
+        inside = apart.min(axis=1)
+        best = int(np.argmax(inside))
+        return best if inside[best] >= -_ON_EDGE * float(np.ptp(self.vertices)) else -1
+
+
+def triangulate(
+    chart: Chart, backend: Backend = "auto", closed: BaseGeometry | None = None
+) -> Triangulation:
+    """Triangulate the chart's water, constrained to its edges, without Steiner points.
+
+    "auto" takes Triangle where it is installed, and shapely where it is not. `closed` is water
+    that is left out as if it were land; its edges are no hazard.
+
+    Raises
+    ------
+    ParameterError
+        An unknown backend.
+    GeometryError
+        Triangles that don't add up to the water (a chart beyond repair).
+    """
+    if backend not in get_args(Backend):
+        raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
+    if backend == "auto":
+        backend = "triangle" if find_spec("triangle") else "shapely"
+    water = chart.water
+    if closed is not None and not closed.is_empty:
+        water = shapely.difference(water, closed, grid_size=chart.precision)
+    corners = _by_triangle(water, chart.precision) if backend == "triangle" else _by_shapely(water)
+    shapely.prepare(water)
+    corners = corners[shapely.contains_xy(water, corners.mean(axis=1))]
+    turn = _area(corners[:, 0], corners[:, 1], corners[:, 2])
+    corners[turn < 0] = corners[turn < 0][:, ::-1]
+    missing = water.area - np.abs(turn).sum() / 2
+    if abs(missing) > 1e-6 * chart.extent.area:
+        raise GeometryError(
+            f"chart: its triangles miss {missing:g} m² of {water.area:g} m² of water; "
+            "simplify or buffer the no-go zone so that no vertices nearly coincide"
+        )
+    vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    neighbours = _neighbours(triangles)
+    hazardous = _hazardous(chart, closed, vertices, triangles, neighbours)
+    return Triangulation(vertices, triangles, neighbours, hazardous)
+
+
+def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
+    """Corners (t, 3, 2) by Triangle, over the convex hull less what segments wall off."""
+    import triangle  # not there where its licence kept it from being installed
+
+    rings = [
+        shapely.get_coordinates(ring)[:-1]
+        for polygon in shapely.get_parts(water)
+        for ring in (polygon.exterior, *polygon.interiors)
+    ]
+    segments, start = [], 0
+    for ring in rings:
+        index = np.arange(start, start + len(ring))
+        segments.append(np.column_stack([index, np.roll(index, -1)]))
+        start += len(ring)
+    # Rings may share vertices (islands that touch), which Triangle must see once.
+    vertices, again = np.unique(np.concatenate(rings), axis=0, return_inverse=True)
+    edges = np.unique(np.sort(again.reshape(-1)[np.concatenate(segments)], axis=1), axis=0)
+    # Triangle works with absolute tolerances: centre and scale to about one.
+    middle, size = vertices.mean(axis=0), np.ptp(vertices, axis=0).max()
+    result = triangle.triangulate({"vertices": (vertices - middle) / size, "segments": edges}, "p")
+    if len(result["vertices"]) != len(vertices):
+        raise GeometryError(
+            "chart: the no-go zone's edges cross each other after snapping to "
+            f"{precision:g} m; simplify the polygons"
+        )
+    return np.asarray(vertices[result["triangles"]])
+
+
+def _by_shapely(water: BaseGeometry) -> FloatArray:
+    """Corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
+    cells = shapely.get_parts(
+        [shapely.constrained_delaunay_triangles(polygon) for polygon in shapely.get_parts(water)]
+    )
+    return np.array(shapely.get_coordinates(cells).reshape(-1, 4, 2)[:, :3])
+
+
+def _neighbours(triangles: IntArray) -> IntArray:
+    """Neighbours (t, 3) by matching the sorted vertex pairs of all edges."""
+    pairs = np.stack([triangles[:, [1, 2]], triangles[:, [2, 0]], triangles[:, [0, 1]]], axis=1)
+    keys = np.sort(pairs.reshape(-1, 2), axis=1)
+    order = np.lexsort((keys[:, 1], keys[:, 0]))
+    same = (keys[order][1:] == keys[order][:-1]).all(axis=1)
+    one, other = order[:-1][same], order[1:][same]
+    neighbours = np.full(len(keys), -1, dtype=np.int64)
+    neighbours[one], neighbours[other] = other // 3, one // 3
+    return neighbours.reshape(-1, 3)
+
+
+def _hazardous(
+    chart: Chart,
+    closed: BaseGeometry | None,
+    vertices: FloatArray,
+    triangles: IntArray,
+    neighbours: IntArray,
+) -> BoolArray:
+    """Mark the edges (t, 3) with no triangle behind them that lie on land.
+
+    Neither the extent's edge is land, nor the edge of closed water.
+    """
+    hazardous = neighbours < 0
+    triangle, corner = np.nonzero(hazardous)
+    ends = vertices[
+        np.stack(
+            [triangles[triangle, (corner + 1) % 3], triangles[triangle, (corner + 2) % 3]], axis=-1
+        )
+    ]
+    middles = shapely.points(ends.mean(axis=1))
+    # A midpoint on an edge is off by the snapping grid at most.
+    apart = shapely.distance(middles, chart.extent.exterior)
+    if closed is not None and not closed.is_empty:
+        apart = np.minimum(apart, shapely.distance(middles, closed.boundary))
+    hazardous[triangle, corner] = apart > 4 * chart.precision
+    return hazardous
+
+
+def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Twice the signed area (...) of triangles abc, positive anticlockwise."""
+    return _cross(b - a, c - a)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product (...) of plane vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,1 @@
+"""Compiled primitives: capsules, the Viterbi pass, the triangles that a path crosses."""

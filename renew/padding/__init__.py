@@ -1,0 +1,1 @@
+"""Adaptive padding of constrained edges, and the soft no-go zone V."""

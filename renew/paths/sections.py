@@ -1,0 +1,213 @@
+"""Sections across a channel, and the parts of them that lie outside the soft no-go zone.
+
+Consecutive passing edges share a vertex, so a channel is a row of fans. Each fan is cut into
+several sections from its pivot; a path visits one point of each section in turn, which lets it
+bend inside large triangles where the current turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.channels import Channel
+from renew.kernels.capsules import capsule_bounds, capsule_interval, meets
+
+# Free gaps shorter than this share of the section are no way through, only rounding.
+_SLIVER = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Sections:
+    """Sections from the left to the right bank, in sailing order.
+
+    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `fan` (s,) is the place
+    in the channel of the triangle that holds the section, for a passing edge the one it leaves.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    passing: BoolArray
+    fan: IntArray
+
+    def points(self, place: FloatArray) -> FloatArray:
+        """Points (s, ..., 2) at places (s, ...) in [0, 1] from left to right."""
+        extra = (1,) * (place.ndim - 1)
+        left = self.left.reshape(len(self.left), *extra, 2)
+        right = self.right.reshape(len(self.right), *extra, 2)
+        return np.asarray(left + place[..., None] * (right - left))
+
+    def select(self, keep: BoolArray) -> Sections:
+        """Return only some of the sections."""
+        return Sections(self.left[keep], self.right[keep], self.passing[keep], self.fan[keep])
+
+
+def cut(
+    channel: Channel, start: FloatArray, goal: FloatArray, spacing: float, angle: float
+) -> Sections:
+    """Cut a channel into sections at most `spacing` metres and `angle` radians apart.
+
+    The spacing holds on the bank that moves. Where both are infinite, these are the passing
+    edges alone.
+    """
+    # The ends are fans too: the first gate shrinks to the start, the last one to the goal.
+    left = np.vstack([start, channel.left, goal])
+    right = np.vstack([start, channel.right, goal])
+    count = _steps(left, right, spacing, angle)
+    fan = np.repeat(np.arange(len(count)), count)
+    step = np.arange(1, len(fan) + 1) - np.repeat(np.cumsum(count) - count, count)
+    place = (step / count[fan])[:, None]
+    sections = Sections(
+        left[fan] + place * (left[fan + 1] - left[fan]),
+        right[fan] + place * (right[fan + 1] - right[fan]),
+        step == count[fan],
+        fan,
+    )
+    return sections.select(np.arange(len(fan)) < len(fan) - 1)  # the last is the goal
+
+
+def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) -> IntArray:
+    """How many steps (g - 1,) lead from one gate (g, 2) to the next."""
+    moved = np.maximum(
+        np.linalg.norm(np.diff(left, axis=0), axis=1),
+        np.linalg.norm(np.diff(right, axis=0), axis=1),
+    )
+    across = left - right
+    one, other = across[:-1], across[1:]
+    turned = np.abs(
+        np.arctan2(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1))
+    )
+    steps = np.maximum(np.ceil(moved / spacing), np.ceil(turned / angle))
+    return np.asarray(np.maximum(steps, 1), dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class FreeParts:
+    """The parts of each section outside V: `count` (s,) intervals of [0, 1] in each row, in order.
+
+    `intervals` is (s, n, 2); what stands behind a row's count has no meaning.
+    """
+
+    intervals: FloatArray
+    count: IntArray
+
+    @property
+    def shut(self) -> BoolArray:
+        """Sections (s,) with no free part."""
+        return np.asarray(self.count == 0)
+
+    def select(self, keep: BoolArray) -> FreeParts:
+        """Return only those of some sections."""
+        return FreeParts(self.intervals[keep], self.count[keep])
+
+    def spread(self, points: int) -> FloatArray:
+        """Places (s, points), evenly over the free length, all ends of intervals included."""
+        return np.asarray(_spread(self.intervals, self.count, points))
+
+    def around(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ends (s,) of the interval that holds, or is nearest to, each place (s,)."""
+        low, high = self.intervals[..., 0], self.intervals[..., 1]
+        away = np.maximum(low - places[:, None], places[:, None] - high)
+        away[np.arange(away.shape[1]) >= self.count[:, None]] = np.inf
+        row, chosen = np.arange(len(places)), away.argmin(axis=1)
+        return low[row, chosen], high[row, chosen]
+
+    def draw(self, points: int, rng: np.random.Generator) -> FloatArray:
+        """Places (s, points), uniform over the free parts."""
+        within = np.arange(self.intervals.shape[1]) < self.count[:, None]
+        lengths = np.where(within, self.intervals[..., 1] - self.intervals[..., 0], 0.0)
+        ends = np.cumsum(lengths, axis=1)
+        along = rng.random((len(ends), points)) * ends[:, -1:]
+        chosen = np.minimum((along[..., None] >= ends[:, None]).sum(-1), self.count[:, None] - 1)
+        row = np.arange(len(ends))[:, None]
+        return np.asarray(self.intervals[row, chosen, 1] - (ends[row, chosen] - along))
+
+
+def free_parts(
+    sections: Sections, start: FloatArray, end: FloatArray, distance: FloatArray
+) -> FreeParts:
+    """Parts of each section further than `distance` (b,) from barriers `start` to `end` (b, 2)."""
+    return FreeParts(*free_intervals(sections.left, sections.right, start, end, distance))
+
+
+@njit(cache=True, error_model="numpy")
+def free_intervals(
+    left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, distance: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Intervals (s, n, 2) of :class:`FreeParts`, and how many there are in each row."""
+    bounds = capsule_bounds(start, end, distance)
+    near = np.zeros(len(left), dtype=np.int64)
+    for i in range(len(left)):
+        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
+        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
+        for h in range(len(start)):
+            near[i] += meets(bounds, h, west, south, east, north)
+    most = near.max() if len(near) else 0
+    intervals = np.zeros((len(left), most + 1, 2))
+    count = np.zeros(len(left), dtype=np.int64)
+    covered = np.empty((most, 2))
+    for i in range(len(left)):
+        found = 0
+        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
+        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
+        for h in range(len(start)):
+            if not meets(bounds, h, west, south, east, north):
+                continue
+            enter, leave = capsule_interval(
+                left[i, 0],
+                left[i, 1],
+                right[i, 0],
+                right[i, 1],
+                start[h, 0],
+                start[h, 1],
+                end[h, 0],
+                end[h, 1],
+                distance[h],
+            )
+            if enter < leave:
+                _insert(covered, found, enter, leave)
+                found += 1
+        behind = 0.0
+        for h in range(found):
+            if covered[h, 0] - behind > _SLIVER:
+                intervals[i, count[i]] = behind, covered[h, 0]
+                count[i] += 1
+            behind = max(behind, covered[h, 1])
+        if 1.0 - behind > _SLIVER:
+            intervals[i, count[i]] = behind, 1.0
+            count[i] += 1
+    return intervals, count
+
+
+@njit(cache=True, error_model="numpy")
+def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> None:
+    """Put an interval among the first `count` of some (n, 2), in the order of their beginnings."""
+    place = count
+    while place > 0 and intervals[place - 1, 0] > enter:
+        intervals[place, 0], intervals[place, 1] = intervals[place - 1]
+        place -= 1
+    intervals[place, 0], intervals[place, 1] = enter, leave
+
+
+@njit(cache=True, error_model="numpy")
+def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
+    """Places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
+    places = np.zeros((len(count), points))
+    for i in range(len(count)):
+        total = 0.0
+        for k in range(count[i]):
+            total += intervals[i, k, 1] - intervals[i, k, 0]
+        first, behind = 0, 0.0
+        for k in range(count[i]):
+            low, high = intervals[i, k]
+            behind += high - low
+            # Each interval has its share of the points, two at the least while there are enough.
+            last = round(points * behind / total) if k < count[i] - 1 else points
+            last = min(max(last, first + 2), points - 2 * (count[i] - 1 - k))
+            for j in range(first, last):
+                places[i, j] = low + (high - low) * (j - first) / max(last - first - 1, 1)
+            first = max(last, first)
+    return places

@@ -1,0 +1,1 @@
+"""Class by class until k can be sailed: the problem, one class's plan, and the diagnosis."""

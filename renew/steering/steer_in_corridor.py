@@ -1,0 +1,99 @@
+"""A corridor's path made steerable without leaving the corridor."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import shapely
+
+from renew._types import BoolArray, FloatArray
+from renew.errors import InfeasibleError
+from renew.kernels.capsules import legs_are_clear
+from renew.paths.corridor import Corridor
+from renew.steering.corner_rounding import round_corners
+from renew.steering.trajectory import corner_radius, course_changes, steer
+
+# Corners are rounded with the first of these multiples of the least radius with which the heading
+# rate keeps below ω while the current changes on the way round.
+_ROUNDINGS = (1.1, 1.2, 1.35)
+# Corners closer to a sharp one than this many of its disc's chords are in the way of its rounding.
+_CROWD = 1.5
+# The points of a path crowd where its sections meet, and a sharp corner has no room among them:
+# the path is thinned by the least of these shares of v/ω with which it can be steered.
+_TOLERANCES = (0.0, 0.01, 0.03, 0.1, 0.3)
+
+
+def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+    """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
+
+    Corners whose rounding would cut into V, or has no room, are rounded on the outside; the
+    result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
+    """
+    first: InfeasibleError | None = None
+    for tolerance, rounding in itertools.product(_TOLERANCES, _ROUNDINGS):
+        thinned = path
+        if tolerance:
+            line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
+            thinned = shapely.get_coordinates(line)
+        try:
+            return _steered(thinned, corridor, rounding)
+        except InfeasibleError as error:
+            first = first or error
+    raise first or InfeasibleError("no tolerance to try")
+
+
+def _steered(
+    path: FloatArray, corridor: Corridor, rounding: float
+) -> tuple[FloatArray, FloatArray]:
+    """Round the sharp corners of a path and steer it."""
+    field, vessel = corridor.current, corridor.vessel
+    if len(path) > 2:
+        radius = rounding * corner_radius(path, field, vessel)
+        sharp = _sharp_corners(path, corridor, radius)
+        if sharp.any():
+            keep = ~_crowding(path, sharp, radius)
+            corners = np.pad(keep, 1, constant_values=True)
+            path = round_corners(path[corners], sharp[keep], radius[keep])
+    if not corridor.legs_clear(path).all():
+        raise InfeasibleError("the corridor is too narrow to round its corners in")
+    trajectory = steer(path, field, vessel)
+    track = trajectory[:, 1:3]
+    land = np.full(len(corridor.hazards.edge), -1.0)  # may not even be touched
+    if not legs_are_clear(
+        track[:-1], track[1:], corridor.hazards.start, corridor.hazards.end, land
+    ).all():
+        raise InfeasibleError("the corridor is too narrow to turn in: the track would touch land")
+    return path, trajectory
+
+
+def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) that can't be rounded inwards with a radius (n - 2,)."""
+    turns, bisectors = course_changes(path)
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    needed = radius * np.tan(np.abs(turns) / 2)
+    asked = np.concatenate([[0.0], needed]) + np.concatenate([needed, [0.0]])
+    # Where a leg has no room for both its corners, the one that asks for more of it is sharp.
+    cramped = asked > lengths
+    blame_first = np.append(np.inf, needed) >= np.append(needed, -np.inf)
+    blame_first[[0, -1]] = False, True
+    cut = radius * (1 / np.cos(turns / 2) - 1)
+    inner = path[1:-1] + cut[:, None] * bisectors
+    # What the arc leaves to its inner side of, its inscribed chords would cross.
+    units = np.diff(path, axis=0) / np.maximum(lengths, 1e-300)[:, None]
+    begin = path[1:-1] - needed[:, None] * units[:-1]
+    end = path[1:-1] + needed[:, None] * units[1:]
+    barriers = *corridor.barriers, corridor.forbidden
+    intrudes = ~(legs_are_clear(begin, inner, *barriers) & legs_are_clear(inner, end, *barriers))
+    return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
+
+
+def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) that stand where a sharp one near them is to be rounded."""
+    turns, _ = course_changes(path)
+    # A disc that touches the corner from within cuts this chord off either leg.
+    chord = 2 * radius * np.sin(np.abs(turns) / 2)
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    along = np.cumsum(lengths)[:-1]
+    near = np.abs(along[:, None] - along[sharp]) <= _CROWD * chord[sharp]
+    return np.asarray(near.any(axis=1) & ~sharp)

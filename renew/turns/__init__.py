@@ -1,0 +1,1 @@
+"""Hard-over turns: contingency simulation, verification of a route, closest approach."""

@@ -1,0 +1,98 @@
+"""Where a route comes nearest to land, and how far hard-over turns reach there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.vessel import Vessel
+from renew.padding.turn_sampling import Draws, normals_away
+from renew.route import Route
+
+# Enough for a smooth picture.
+_DRAWS = 4096
+
+
+class Tightest(NamedTuple):
+    """The place of a route that is nearest to a padded edge.
+
+    Attributes
+    ----------
+    point : (2,) metres, on the route.
+    edge : (2, 2) metres, the constrained edge nearest to it.
+    heading : rad, of the route there.
+    padding : of the edge (m).
+    gap : from the point to the edge (m).
+    reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
+        sides, in draws of the current in the triangle and of headings about this one.
+    """
+
+    point: FloatArray
+    edge: FloatArray
+    heading: float
+    padding: float
+    gap: float
+    reaches: FloatArray
+
+
+def tightest(
+    route: Route, current: CurrentLike, vessel: Vessel, *, seed: int = 0
+) -> Tightest | None:
+    """Find where a route is nearest to land and draw the reach of turns there.
+
+    Parameters
+    ----------
+    route : Route
+        As planned.
+    current : CurrentField or callable
+        The one it was planned in.
+    vessel : Vessel
+        The one it was planned for.
+    seed : int
+        Seed of the draws.
+
+    Returns
+    -------
+    Tightest or None
+        Edges whose padding reaches over the start or the goal are left out, as harbours lie there;
+        None where no other edge is padded.
+    """
+    edges, padding = route.padding_used[:, :4].reshape(-1, 2, 2), route.padding_used[:, 4]
+    lines = shapely.linestrings(edges)
+    ends = shapely.points(route.path[[0, -1]])
+    padded = (padding > 0) & (shapely.distance(lines[:, None], ends) >= padding[:, None]).all(
+        axis=1
+    )
+    if not padded.any():
+        return None
+    way = shapely.LineString(route.path)
+    gaps = np.where(padded, shapely.distance(lines, way), np.inf)
+    nearest = int(gaps.argmin())
+    on_way = shapely.get_point(shapely.shortest_line(way, lines[nearest]), 0)
+    along = float(shapely.line_locate_point(way, on_way))
+    point = shapely.get_coordinates(shapely.line_interpolate_point(way, along))[0]
+    passed = np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))
+    leg = min(int(np.searchsorted(passed, along)), len(passed) - 1)
+    east, north = route.path[leg + 1] - route.path[leg]
+    course = np.arctan2(north, east)
+    triangles = shapely.polygons(route.corners)
+    inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
+    reaches = Draws(seed, _DRAWS).reaches(
+        as_field(current).statistics(route.corners[[inside]]),
+        np.array([course]),
+        np.zeros(1, dtype=np.int64),
+        normals_away(edges[[nearest]], point[None]),
+        vessel,
+    )
+    return Tightest(
+        point=point,
+        edge=edges[nearest],
+        heading=float(course),
+        padding=float(padding[nearest]),
+        gap=float(gaps[nearest]),
+        reaches=reaches[0],
+    )

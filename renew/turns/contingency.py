@@ -1,0 +1,304 @@
+"""Forward simulation of hard-over turns along a route: the vessel can turn away everywhere.
+
+At points along the route the rudder goes hard over to port and to starboard, and the vessel
+turns a full circle while the current carries it: once in the field as it is, and again in draws
+of the field's spread over the water that the turn sweeps. A turn that touches the hard no-go
+zone L is a collision.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import shapely
+from numba import njit
+
+from renew._types import BoolArray, FloatArray
+from renew.errors import ParameterError
+from renew.inputs.chart import Chart
+from renew.inputs.current import (
+    CurrentField,
+    CurrentLike,
+    TabulatedCurrent,
+    as_field,
+    sample_statistics,
+)
+from renew.inputs.current_table import Table, velocity
+from renew.inputs.fuel import ground_speed
+from renew.inputs.vessel import Vessel
+from renew.turns.reach_bound import MOST_DEVIATIONS, TurnReach
+
+# Headings of a full turn, every 10 degrees, by the midpoint rule: within 0.1 % of the radius.
+_TURN_STEPS = 36
+# Draws of the field's spread a point and side, beside the field itself. A draw lies within two
+# standard deviations: the 95 % that the default risk answers for.
+_DRAWS = 4
+_RING = 8
+
+
+class HasPath(Protocol):
+    """Whatever has a path (n, 2) in metres: a Route, or a route of another planner."""
+
+    @property
+    def path(self) -> FloatArray:
+        """Polyline (n, 2) in metres."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Contingency:
+    """Outcome of the turns along a route.
+
+    Attributes
+    ----------
+    trials : turns flown.
+    collisions : turns that touched the no-go zone.
+    points : (n, 2) metres, where turns began.
+    collided : (n,) True where at least one turn of that point collided.
+    """
+
+    trials: int
+    collisions: int
+    points: FloatArray
+    collided: BoolArray
+
+
+def contingency(
+    route: HasPath,
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    *,
+    spacing: float = 1.0,
+    seed: int = 0,
+) -> Contingency:
+    """Fly a full hard-over turn to both sides from points along a route.
+
+    Parameters
+    ----------
+    route : Route
+        Anything with a `path` (n, 2) in metres.
+    chart : Chart
+        Its no-go zone is what must not be touched; need not be the chart planned on.
+    current : CurrentField or callable
+        The field flown in.
+    vessel : Vessel
+        Gives v and ω.
+    spacing : float
+        Distance between points along the route (m).
+    seed : int
+        Seed of the draws of the field's spread.
+
+    Returns
+    -------
+    Contingency
+        Trials, collisions and where.
+
+    Raises
+    ------
+    ParameterError
+        A spacing that is not positive.
+    """
+    if not (math.isfinite(spacing) and spacing > 0):
+        raise ParameterError(f"spacing = {spacing!r} m must be finite and above 0")
+    field = as_field(current)
+    points, course = stations(np.asarray(route.path, dtype=float), spacing)
+    # Only turns within reach of land can touch it; the others needn't be flown to be counted.
+    near = np.zeros(len(points), dtype=bool)
+    if chart.no_go:
+        tree = shapely.STRtree(chart.no_go)
+        reach = TurnReach.of(field.table(chart.bounds), vessel)
+        found = tree.query(shapely.points(points), predicate="dwithin", distance=reach(points))
+        near[np.unique(found[0])] = True
+    hits = np.zeros(len(points), dtype=np.int64)
+    rng = np.random.default_rng(seed)
+    deviations = rng.standard_normal((len(points), 1 + _DRAWS, 2))
+    deviations = np.clip(deviations, -MOST_DEVIATIONS, MOST_DEVIATIONS)
+    deviations[:, 0] = 0.0  # the field itself
+    turns = fly_turns(points[near], course[near], field, vessel, deviations[near])
+    if chart.no_go and near.any():
+        hits[near] = _touching(turns, tree).sum(axis=1)
+    return Contingency(
+        trials=2 * (1 + _DRAWS) * len(points),
+        collisions=int(hits.sum()),
+        points=points,
+        collided=hits > 0,
+    )
+
+
+def fly_turns(
+    points: FloatArray,
+    course: FloatArray,
+    field: CurrentField,
+    vessel: Vessel,
+    deviations: FloatArray,
+    steps: int = _TURN_STEPS,
+) -> FloatArray:
+    """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
+
+    Each of the draws, to either side, is flown in the field changed by `deviations` (n or 1,
+    draws, 2): so many times the spread of its speed and of its direction.
+    """
+    heading = _crab_heading(points, course, field, vessel)
+    faster, turned = changes(points, field, vessel, deviations)
+    if isinstance(field, TabulatedCurrent):
+        return np.asarray(
+            _flown_by_table(
+                points, heading, faster, turned, field.nodes, vessel.speed, vessel.turn_rate, steps
+            )
+        )
+    return _flown(points, heading, faster, turned, field, vessel, steps)
+
+
+def _flown(
+    points: FloatArray,
+    heading: FloatArray,
+    faster: FloatArray,
+    turned: FloatArray,
+    field: CurrentField,
+    vessel: Vessel,
+    steps: int,
+) -> FloatArray:
+    """Tracks (n, turns, steps + 1, 2) in any field, its speed and direction changed by (n, draws).
+
+    The midpoint rule; each draw to port, then to starboard.
+    """
+    side = np.array([1.0, -1.0])
+    shape = (len(points), faster.shape[1], 2)
+    position = np.broadcast_to(points[:, None, None], (*shape, 2)).copy()
+    step = vessel.turn_period / steps
+    track = [position]
+    for i in range(steps):
+        middle = heading[:, None, None] + side * vessel.turn_rate * step * (i + 0.5)
+        through = vessel.speed * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
+        through = np.broadcast_to(through, position.shape)
+        half = position + step / 2 * (through + _perturbed(field(position), faster, turned))
+        position = position + step * (through + _perturbed(field(half), faster, turned))
+        track.append(position)
+    return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], steps + 1, 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _flown_by_table(
+    points: FloatArray,
+    heading: FloatArray,
+    faster: FloatArray,
+    turned: FloatArray,
+    table: Table,
+    speed: float,
+    turn_rate: float,
+    steps: int,
+) -> FloatArray:
+    """Tracks as :func:`_flown` gives them, of a current in a table: compiled."""
+    count, draws = faster.shape
+    tracks = np.empty((count, 2 * draws, steps + 1, 2))
+    step = 2 * math.pi / turn_rate / steps
+    through = np.empty((steps, 2))
+    for i in range(count):
+        for side in range(2):
+            rate = turn_rate if side == 0 else -turn_rate
+            for k in range(steps):
+                middle = heading[i] + rate * step * (k + 0.5)
+                through[k] = speed * math.cos(middle), speed * math.sin(middle)
+            for draw in range(draws):
+                cos, sin = math.cos(turned[i, draw]), math.sin(turned[i, draw])
+                more = faster[i, draw]
+                x, y = points[i]
+                track = tracks[i, 2 * draw + side]
+                track[0] = x, y
+                for k in range(steps):
+                    u, v = _changed(velocity(table, x, y), more, cos, sin)
+                    u, v = _changed(
+                        velocity(
+                            table,
+                            x + step / 2 * (through[k, 0] + u),
+                            y + step / 2 * (through[k, 1] + v),
+                        ),
+                        more,
+                        cos,
+                        sin,
+                    )
+                    x, y = x + step * (through[k, 0] + u), y + step * (through[k, 1] + v)
+                    track[k + 1] = x, y
+    return tracks
+
+
+@njit(cache=True, error_model="numpy")
+def _changed(
+    current: tuple[float, float], more: float, cos: float, sin: float
+) -> tuple[float, float]:
+    """A velocity (m/s) with speed added and turned by an angle."""
+    u, v = current
+    speed = math.sqrt(u * u + v * v)
+    factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
+    return factor * (u * cos - v * sin), factor * (u * sin + v * cos)
+
+
+def _touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:
+    """Whether each track (n, turns, steps, 2) touches a polygon of the tree: (n, turns)."""
+    touched = np.zeros(turns.shape[0] * turns.shape[1], dtype=bool)
+    lines = shapely.linestrings(turns.reshape(-1, *turns.shape[2:]))
+    touched[np.unique(tree.query(lines, predicate="intersects")[0])] = True
+    return touched.reshape(turns.shape[:2])
+
+
+def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) every `spacing` metres along a path, and the course (n,) there, rad."""
+    legs = np.diff(path, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    path, legs, lengths = (
+        path[np.append(lengths > 0, True)],
+        legs[lengths > 0],
+        lengths[lengths > 0],
+    )
+    if not len(legs):
+        return path[:1], np.zeros(1)
+    begin = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = np.append(np.arange(0.0, begin[-1], spacing), begin[-1])
+    leg = np.clip(np.searchsorted(begin, along, side="right") - 1, 0, len(legs) - 1)
+    place = (along - begin[leg]) / lengths[leg]
+    return path[leg] + place[:, None] * legs[leg], np.arctan2(legs[leg, 1], legs[leg, 0])
+
+
+def _crab_heading(
+    points: FloatArray, course: FloatArray, field: CurrentField, vessel: Vessel
+) -> FloatArray:
+    """Heading (n,) that holds the course in the current, or the course where none does."""
+    tangent = np.stack([np.cos(course), np.sin(course)], axis=-1)
+    velocity = field(points)
+    speed = ground_speed(velocity, tangent, vessel.speed, "crab")
+    through = np.where((speed > 0)[:, None], speed[:, None] * tangent - velocity, tangent)
+    return np.arctan2(through[:, 1], through[:, 0])
+
+
+def changes(
+    points: FloatArray, field: CurrentField, vessel: Vessel, deviations: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Changes of the field (n, draws): speed added (m/s) and direction turned (rad).
+
+    The spread is that of the field on rings within the turning circle's diameter.
+    """
+    if not deviations.any():
+        none = np.zeros((len(points), deviations.shape[1]))
+        return none, none
+    angle = 2 * np.pi * np.arange(_RING) / _RING
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    reach = 2 * vessel.turning_radius
+    around = np.concatenate([np.zeros((1, 2)), ring * reach / 2, ring * reach])
+    spread = sample_statistics(field(points[:, None] + around))
+    return (
+        spread.speed_std[:, None] * deviations[..., 0],
+        spread.direction_std[:, None] * deviations[..., 1],
+    )
+
+
+def _perturbed(velocity: FloatArray, faster: FloatArray, turned: FloatArray) -> FloatArray:
+    """Velocities (n, draws, sides, 2) with speed added and direction turned by (n, draws)."""
+    speed = np.linalg.norm(velocity, axis=-1)
+    factor = np.maximum(0.0, speed + faster[..., None]) / np.where(speed > 0, speed, 1.0)
+    cos, sin = np.cos(turned)[..., None] * factor, np.sin(turned)[..., None] * factor
+    u, v = velocity[..., 0], velocity[..., 1]
+    return np.stack([u * cos - v * sin, u * sin + v * cos], axis=-1)

@@ -1,0 +1,49 @@
+"""How far a hard-over turn can carry the vessel, by where it begins: an upper bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from renew._types import FloatArray
+from renew.inputs.current_table import Table
+from renew.inputs.vessel import Vessel
+
+MOST_DEVIATIONS = 2.0
+"""Turns are flown in currents that differ by up to so many standard deviations from the field."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnReach:
+    """Furthest reach (ny, nx) in metres of turns from near the nodes x (nx,) and y (ny,)."""
+
+    x: FloatArray
+    y: FloatArray
+    furthest: FloatArray
+
+    @classmethod
+    def of(cls, table: Table, vessel: Vessel) -> TurnReach:
+        """Bounds from the strongest current that a turn can meet.
+
+        A turn is 2 v/ω wide in still water, and is carried by the drift of one period. Speeds of
+        0 to m have a standard deviation of m / 2 at the most, so that a changed current is
+        slower than (1 + deviations / 2) m.
+        """
+        drift = (1 + MOST_DEVIATIONS / 2) * vessel.turn_period
+        wide = 2 * vessel.turning_radius
+        speed = np.linalg.norm(table.uv, axis=-1)
+        # As far as that a turn may look for its strongest current, and one node further on.
+        sight = wide + drift * float(speed.max())
+        size = [
+            2 * min(int(np.ceil(sight / np.diff(axis).min())) + 1, len(axis)) + 1
+            for axis in (table.y, table.x)
+        ]
+        return cls(table.x, table.y, wide + drift * maximum_filter(speed, size, mode="nearest"))
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Bound (n,) in metres for turns that begin at points (n, 2)."""
+        column = np.clip(np.searchsorted(self.x, points[:, 0]), 0, len(self.x) - 1)
+        row = np.clip(np.searchsorted(self.y, points[:, 1]), 0, len(self.y) - 1)
+        return np.asarray(self.furthest[row, column])

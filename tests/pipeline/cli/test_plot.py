@@ -1,0 +1,165 @@
+"""`renew plot`: figures of a run that was, or of one that is planned for them."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import pytest
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from pipeline.cli import plot as plot_module
+from pipeline.cli.main import app
+from pipeline.cli.plot import plot
+from pipeline.errors import RequestError, StageError
+from pipeline.formats.figures.kinds import Form, Kind
+from pipeline.loading import parse_scenario
+from pipeline.run import Event, run
+from pipeline.scenario.catalogue import read_toml, scenario_path
+from tests.tree import tree
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.scenario.model import Scenario
+
+
+def scenario(**changes: object) -> Scenario:
+    """The catalogue's single gyre, quickly planned."""
+    table = read_toml(scenario_path("single-gyre"))
+    table["planner"]["classes"] = 2
+    return parse_scenario(table | changes)
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the results of a run, without figures."""
+    folder = tmp_path_factory.mktemp("plot") / "outputs"
+    run(scenario(), folder)
+    return folder
+
+
+def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -> None:
+    before = tree(output)
+    settings = dict(mpl.rcParams)
+    heard: list[Event] = []
+    drawn = plot(scenario(), output, listen=heard.append)
+    assert drawn.failures == ()
+    folder = output / "single-gyre" / "figures"
+    assert drawn.directory == folder
+    assert [file.name for file in drawn.files] == [
+        f"gyre-{kind}.png" for kind in ("mesh", "channels", "padding", "routes", "along")
+    ]
+    assert sorted(folder.iterdir()) == sorted(drawn.files)
+    after = tree(output)
+    assert {name: after[name] for name in before} == before
+    assert {name for name in after if name not in before} == {
+        f"single-gyre/figures/{file.name}" for file in drawn.files
+    }
+    # The run's plan was taken as it lay there; nothing was written but figures.
+    assert "write" not in {event.stage for event in heard}
+    assert dict(mpl.rcParams) == settings
+    for file in drawn.files:
+        assert imread(file).shape[1] >= 1000
+
+
+def test_the_same_figure_is_the_same_file(output: Path) -> None:
+    for form in Form:
+        asked = {"kinds": (Kind.PADDING,), "form": form}
+        (first,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
+        was = first.read_bytes()
+        (again,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
+        assert again == first
+        assert again.read_bytes() == was
+
+
+def test_a_pdf_and_an_svg_are_what_they_say(output: Path) -> None:
+    (pdf,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.PDF).files
+    assert pdf.read_bytes().startswith(b"%PDF-1.")
+    (svg,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.SVG).files
+    text = svg.read_text()
+    assert text.count("<svg") == 1
+    # The whole extent is in it as vectors, not as an image.
+    assert "<image" not in text
+    assert len(re.findall("<path", text)) > 20
+
+
+def test_what_no_run_planned_is_planned_and_only_figures_are_written(tmp_path: Path) -> None:
+    drawn = plot(scenario(), tmp_path / "new", kinds=(Kind.ALONG,))
+    visible = [name for name in tree(tmp_path / "new") if not name.startswith(".artefacts")]
+    assert visible == ["single-gyre/figures/gyre-along.png"]
+    assert [str(file.relative_to(tmp_path / "new")) for file in drawn.files] == visible
+    plans = tree(tmp_path / "new" / ".artefacts" / "plan")
+    assert plans
+    # A run goes on from there.
+    assert run(scenario(), tmp_path / "new").fresh
+    assert tree(tmp_path / "new" / ".artefacts" / "plan") == plans
+
+
+def test_a_season_that_fails_does_not_take_the_others_figures_with_it(tmp_path: Path) -> None:
+    seasons = [
+        {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},
+        {"name": "torrent", "uniform": {"u": 3.0, "v": 0.0}},
+    ]
+    asked = scenario(seasons=seasons, published=None)
+    drawn = plot(asked, tmp_path, kinds=(Kind.MESH, Kind.ALONG))
+    assert [file.name for file in drawn.files] == ["calm-mesh.png", "calm-along.png"]
+    (failure,) = drawn.failures
+    assert failure.startswith("season 'torrent': ")
+    only_calm = plot(asked, tmp_path, seasons=("calm",), kinds=(Kind.MESH,))
+    assert only_calm.failures == ()
+
+
+def test_an_unknown_season_is_refused_before_anything_is_planned(tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match="has no season 'spring': it has gyre"):
+        plot(scenario(), tmp_path / "none", seasons=("gyre", "spring"))
+    assert not (tmp_path / "none").exists()
+
+
+def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(tmp_path: Path) -> None:
+    run(scenario(), tmp_path)
+    (tmp_path / "single-gyre" / "figures").write_text("in the way")
+    with pytest.raises(StageError, match=r"gyre-mesh\.png.*--output"):
+        plot(scenario(), tmp_path, kinds=(Kind.MESH,))
+    assert (tmp_path / "single-gyre" / "figures").read_text() == "in the way"
+
+
+def test_a_figure_that_breaks_off_leaves_the_earlier_one_whole(
+    output: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
+    whole = tree(output)
+    # A resolution that no memory holds.
+    monkeypatch.setattr(plot_module, "_DPI", 1e6)
+    with pytest.raises((ValueError, MemoryError)):
+        plot(scenario(), output, kinds=(Kind.MESH,))
+    assert tree(output) == whole
+    assert imread(file).size
+
+
+def invoke(*arguments: str) -> tuple[int, str, str]:
+    """Type a command: exit code, standard output, standard error."""
+    done = CliRunner().invoke(app, ["plot", *arguments], catch_exceptions=False)
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_the_command_names_its_files(tmp_path: Path) -> None:
+    code, out, _ = invoke(
+        "single-gyre", "--output", str(tmp_path), "--figure", "mesh", "--format", "svg", "--offline"
+    )
+    assert code == 0
+    assert out.strip() == str(tmp_path / "single-gyre" / "figures" / "gyre-mesh.svg")
+
+
+def test_wrong_requests_end_with_2_and_a_line(tmp_path: Path) -> None:
+    place = ("--output", str(tmp_path / "none"))
+    code, out, err = invoke("single-gyre", "--season", "spring", *place)
+    assert (code, out) == (2, "")
+    assert err.splitlines() == ["error: single-gyre has no season 'spring': it has gyre"]
+    for wrong in (("--figure", "chart"), ("--format", "gif")):
+        code, _, err = invoke("single-gyre", *wrong, *place)
+        assert code == 2
+        assert wrong[1] in err
+    assert not (tmp_path / "none").exists()

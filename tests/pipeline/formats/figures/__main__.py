@@ -1,0 +1,63 @@
+"""Make the documents' pictures anew: `python -m tests.pipeline.formats.figures`, in docs/."""
+
+from __future__ import annotations
+
+import io
+import sys
+from typing import TYPE_CHECKING
+
+from PIL import Image
+
+from pipeline.formats.figures.figures import overview_figure
+from pipeline.formats.figures.kinds import Kind, figure
+from pipeline.loading import load_scenario
+from pipeline.run import planned
+from tests.conftest import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.shared.result import RunResult
+
+DOCS = ROOT / "docs"
+# Flat colours and their blends; more can't be told from them, and takes twice the bytes.
+_COLOURS = 256
+
+PICTURES: dict[str, tuple[str, int, Callable[[RunResult], Figure]]] = {
+    "palawan-season": ("palawan-season", 160, overview_figure),
+    "palawan-winter-along": (
+        "palawan-season",
+        160,
+        lambda result: figure(result, "winter", Kind.ALONG),
+    ),
+    **{
+        f"single-gyre-{kind.value}": (
+            "single-gyre",
+            dpi,
+            lambda result, kind=kind: figure(result, "gyre", kind),  # type: ignore[misc]
+        )
+        for kind, dpi in ((Kind.MESH, 130), (Kind.CHANNELS, 100), (Kind.PADDING, 130))
+    },
+}
+"""Name -> scenario, dots an inch, and what to draw of its result."""
+
+
+def draw(output: Path) -> None:
+    """Draw all pictures, from the results that lie in an output folder or are planned there."""
+    scenarios = {scenario for scenario, _, _ in PICTURES.values()}
+    results = {
+        name: planned(load_scenario(name), output, offline=True) for name in sorted(scenarios)
+    }
+    for name, (scenario, dpi, drawing) in PICTURES.items():
+        drawn = io.BytesIO()
+        drawing(results[scenario]).savefig(drawn, format="png", dpi=dpi)
+        few = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+        few.save(DOCS / f"{name}.png", optimize=True)
+        sys.stdout.write(f"docs/{name}.png\n")
+
+
+if __name__ == "__main__":
+    draw(ROOT / "outputs")

@@ -1,0 +1,243 @@
+"""What the figures of the method hold: read back from what was drawn, and from pixels."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import shapely
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
+from matplotlib.image import imread
+from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.text import Annotation, Text
+
+import renew
+from pipeline.formats.figures.kinds import Form, Kind, figure
+from pipeline.formats.figures.method import channels_figure, mesh_figure
+from pipeline.formats.figures.padding_map import padding_map_figure
+from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.shared.result import FloatArray, RunResult
+
+
+def segments(axes: Axes, colour: str) -> list[FloatArray]:
+    """Lines (n, 2) that were drawn in a colour as a collection."""
+    return [
+        np.asarray(segment)
+        for drawn in axes.findobj(LineCollection)
+        if to_hex(np.asarray(drawn.get_colors())[0].tolist()) == colour
+        for segment in drawn.get_segments()
+    ]
+
+
+def area(axes: Axes, colour: str) -> Any:  # noqa: ANN401 - shapely has no types
+    """What was filled with a colour; a ring inside another is its hole."""
+    rings = [
+        shapely.Polygon(ring)
+        for drawn in axes.findobj(PathPatch)
+        if to_hex(drawn.get_facecolor()) == colour
+        for ring in map(np.asarray, drawn.get_path().to_polygons())
+        if len(ring) > 3
+    ]
+    return reduce(shapely.symmetric_difference, rings, shapely.Polygon())
+
+
+def strokes(axes: Axes, colour: str) -> list[FloatArray]:
+    """Lines (n, 2) of a colour that lead anywhere."""
+    return [
+        path
+        for line in axes.get_lines()
+        if line.get_color() == colour and len(path := np.asarray(line.get_xydata())) > 1
+    ]
+
+
+def labels(axes: Axes) -> list[str]:
+    """What is written on a map."""
+    return [text.get_text() for text in axes.findobj(Annotation)]
+
+
+def test_the_mesh_is_a_triangulation_of_the_water_bound_to_its_edges(result: RunResult) -> None:
+    (axes,) = mesh_figure(result, "winter").axes
+    chart = result.scene.chart
+    constrained = shapely.linestrings(segments(axes, COLOURS["ink"]))
+    no_go = shapely.union_all(chart.no_go)
+    # They are the no-go zone's edges, all of them, and nothing else.
+    coast = no_go.boundary.intersection(chart.extent.buffer(-1e-6))
+    assert shapely.length(constrained).sum() == pytest.approx(coast.length, rel=1e-6)
+    assert shapely.distance(shapely.centroid(constrained), no_go.boundary).max() < 1e-3
+    # Passing edges lie in the water and, with all edges, enclose nothing but triangles.
+    passing = shapely.linestrings(segments(axes, COLOURS["other"]))
+    assert not shapely.intersects(shapely.centroid(passing), no_go.buffer(-1e-3)).any()
+    edges = [*passing, *constrained, chart.extent.boundary]
+    network = shapely.union_all(edges, grid_size=1e-5)  # vertices are snapped to a finer one
+    faces = shapely.get_parts(shapely.polygonize([network]))
+    water = [face for face in faces if not no_go.contains(face.representative_point())]
+    assert all(len(face.simplify(1e-4).exterior.coords) == 4 for face in water)
+    assert sum(face.area for face in water) == pytest.approx(chart.water.area, rel=1e-6)
+
+
+def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult) -> None:
+    routes = result.season_routes("winter")
+    drawn = channels_figure(result, "winter").axes
+    assert len(drawn) == min(4, len(routes))
+    for axes, colour, ranked in zip(drawn, CLASS_COLOURS, routes, strict=False):
+        channel = area(axes, colour)
+        assert channel.area == pytest.approx(
+            shapely.area(shapely.polygons(ranked.route.channel)).sum()
+        )
+        assert channel.buffer(1e-6).covers(shapely.LineString(ranked.route.path))
+        (way,) = strokes(axes, colour)
+        assert way == pytest.approx(ranked.route.path)
+        assert len(segments(axes, colour)) == 3 * len(ranked.route.channel)
+
+
+def test_the_best_of_each_side_has_its_channel_drawn(result: RunResult) -> None:
+    """Were the only southern class the last of five, it would still be one of the four."""
+    routes = result.season_routes("winter")
+    rows = [
+        replace(ranked.metrics, rank=rank, side="south" if rank == 5 else "north")
+        for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
+    ]
+    many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
+    titles = [text.get_text() for text in channels_figure(many, "winter").texts]
+    assert titles[::2] == ["1: north about", "2: north about", "3: north about", "5: south about"]
+
+
+def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
+    result: RunResult,
+) -> None:
+    best = result.season_routes("winter")[0]
+    axes, *windows = padding_map_figure(result, "winter").axes
+    soft = area(axes, COLOURS["soft"])
+    padded = best.route.soft_no_go
+    assert soft.symmetric_difference(padded).area < 0.02 * padded.area
+    assert strokes(axes, COLOURS["best"])[0] == pytest.approx(best.route.path)
+    assert 1 <= len(windows) <= 3
+    way = shapely.LineString(best.route.path)
+    land = shapely.union_all(result.scene.chart.no_go)
+    for number, window in enumerate(windows, start=1):
+        turns = segments(window, COLOURS["ink"])
+        assert len(turns) >= 2
+        for turn in turns:
+            assert way.distance(shapely.Point(turn[0])) < 1e-6
+            # Proved: none touches land. A full turn ends as far off as the current set it.
+            assert not shapely.LineString(turn).intersects(land)
+        assert str(number) in labels(axes)
+        assert str(number) in labels(window)
+        # The window is a square about a place of the route.
+        middle = np.mean([window.get_xlim(), window.get_ylim()], axis=1)
+        assert way.distance(shapely.Point(middle)) < 1e-6
+        assert np.ptp(window.get_xlim()) == pytest.approx(np.ptp(window.get_ylim()))
+
+
+def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
+    still = replace(
+        planar_result,
+        scene=replace(
+            planar_result.scene,
+            currents={"gyre": renew.UniformCurrent(0.0, 0.0)},
+        ),
+    )
+    _, window, *_ = padding_map_figure(still, "gyre").axes
+    radius = planar_result.scene.vessel.turning_radius
+    for turn in segments(window, COLOURS["ink"]):
+        centre = turn[:-1].mean(axis=0)
+        assert np.linalg.norm(turn - centre, axis=1) == pytest.approx(radius, rel=0.02)
+
+
+def test_a_windows_scale_bar_is_as_long_as_it_says(result: RunResult) -> None:
+    for window in padding_map_figure(result, "summer").axes[1:]:
+        bar = sum(field.get_width() for field in window.patches if isinstance(field, Rectangle))
+        (text,) = (label for label in labels(window) if label.endswith("m"))
+        size, unit = text.split()
+        metres = float(size) * (1000 if unit == "km" else 1)
+        assert bar * result.scenario.scale == pytest.approx(metres, rel=2e-3)
+
+
+def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> None:
+    entry = planar_result.plans[0]
+    assert entry.plan is not None
+    bare = replace(entry.plan.best, padding_used=np.empty((0, 5)))
+    rows = (planar_result.evaluation.routes[0],)
+    open_sea = replace(
+        planar_result,
+        plans=(replace(entry, plan=replace(entry.plan, routes=(bare,))),),
+        evaluation=replace(planar_result.evaluation, routes=rows),
+    )
+    drawn = padding_map_figure(open_sea, "gyre")
+    assert len(drawn.axes) == 1
+    assert area(drawn.axes[0], COLOURS["soft"]).is_empty
+
+
+def picture(drawn: Figure) -> FloatArray:
+    """The pixels (rows, columns, 3) of a figure."""
+    file = io.BytesIO()
+    drawn.savefig(file, format="png", dpi=100)
+    return np.asarray(imread(io.BytesIO(file.getvalue()))[..., :3], dtype=float)
+
+
+@pytest.mark.parametrize("kind", [Kind.MESH, Kind.CHANNELS, Kind.PADDING, Kind.ROUTES])
+def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult, kind: Kind) -> None:
+    drawn = figure(planar_result, "gyre", kind)
+    pixels = picture(drawn)
+    axes = drawn.axes[0]
+    for place, role in (((50, 50), "land"), ((5, 95), None)):
+        # transData counts from below, in dots of the figure's own resolution.
+        x, y = axes.transData.transform(place) * 100 / drawn.dpi
+        colour = to_hex(tuple(pixels[len(pixels) - 1 - int(y), int(x)]))
+        assert (colour == COLOURS["land"]) == (role == "land")
+
+
+@pytest.mark.parametrize("planar", [False, True])
+@pytest.mark.parametrize("kind", Kind.asked(()))
+def test_no_words_of_a_figure_run_into_each_other_or_off_it(
+    kind: Kind,
+    planar: bool,
+) -> None:
+    result = small_run.parts(planar=planar)
+    drawn = figure(result, result.plans[0].season, kind)
+    canvas = FigureCanvasAgg(drawn)
+    drawn.draw(canvas.get_renderer())  # type: ignore[no-untyped-call]
+    axes = [axis for panel in drawn.axes for axis in (panel.xaxis, panel.yaxis)]
+    unseen = {
+        tick.label1
+        for axis in axes
+        for tick in axis.get_major_ticks()
+        if not min(axis.get_view_interval()) <= tick.get_loc() <= max(axis.get_view_interval())
+    }
+    boxes = [
+        (text.get_text(), text.get_window_extent())
+        for text in drawn.findobj(Text)
+        if text.get_text() and text.get_visible() and text not in unseen
+    ]
+    for i, (words, box) in enumerate(boxes):
+        assert box.x0 >= -1, words
+        assert box.x1 <= drawn.bbox.width + 1, words
+        assert box.y0 >= -1, words
+        assert box.y1 <= drawn.bbox.height + 1, words
+        for others, other in boxes[i + 1 :]:
+            apart = (
+                box.x1 <= other.x0 + 1
+                or other.x1 <= box.x0 + 1
+                or box.y1 <= other.y0 + 1
+                or other.y1 <= box.y0 + 1
+            )
+            assert apart, f"{words!r} runs into {others!r}"
+
+
+def test_what_is_asked_for_is_drawn_once_and_all_by_default() -> None:
+    assert Kind.asked((Kind.PADDING, Kind.MESH, Kind.MESH)) == (Kind.MESH, Kind.PADDING)
+    assert Kind.asked(()) == Kind.asked((Kind.ALL,)) == Kind.asked((Kind.ALONG, Kind.ALL))
+    assert Kind.ALL not in Kind.asked(())
+    assert {form.value for form in Form} == {"png", "svg", "pdf"}

@@ -1,0 +1,221 @@
+"""The plots are read back from the SVG: what stands there are the run's own figures."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from matplotlib.patches import StepPatch
+from matplotlib.text import Text
+
+import renew
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.plots import (
+    padding_figure,
+    padding_svg,
+    profile_figure,
+    profile_svg,
+)
+from pipeline.formats.shared.along import along
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pipeline.formats.shared.result import FloatArray, RunResult
+
+HOSTILE = '<script>alert(1)</script> "../ \N{ROCKET} \u202e' + "long " * 60
+
+
+def drawn(axes: Axes, role: str) -> list[FloatArray]:
+    """Points (n, 2) of every line in a role's colour."""
+    return [
+        np.asarray(line.get_xydata(), dtype=float)
+        for line in axes.get_lines()
+        if line.get_color() == COLOURS[role]
+    ]
+
+
+def words(axes: Axes) -> str:
+    """All that is written in and over a panel."""
+    return " | ".join(text.get_text() for text in axes.findobj(Text))
+
+
+def test_the_panels_show_the_figures_along_the_route(result: RunResult) -> None:
+    ranked = result.routes[0]
+    found = along(ranked, result)
+    fuel, speed, current, clearance = profile_figure(result, ranked).axes
+    run = found.distance_m / 1000
+    for axes, figures in (
+        (fuel, found.fuel),
+        (speed, found.speed_m_s),
+        (clearance, found.clearance_m / 1000),
+    ):
+        line = drawn(axes, "best")[0]
+        assert line[:, 0] == pytest.approx(run)
+        assert line[:, 1] == pytest.approx(figures)
+        low, high = axes.get_ylim()
+        assert low <= figures.min()
+        assert figures.max() <= high
+    assert drawn(current, "ink")[1][:, 1] == pytest.approx(found.current_along_m_s)
+    assert drawn(speed, "ink")[0][:, 1] == pytest.approx(result.scene.vessel.speed)
+    least = np.argmin(found.clearance_m)
+    dot = np.asarray(clearance.get_lines()[-1].get_xydata())
+    assert dot[0] == pytest.approx([run[least], found.clearance_m[least] / 1000])
+    assert all(axes.get_xlim() == (0, run[-1]) for axes in (fuel, speed, current, clearance))
+
+
+def test_a_following_current_is_shaded_above_and_a_head_current_below(result: RunResult) -> None:
+    ranked = result.season_routes("winter")[0]
+    found = along(ranked, result)
+    current = profile_figure(result, ranked).axes[2]
+    above, below = (
+        np.concatenate([path.vertices for path in area.get_paths()])[:, 1]
+        for area in current.collections
+    )
+    assert above.min() == 0
+    assert above.max() == pytest.approx(max(0, found.current_along_m_s.max()))
+    assert below.max() == 0
+    assert below.min() == pytest.approx(min(0, found.current_along_m_s.min()))
+
+
+def test_the_grey_of_the_clearance_is_the_padding_of_the_nearest_coast(result: RunResult) -> None:
+    ranked = result.routes[0]
+    found = along(ranked, result)
+    places = result.scene.projection.to_plane(found.lonlat)
+    padded = ranked.route.padding_used
+    starts, ends = padded[:, :2], padded[:, 2:4]
+    (grey,) = profile_figure(result, ranked).axes[3].collections
+    upper = {
+        (round(x, 6), round(y, 6))
+        for path in grey.get_paths()
+        for x, y in np.asarray(path.vertices)
+    }
+    for i in (0, len(places) // 2, len(places) - 1):
+        leg = ends - starts
+        share = np.clip(((places[i] - starts) * leg).sum(1) / (leg**2).sum(1), 0, 1)
+        apart = np.linalg.norm(starts + share[:, None] * leg - places[i], axis=1)
+        # Where edges share a corner either may be meant.
+        nearest = padded[apart <= apart.min() * (1 + 1e-9), 4] * result.scenario.scale / 1000
+        x = round(found.distance_m[i] / 1000, 6)
+        assert any((x, round(padding, 6)) in upper for padding in nearest)
+
+
+def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult) -> None:
+    ranked = planar_result.routes[0]
+    fuel = profile_figure(planar_result, ranked).axes[0]
+    # The paper's vessel makes 1 m/s and burns 1 a second.
+    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
+
+
+def test_a_large_fuel_is_told_in_millions_and_drawn_in_them(planar_result: RunResult) -> None:
+    ranked = planar_result.routes[0]
+    vessel = planar_result.scene.vessel
+    thirsty = replace(
+        planar_result,
+        scene=replace(planar_result.scene, vessel=replace(vessel, fuel_coefficient=1e6)),
+    )
+    burnt = replace(ranked, metrics=replace(ranked.metrics, fuel=ranked.metrics.fuel * 1e6))
+    fuel = profile_figure(thirsty, burnt).axes[0]
+    assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(ranked.metrics.fuel)
+    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
+    assert f"Fuel used in millions: {ranked.metrics.fuel:.2f}" in words(fuel)
+
+
+def test_open_sea_has_no_panel_of_clearance(planar_result: RunResult) -> None:
+    open_sea = replace(planar_result, scene=replace(planar_result.scene, land=()))
+    assert len(profile_figure(open_sea, planar_result.routes[0]).axes) == 3
+
+
+def test_a_crossing_of_land_is_drawn_at_the_panels_foot(planar_result: RunResult) -> None:
+    ranked = planar_result.routes[0]
+    path = np.array([[10.0, 50.0], [90.0, 50.0]])
+    crossing = replace(
+        ranked,
+        route=replace(ranked.route, path=path),
+        metrics=replace(ranked.metrics, land_m=20.0, clearance_m=0.0),
+    )
+    clearance = profile_figure(planar_result, crossing).axes[3]
+    line = drawn(clearance, "best")[0]
+    assert np.isfinite(line).all()
+    assert line[:, 1].min() == clearance.get_ylim()[0]
+
+
+def bars(axes: Axes) -> list[tuple[FloatArray, FloatArray]]:
+    """Heights (n,) and edges (n + 1,) of each histogram."""
+    return [patch.get_data()[:2] for patch in axes.findobj(StepPatch)]
+
+
+def tight(padding: float, gap: float, reaches: FloatArray) -> renew.Tightest:
+    """A tight place with given figures."""
+    edge = np.array([[0.0, gap], [1.0, gap]])
+    return renew.Tightest(np.zeros(2), edge, 0.0, padding, gap, reaches)
+
+
+def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
+    reaches = np.linspace(1.0, 3.0, 401)
+    (axes,) = padding_figure(tight(2.901, 3.2, reaches), 1000.0).axes
+    (values, edges), (_, beyond) = bars(axes)
+    assert values.sum() == pytest.approx(100)
+    assert (edges[0], edges[-1]) == pytest.approx((1.0, 3.0))
+    assert beyond.min() == pytest.approx(2.901)
+    for role, place in (("ink", 2.0), ("other", 2.901), ("best", 3.2)):
+        (line,) = drawn(axes, role)
+        assert line[:, 0] == pytest.approx(place)
+    text = words(axes)
+    assert "median 2.00 km" in text
+    assert "padding 2.90 km, exceeded by 5.0 %" in text
+    assert "route to coast 3.20 km" in text
+
+
+def test_a_far_coast_is_told_and_the_bars_stay_readable() -> None:
+    (axes,) = padding_figure(tight(2.9, 50.0, np.linspace(1.0, 3.0, 401)), 1.0).axes
+    assert drawn(axes, "best") == []
+    assert axes.get_xlim()[1] < 4
+    assert "route to coast 50.0 m \N{RIGHTWARDS ARROW}" in words(axes)
+
+
+def test_turns_that_all_reach_as_far_are_one_bar() -> None:
+    (axes,) = padding_figure(tight(2.0, 2.5, np.full(256, 2.0)), 1.0).axes
+    assert bars(axes)[0][0].max() == 100
+
+
+def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunResult) -> None:
+    ranked = result.routes[0]
+    svg = profile_svg(result, ranked, identity="one", label=HOSTILE)
+    tree = ET.fromstring(svg)  # noqa: S314 - our own
+    assert tree.get("aria-label") == HOSTILE
+    width = float((tree.get("viewBox") or "").split()[2])
+    assert width == pytest.approx(374)
+    ids = [element.get("id") for element in tree.iter() if element.get("id")]
+    assert len(ids) == len(set(ids))
+    assert all(name.startswith("one-") for name in ids if name)
+    assert set(re.findall(r"(?<!, )#[0-9a-f]{6}", svg)) == set()
+    assert "<script" not in svg
+    assert len(svg) < 120_000
+    assert profile_svg(result, ranked, identity="one", label=HOSTILE) == svg
+
+
+def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -> None:
+    ranked = result.routes[0]
+    tightest = renew.tightest(
+        ranked.route, result.scene.currents[ranked.season], result.scene.vessel
+    )
+    assert tightest is not None
+    (axes,) = padding_figure(tightest, result.scenario.scale).axes
+    (line,) = drawn(axes, "other")
+    assert line[:, 0] == pytest.approx(tightest.padding * result.scenario.scale / 1000)
+    # The (1 - risk)-quantile, and a little for what the draws are off.
+    assert (tightest.reaches > tightest.padding).mean() < result.scenario.planner.risk
+    svg = padding_svg(result, ranked, identity="p", label=HOSTILE)
+    assert ET.fromstring(svg).get("aria-label") == HOSTILE  # noqa: S314 - our own
+    assert svg == padding_svg(result, ranked, identity="p", label=HOSTILE)
+
+
+def test_where_nothing_is_padded_there_is_no_histogram(planar_result: RunResult) -> None:
+    ranked = planar_result.routes[0]
+    bare = replace(ranked, route=replace(ranked.route, padding_used=np.empty((0, 5))))
+    assert padding_svg(planar_result, bare, identity="p", label="") == ""

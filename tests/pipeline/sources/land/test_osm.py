@@ -1,0 +1,210 @@
+"""OpenStreetMap's land: the walk over its WKB, what is done to polygons, and the land itself."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import roaring_landmask
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.sources.land import osm
+from pipeline.sources.land.polygons import box_around
+
+PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
+WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
+FIJI = shapely.box(177.0, -17.5, 182.0, -16.0)
+EQUATOR = shapely.box(0.0, 0.0, 10.0, 10.0)
+
+
+@pytest.fixture(scope="module")
+def world() -> bytes:
+    """Give the package's whole WKB, once: unpacking takes some seconds."""
+    wkb: bytes = roaring_landmask.Shapes.wkb(roaring_landmask.LandmaskProvider.Osm)
+    return wkb
+
+
+def _wkb(*polygons: shapely.Polygon) -> bytes:
+    wkb: bytes = shapely.to_wkb(shapely.MultiPolygon(polygons), byte_order=1)
+    return wkb
+
+
+def _near(wkb: bytes, box: shapely.Polygon) -> osm.LandPolygons:
+    return osm.tidy(osm.near(wkb, box), box)
+
+
+def _square(x: float, y: float, size: float = 1.0) -> shapely.Polygon:
+    return shapely.box(x, y, x + size, y + size)
+
+
+@given(
+    corners=st.lists(st.tuples(st.integers(-170, 160), st.integers(-80, 70)), max_size=12),
+    chunk=st.integers(1, 5),
+    lakes=st.sampled_from([(), (0,), (0, 2)]),
+    west=st.integers(-180, 170),
+    south=st.integers(-85, 75),
+)
+def test_the_walk_finds_what_a_plain_reader_finds(
+    corners: list[tuple[int, int]], chunk: int, lakes: tuple[int, ...], west: int, south: int
+) -> None:
+    holes = [[(x, x), (x + 1, x), (x, x + 1)] for x in lakes]
+    polygons = [
+        shapely.Polygon(
+            np.add([(-1, -1), (8, -1), (8, 8), (-1, 8)], corner),
+            [np.add(ring, corner) for ring in holes],
+        )
+        for corner in corners
+    ]
+    box = shapely.box(west, south, west + 9.5, south + 9.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(osm, "_CHUNK", chunk)
+        found = osm.near(_wkb(*polygons), box)
+    expected = [p for p in polygons if p.intersects(box)]
+    assert sorted(p.wkt for p in found) == sorted(p.wkt for p in expected)
+
+
+def test_land_is_cut_along_the_box_and_islands_stay_whole() -> None:
+    mainland, island = _square(-50, -50, 55), _square(7, 7)
+    found = _near(_wkb(mainland, island, _square(20, 20)), EQUATOR)
+    assert [p.wkt for p in found.polygons if p.equals(island)] == [island.wkt]
+    assert shapely.union_all(found.polygons).equals(
+        shapely.union_all([shapely.box(0, 0, 5, 5), island])
+    )
+
+
+def test_lakes_stay() -> None:
+    lake = shapely.Polygon(_square(1, 1, 8).exterior, [_square(3, 3).exterior])
+    (found,) = _near(_wkb(lake), EQUATOR).polygons
+    assert found.equals(lake)
+
+
+def test_invalid_polygons_are_mended_and_counted() -> None:
+    bowtie = shapely.Polygon([(1, 1), (3, 3), (3, 1), (1, 3)])
+    found = _near(_wkb(bowtie, _square(5, 5)), EQUATOR)
+    assert found.mended == 1
+    assert all(p.is_valid for p in found.polygons)
+    assert shapely.union_all(found.polygons).area == pytest.approx(2 + 1)
+
+
+def test_duplicates_are_left_out_and_counted() -> None:
+    found = _near(_wkb(_square(1, 1), _square(5, 5), _square(1, 1)), EQUATOR)
+    assert found.duplicates == 1
+    assert len(found.polygons) == 2
+
+
+@pytest.mark.parametrize("turn", [0, -360])
+def test_pieces_on_both_sides_of_180_degrees_become_one(turn: int) -> None:
+    box = shapely.box(170 + turn, -5, 190 + turn, 5)
+    # Their corners on the seam don't match, as with coasts that were thinned piece by piece.
+    found = _near(_wkb(shapely.box(178, -1, 180, 1), shapely.box(-180, -1.2, -179, 0.9)), box)
+    (island,) = found.polygons
+    assert found.seams == 2
+    assert island.bounds == (178 + turn, -1.2, 181 + turn, 1)
+    assert not island.interiors
+
+
+def test_nothing_near() -> None:
+    assert _near(_wkb(_square(50, 50)), EQUATOR).polygons == ()
+
+
+@pytest.mark.parametrize("latitude", [0.0, 60.0, 89.0])
+def test_the_box_is_wider_by_so_many_metres(latitude: float) -> None:
+    region = shapely.box(10, latitude, 11, latitude + 0.5)
+    west, south, east, north = box_around(region, 20_000).bounds
+    assert 10 - west == pytest.approx(east - 11)
+    assert (10 - west) * 111.2 * np.cos(np.radians(north)) >= 19.9
+    assert south == pytest.approx(latitude - 0.18, abs=0.01)
+    assert north == pytest.approx(latitude + 0.68, abs=0.01)
+
+
+def test_the_box_is_one_turn_wide_at_most() -> None:
+    assert box_around(shapely.box(-180, 80, 180, 90), 20_000).bounds[2] == 180
+    west, _, east, north = box_around(shapely.box(0, 88, 10, 90), 20_000).bounds
+    assert east - west == pytest.approx(360)
+    assert north == 90
+
+
+def test_real_land_around_puerto_princesa(world: bytes) -> None:
+    found = _near(world, PALAWAN)
+    land = shapely.union_all(found.polygons)
+    for lon, lat, is_land in [
+        (118.74, 9.74, True),  # the town
+        (118.76, 9.76, True),  # the airport's runway
+        (118.70, 9.75, False),  # the bay west of the town
+        (118.95, 9.70, False),  # Sulu Sea
+    ]:
+        assert land.intersects(shapely.Point(lon, lat)) is is_land, (lon, lat)
+    assert found.mended == found.duplicates == found.seams == 0
+    assert all(p.is_valid for p in found.polygons)
+
+
+@pytest.mark.parametrize(("region", "pieces"), [(WRANGEL, 2), (FIJI, 8)])
+def test_real_islands_across_180_degrees_are_whole(
+    world: bytes, region: shapely.Polygon, pieces: int
+) -> None:
+    found = _near(world, region)
+    assert found.seams >= pieces
+    across = [p for p in found.polygons if p.bounds[0] < 180 < p.bounds[2]]
+    assert across
+    # No slit along the seam: just beside it the land is as wide as on it.
+    land = shapely.union_all(found.polygons)
+    south, north = region.bounds[1], region.bounds[3]
+    on, beside = (
+        shapely.LineString([(x, south), (x, north)]).intersection(land).length
+        for x in (180.0, 180.0 + 1e-7)
+    )
+    assert on == pytest.approx(beside, rel=1e-2)
+    assert on > 0
+    west = osm.near(world, shapely.box(-182.5, south, -177.0, north))
+    assert len(west) > 0, "the same waters, counted the other way"
+
+
+def test_credit_names_the_licence_and_the_release() -> None:
+    credit = osm.credit()
+    assert "© OpenStreetMap contributors" in credit.text
+    assert "roaring-landmask 0." in credit.text
+    assert credit.licence == "ODbL 1.0"
+    assert credit.kind == "land"
+
+
+@pytest.mark.slow
+def test_the_package_s_own_mask_agrees(world: bytes) -> None:
+    oracle = roaring_landmask.RoaringLandmask.new_with_provider(
+        roaring_landmask.LandmaskProvider.Osm
+    )
+    for region in (PALAWAN, FIJI, shapely.box(-6, 49.5, -3, 51.5), shapely.box(24, 59, 26, 61)):
+        west, south, east, north = region.bounds
+        rng = np.random.default_rng(1)
+        lon, lat = rng.uniform((west, south), (east, north), (20_000, 2)).T
+        land = shapely.union_all(_near(world, region).polygons)
+        shapely.prepare(land)
+        expected = oracle.contains_many((lon + 180) % 360 - 180, lat)
+        ours = shapely.intersects_xy(land, lon, lat)
+        # It looks at a raster first, and so leaves out land that lies within half a cell of the
+        # coast; what it calls land is land.
+        assert not (expected & ~ours).any()
+        extra = shapely.distance(land.boundary, shapely.points(lon, lat)[ours & ~expected])
+        assert len(extra) < 0.01 * len(ours)
+        assert (extra < 0.003).all()
+
+
+@pytest.mark.slow
+def test_memory_stays_low(root: Path) -> None:
+    # VmHWM and not ru_maxrss, which a child inherits from the process that started it.
+    script = """
+import re, pathlib, shapely
+from pipeline.sources.land.osm import land
+assert len(land(shapely.box(115.5, 7.0, 122.0, 13.5)).polygons) > 1000
+print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_text())[1])
+"""
+    if not Path("/proc/self/status").exists():
+        pytest.skip("needs Linux's /proc to read a process's peak memory")
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=root
+    )
+    assert int(done.stdout) < 600_000

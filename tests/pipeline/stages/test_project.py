@@ -1,0 +1,131 @@
+"""Into the plane: extent, currents, and what a chart with no water for its ends is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.errors import RequestError
+from pipeline.geo.projection import Projection
+from pipeline.model import Credit, CurrentGrid
+from pipeline.stages.project import extent_polygon, filled, gridded
+
+CREDIT = Credit("made up", "current", "", "")
+GEOD = pyproj.Geod(ellps="WGS84")
+PALAWAN = shapely.box(115.5, 7, 122, 13.5)
+
+
+def grid_of(function: object, step: float = 0.5, region: shapely.Polygon = PALAWAN) -> CurrentGrid:
+    """Make a grid that reaches a cell beyond a region, from a function of lon and lat."""
+    west, south, east, north = region.bounds
+    lon = np.arange(west - step, east + 1.5 * step, step)
+    lat = np.arange(south - step, north + 1.5 * step, step)
+    u, v = function(*np.meshgrid(lon, lat))  # type: ignore[operator]
+    return CurrentGrid("summer", lon, lat, u, v, "2024-07", CREDIT)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [
+        PALAWAN,
+        shapely.box(170, 55, 190, 70),
+        shapely.box(-10, -50, 30, -35),
+        shapely.Polygon([(115.5, 7), (122, 7), (119, 13.5)]),
+    ],
+)
+def test_the_extent_has_few_corners_and_follows_the_region(region: shapely.Polygon) -> None:
+    projection = Projection.for_region(region, 1000.0)
+    extent = extent_polygon(region, projection)
+    assert extent.is_valid
+    assert len(extent.exterior.coords) - 1 <= 32
+    dense = projection.geometry_to_plane(shapely.segmentize(region, 0.05))
+    xmin, ymin, xmax, ymax = extent.bounds
+    assert extent.hausdorff_distance(dense) < 0.003 * np.hypot(xmax - xmin, ymax - ymin)
+
+
+def test_palawans_extent_is_no_more_than_a_dozen_corners() -> None:
+    projection = Projection.for_region(PALAWAN, 1000.0)
+    assert len(extent_polygon(PALAWAN, projection).exterior.coords) - 1 <= 12
+
+
+@pytest.mark.parametrize("region", [PALAWAN, shapely.box(-40, 60, -10, 72)])
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_current_carries_a_drifter_the_same_way_in_the_plane_and_on_the_globe(
+    region: shapely.Polygon, scale: float
+) -> None:
+    def field(lon: np.ndarray, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return 0.3 + 0.02 * (lon - lon.mean()), 0.5 - 0.03 * (lat - lat.mean())
+
+    grid = grid_of(field, 0.25, region)
+    projection = Projection.for_region(region, scale)
+    bounds = extent_polygon(region, projection).bounds
+    current = gridded(grid, projection, bounds)
+    rng = np.random.default_rng(1)
+    west, south, east, north = region.bounds
+    for lon, lat in rng.uniform((west, south), (east, north), (50, 2)):
+        u = 0.3 + 0.02 * (lon - grid.lon.mean())
+        v = 0.5 - 0.03 * (lat - grid.lat.mean())
+        metres = 100.0
+        bearing = np.degrees(np.arctan2(u, v))
+        after = GEOD.fwd(lon, lat, bearing, metres)[:2]
+        begin, end = projection.to_plane(np.array([(lon, lat), after]))
+        drift = (end - begin) / np.linalg.norm(end - begin) * np.hypot(u, v)
+        # Speeds are not scaled; directions agree to 0.1 degrees; the resampling adds its own.
+        assert np.linalg.norm(current(begin) - drift) < 3e-3
+
+
+def test_nodes_stand_at_half_the_sources_cell() -> None:
+    projection = Projection.for_region(PALAWAN, 1000.0)
+    bounds = extent_polygon(PALAWAN, projection).bounds
+    current = gridded(grid_of(lambda lon, lat: (0 * lon, 0 * lat)), projection, bounds)
+    half_cell = 0.25 * 111.2
+    assert 0.8 * half_cell < np.diff(current.x).max() <= half_cell
+    assert 0.8 * half_cell < np.diff(current.y).max() <= half_cell
+    assert (current.x[0], current.y[0], current.x[-1], current.y[-1]) == pytest.approx(bounds)
+
+
+@given(
+    hnp.arrays(
+        float,
+        st.tuples(st.integers(2, 7), st.integers(2, 7), st.just(2)),
+        elements=st.floats(-2, 2),
+    ),
+    st.randoms(use_true_random=False),
+)
+def test_gaps_are_filled_from_water_only(field: np.ndarray, random: object) -> None:
+    ny, nx, _ = field.shape
+    gaps = [(j, i) for j in range(ny) for i in range(nx) if random.random() < 0.6]  # type: ignore[attr-defined]
+    if len(gaps) == ny * nx:
+        gaps.pop()
+    holed = field.copy()
+    for j, i in gaps:
+        holed[j, i] = np.nan
+    whole = filled(holed)
+    known = np.isfinite(holed)
+    assert np.array_equal(whole[known], field[known])
+    assert np.isfinite(whole).all()
+    # Land adds nothing of its own: no fill leaves the range of the water's figures.
+    for c in range(2):
+        values = field[..., c][known[..., c]]
+        assert whole[..., c].min() >= values.min() - 1e-12
+        assert whole[..., c].max() <= values.max() + 1e-12
+    # The first ring is the plain mean of its neighbours, a loop at a time.
+    for j, i in gaps:
+        around = [
+            field[y, x]
+            for y in range(max(j - 1, 0), min(j + 2, ny))
+            for x in range(max(i - 1, 0), min(i + 2, nx))
+            if (y, x) not in gaps
+        ]
+        if around:
+            assert np.allclose(whole[j, i], np.mean(around, axis=0))
+
+
+def test_a_current_without_a_figure_is_refused() -> None:
+    with pytest.raises(RequestError, match="no figures at all"):
+        filled(np.full((3, 3, 2), np.nan))

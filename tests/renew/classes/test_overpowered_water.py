@@ -1,0 +1,86 @@
+"""Water that outruns the vessel: no route leads through it, and the plan says where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from shapely import Point, box
+
+import renew
+from renew.classes.overpowered_water import overpowering_water
+from tests.strategies import PAPER_VESSEL
+
+CHART = renew.Chart(box(0, 0, 100, 100))
+
+
+def race(points: np.ndarray) -> np.ndarray:
+    """A tidal race across the middle of the chart, 2 m/s to the south at its strongest."""
+    away = np.hypot((points[..., 0] - 50) / 15, (points[..., 1] - 50) / 25)
+    return np.stack([np.zeros_like(away), -2 * np.exp(-(away**4))], axis=-1)
+
+
+def strength(points: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(race(points), axis=-1))
+
+
+def test_routes_lead_around_it_on_either_side() -> None:
+    plan = renew.plan(CHART, race, PAPER_VESSEL, (10, 50), (90, 50))
+    assert sorted(route.homotopy for route in plan.routes) == ["e", "s1"]
+    for route in plan.routes:
+        line = shapely.LineString(route.path)
+        assert not line.intersects(plan.overpowering)
+        along = shapely.get_coordinates(line.segmentize(0.1))
+        assert strength(along).max() < PAPER_VESSEL.speed
+        assert np.isinf(route.clearance)
+    # By the grid of another planner's kind: the way round costs no more than a ring around it.
+    ring = np.array([[10, 50], [35, 85], [65, 85], [90, 50]], dtype=float)
+    assert plan.best.fuel < renew.fuel(ring, race, PAPER_VESSEL)
+
+
+def test_it_covers_all_of_it_and_little_more() -> None:
+    plan = renew.plan(CHART, race, PAPER_VESSEL, (10, 50), (90, 50), classes=1)
+    table = plan.best.least.current.table(CHART.bounds)
+    ends = np.array([10.0, 50.0]), np.array([90.0, 50.0])
+    zone = overpowering_water(table, PAPER_VESSEL.speed, CHART, ends)
+    assert zone.equals(plan.overpowering)
+    points = np.random.default_rng(0).uniform(0, 100, (20_000, 2))
+    strong = strength(points) >= PAPER_VESSEL.speed
+    cell = table.x[1] - table.x[0]
+    covered = shapely.dwithin(zone, shapely.points(points[strong]), 0.5 * cell)
+    assert strong.any()
+    assert covered.all()
+    true_zone = shapely.MultiPoint(points[strong]).convex_hull  # an oval
+    assert zone.within(true_zone.buffer(4 * cell))
+
+
+def test_weaker_water_is_all_open() -> None:
+    plan = renew.plan(CHART, lambda p: 0.4 * race(p), PAPER_VESSEL, (10, 50), (90, 50))
+    assert plan.overpowering.is_empty
+    assert [route.homotopy for route in plan.routes] == ["e"]
+
+
+def test_a_chart_shut_by_it_is_unreachable() -> None:
+    def stream(points: np.ndarray) -> np.ndarray:
+        strong = np.exp(-(((points[..., 0] - 50) / 15) ** 4))
+        return np.stack([np.zeros_like(strong), -2 * strong], axis=-1)
+
+    with pytest.raises(renew.UnreachableError, match="parts them"):
+        renew.plan(CHART, stream, PAPER_VESSEL, (10, 50), (90, 50))
+
+
+@pytest.mark.parametrize(("name", "ends"), [("start", 0), ("goal", 1)])
+def test_an_end_in_it_is_refused(name: str, ends: int) -> None:
+    points = [(50.0, 50.0), (10.0, 50.0)]
+    with pytest.raises(renew.CurrentTooStrongError, match=f"at the {name} runs at 2 m/s"):
+        renew.plan(CHART, race, PAPER_VESSEL, points[ends], points[1 - ends])
+
+
+def test_islands_keep_their_numbers() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [Point(20, 20).buffer(4), Point(80, 80).buffer(3)])
+    plan = renew.plan(chart, race, PAPER_VESSEL, (10, 50), (90, 50), padding="none")
+    letters = {letter for r in plan.routes for letter in r.homotopy.split(".")} - {"e"}
+    assert letters == {"s1", "s2", "s3"}
+    south = next(route for route in plan.routes if route.homotopy == "s1")
+    # South of the race and north of the larger island.
+    assert shapely.LineString(south.path).intersects(box(49, 0, 51, 50))

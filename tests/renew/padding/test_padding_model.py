@@ -1,0 +1,133 @@
+"""Padding: the published pair, the closed form against integration, the risk bound."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import box
+
+import renew
+from renew.classes.channels import ChannelSearch
+from renew.classes.h_signature import Rays
+from renew.classes.triangulation import triangulate
+from renew.padding.padding_model import Padder, Padding, turn_reach
+from renew.padding.turn_sampling import HEADING_SPREAD
+from tests.strategies import PAPER_VESSEL, angles, random_scene, speeds
+
+NORTH = np.array([0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("towards", "published"), [(0.255, 4.47), (-0.255, 1.96)], ids=["towards", "away"]
+)
+def test_reach_is_the_published_padding(towards: float, published: float) -> None:
+    # An edge to the north, travelled along to the east, in a current of 0.255 m/s.
+    reach = turn_reach(PAPER_VESSEL, np.asarray(0.0), towards * NORTH, NORTH)
+    assert reach == pytest.approx(published, rel=0.05)
+
+
+@given(heading=angles, strength=speeds, towards=angles, normal=angles)
+def test_reach_equals_a_densely_sampled_turn(
+    heading: float, strength: float, towards: float, normal: float
+) -> None:
+    current = strength * np.array([math.cos(towards), math.sin(towards)])
+    n = np.array([math.cos(normal), math.sin(normal)])
+    time = np.linspace(0, PAPER_VESSEL.turn_period, 20_001)
+    furthest = 0.0
+    for omega in (PAPER_VESSEL.turn_rate, -PAPER_VESSEL.turn_rate):
+        # The track by integrating its velocity, not by the closed form under test.
+        theta = heading + omega * time
+        velocity = np.column_stack([np.cos(theta), np.sin(theta)]) + current
+        step = (velocity[1:] + velocity[:-1]) / 2 * np.diff(time)[:, None]
+        furthest = max(furthest, float((np.cumsum(step, axis=0) @ n).max()))
+    reach = turn_reach(PAPER_VESSEL, np.asarray(heading), current, n)
+    assert reach == pytest.approx(furthest, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("risk", [0.05, 0.2])
+def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: float) -> None:
+    chart, current, start, goal = random_scene(seed)
+    mesh = triangulate(chart)
+    padder = Padder(
+        mesh,
+        current,
+        PAPER_VESSEL,
+        padding="adaptive",
+        clearance=0.0,
+        risk=risk,
+        seed=0,
+    )
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
+    hazards = padder.hazards(channel, start, goal)
+    middle = channel.midline(start, goal)
+    rng = np.random.default_rng(99)
+    draws = 20_000
+    statistics = current.statistics(mesh.corners)
+    exceeded = []
+    for i, triangle in enumerate(channel.triangles):
+        speed = np.maximum(
+            0, rng.normal(statistics.speed[triangle], statistics.speed_std[triangle], draws)
+        )
+        towards = rng.normal(
+            statistics.direction[triangle], statistics.direction_std[triangle], draws
+        )
+        drift = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
+        travel = middle[i + 1] - middle[i]
+        heading = math.atan2(travel[1], travel[0]) + rng.uniform(
+            -HEADING_SPREAD, HEADING_SPREAD, draws
+        )
+        for corner in np.flatnonzero(mesh.hazardous[triangle]):
+            a, b = mesh.vertices[mesh.edge_vertices(int(triangle), int(corner))]
+            along = (b - a) / np.linalg.norm(b - a)
+            outwards = np.array([along[1], -along[0]])  # water lies on the edge's left
+            at = np.flatnonzero((hazards.start == a).all(1) & (hazards.end == b).all(1))
+            padding = hazards.padding[at]
+            assert len(padding) == 1
+            reach = turn_reach(PAPER_VESSEL, heading, drift, np.broadcast_to(outwards, (draws, 2)))
+            exceeded.append(float((reach > padding[0]).mean()))
+    assert exceeded
+    assert max(exceeded) <= risk + 3 * math.sqrt(risk * (1 - risk) / draws)
+
+
+@given(wide=st.floats(0.0, 12.0))
+def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
+    mesh = triangulate(chart)
+    start, goal = np.array([5.0, 50.0]), np.array([95.0, 50.0])
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
+    cases: list[tuple[Padding, float, float]] = [
+        (wide, 3.0, max(wide, 3.0)),
+        ("none", wide, wide),
+    ]
+    for padding, clearance, expected in cases:
+        padder = Padder(
+            mesh,
+            renew.UniformCurrent(0.1, 0.0),
+            PAPER_VESSEL,
+            padding=padding,
+            clearance=clearance,
+            risk=0.05,
+            seed=0,
+        )
+        hazards = padder.hazards(channel, start, goal)
+        assert len(hazards.edge)
+        assert hazards.padding == pytest.approx(expected)
+
+
+def test_less_risk_means_more_padding() -> None:
+    chart, current, start, goal = random_scene(3)
+    mesh = triangulate(chart)
+    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
+    widths = [
+        Padder(mesh, current, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
+        .hazards(channel, start, goal)
+        .padding.mean()
+        for risk in (0.5, 0.2, 0.05, 0.01)
+    ]
+    assert widths == sorted(widths)
+    assert widths[0] < widths[-1]
