@@ -6,13 +6,44 @@ A message names the value, the limit it broke and what to change.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from renew._types import FloatArray
 
+Spelling: TypeAlias = Callable[[FloatArray], str]
+"""Spells a place (2,), m, for a message: in metres, or as whoever knows more would give it."""
+
+
+def in_metres(place: FloatArray) -> str:
+    """Spell a place in planar metres, to the millimetre."""
+    x, y = (round(float(metres), 3) for metres in place)
+    return f"({x:.10g}, {y:.10g}) m"
+
 
 class PlanningError(Exception):
-    """A plan that cannot be made; the base of all errors that `renew` raises on purpose."""
+    """A plan that cannot be made; the base of all errors that `renew` raises on purpose.
+
+    Parameters
+    ----------
+    message
+        The text. Where places are given it is a template for `str.format`: {0} is the first.
+    places
+        Points (2,), m, that the message names. `str(error)` gives them in planar metres.
+    """
+
+    def __init__(self, message: str, *places: FloatArray) -> None:
+        self.message, self.places = message, places
+        super().__init__(self.located(in_metres))
+
+    def located(self, spell: Spelling) -> str:
+        """Text of the message with its places spelled in another way, such as in lon/lat."""
+        return self.message.format(*map(spell, self.places)) if self.places else self.message
+
+    def __reduce__(self) -> tuple[type[PlanningError], tuple[str | FloatArray, ...]]:
+        """Survive the way back from a worker process."""
+        return type(self), (self.message, *self.places)
 
 
 class ParameterError(PlanningError, ValueError):
@@ -35,9 +66,13 @@ class UnreachableError(PlanningError):
     """No water joins start and goal, or no class between them can be sailed."""
 
 
+class CurrentTooStrongError(PlanningError):
+    """The current is as strong as the vessel where it has to be."""
+
+
 @dataclass(frozen=True, eq=False)
 class Strait:
-    """Where a class is shut: its padding takes a whole gap.
+    """Where a class is blocked: its padding takes a whole gap.
 
     Attributes
     ----------
@@ -55,7 +90,7 @@ class Strait:
     padding_right: float
 
     @property
-    def move(self) -> tuple[int, int, int]:
+    def transition(self) -> tuple[int, int, int]:
         """The triangle, with the ones before and after it."""
         return self.before, self.triangle, self.after
 
@@ -64,27 +99,24 @@ class Strait:
         """Metres from bank to bank."""
         return math.dist(*self.gap)
 
-    def __str__(self) -> str:
-        """Say where it is and what it lacks."""
-        middle, left, right = (f"({x:.1f}, {y:.1f})" for x, y in (self.gap.mean(axis=0), *self.gap))
-        return (
-            f"shut at {middle} m, in triangle {self.triangle} between {left} and {right} m: the "
-            f"soft no-go zone takes the whole gap of {self.width:.2f} m, with a padding of "
-            f"{self.padding_left:.2f} m on the left and {self.padding_right:.2f} m on the right "
-            "bank"
-        )
-
 
 class InfeasibleError(PlanningError):
-    """A class falls away, and why; inside the planner only: a plan lists it as rejected.
+    """One class can't be sailed; only inside the planner: a plan lists the class as rejected.
 
-    `strait` is what shuts its channel, if it is just one.
+    `strait` is the gap that blocks its channel, where it is just one.
     """
 
-    def __init__(self, reason: str | Strait) -> None:
-        super().__init__(str(reason))
-        self.strait = reason if isinstance(reason, Strait) else None
+    strait: Strait | None = None
 
-
-class CurrentTooStrongError(PlanningError):
-    """The current outruns the vessel where it has to be."""
+    @classmethod
+    def at_strait(cls, strait: Strait) -> InfeasibleError:
+        """Blame one gap, with what it lacks."""
+        error = cls(
+            f"blocked at {{0}}, between {{1}} and {{2}}: the gap is {strait.width:.2f} m wide, and "
+            f"the padding takes {strait.padding_left:.2f} m on the left and "
+            f"{strait.padding_right:.2f} m on the right bank",
+            strait.gap.mean(axis=0),
+            *strait.gap,
+        )
+        error.strait = strait
+        return error

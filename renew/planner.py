@@ -1,24 +1,28 @@
-"""The whole method in the paper's order: triangulate, classes, padding, best path, prove it."""
+"""The whole method in the paper's order: triangulate, classes, padding, best path, verify."""
 
 from __future__ import annotations
 
-from typing import get_args
-
 from renew._types import FloatArray
-from renew.classes.channels import ChannelSearch, Order
-from renew.classes.h_signature import shortened
-from renew.errors import ParameterError, UnreachableError
-from renew.inputs.arguments import as_point, check_counts, check_ends
+from renew.inputs.arguments import (
+    Method,
+    Order,
+    Padding,
+    as_point,
+    check_endpoints,
+    check_options,
+)
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.fuel import Drift, check_drift
+from renew.inputs.fuel import Drift
 from renew.inputs.vessel import Vessel
-from renew.padding.padding_model import Padder, Padding, check_padding
-from renew.route import Plan, Rejected, Route
-from renew.search.class_planner import ClassSearch, Method
-from renew.search.diagnosis import advise
-from renew.search.k_sailable_classes import Examined, examine
-from renew.search.problem import Waters
+from renew.inputs.voyage import Voyage
+from renew.padding.policy import PaddingPolicy
+from renew.route import Plan
+from renew.search.class_planner import PathMethod
+from renew.search.diagnosis import no_class_error
+from renew.search.harmonic_mean import chosen_class
+from renew.search.k_sailable_classes import plan_classes
+from renew.search.problem import Problem
 
 
 def plan(
@@ -52,7 +56,7 @@ def plan(
     start, goal : array_like
         Points (2,) in metres, in the chart's water.
     classes : int
-        Of how many homotopy classes to give the route, k >= 1; fewer where fewer can be sailed.
+        Number of homotopy classes to give a route for, k >= 1; fewer where fewer can be sailed.
     risk : float
         1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding.
     padding : "adaptive", "none" or float
@@ -60,7 +64,7 @@ def plan(
     clearance : float
         Floor on the padding (m).
     distinct_by : float
-        Classes that part only around islands smaller than this (m) count as one.
+        Classes that differ only by islands smaller than this (m) count as one.
     method : {"optimal", "sampled"}
         Dynamic programming inside each class, or the paper's random chains.
     samples : int
@@ -77,7 +81,7 @@ def plan(
     -------
     Plan
         Routes, least fuel first, and rejected classes with their reasons. With adaptive padding
-        every route's hard-over turns were flown and none touched the no-go zone, but around a
+        every route's hard-over turns were flown and none touched the no-go zone, except around a
         start or goal that lies in the soft no-go zone itself.
 
     Raises
@@ -85,71 +89,33 @@ def plan(
     ParameterError
         Arguments out of range.
     StartInNoGoError, GoalInNoGoError
-        An end on land or outside the chart; says by how much and where water is nearest.
+        A start or goal on land or outside the chart; says by how much and where water is nearest.
     CurrentTooStrongError
-        The current at the start or at the goal outruns the vessel.
+        The current at the start or at the goal is as strong as the vessel.
     UnreachableError
-        No water joins start and goal, or every class fell away; says why, and what would help.
+        No water joins start and goal, or every class was rejected; says why, and what would help.
     """
-    if method not in get_args(Method):
-        raise ParameterError(f"method = {method!r} is not one of {', '.join(get_args(Method))}")
-    check_counts(classes, samples, seed, distinct_by)
-    check_drift(drift)
-    check_padding(padding, clearance, risk)
-    field = as_field(current)
-    start, goal = as_point("start", start), as_point("goal", goal)
-    check_ends(chart, field, vessel, start, goal)
-    waters = Waters(chart, field, vessel, start, goal, drift, distinct_by)
-
-    def finder(clearance: float) -> ChannelSearch:
-        return ChannelSearch(
-            waters.triangulation,
-            waters.rays,
-            start,
-            goal,
-            order,
-            table=waters.table,
-            speed=vessel.speed,
-            drift=drift,
-            clearance=clearance,
-        )
-
-    def examined(
-        *, padding: Padding, clearance: float, risk: float, classes: int = classes
-    ) -> Examined:
-        floor = clearance if isinstance(padding, str) else max(clearance, float(padding))
-        adaptive = padding == "adaptive"
-        # Hardly any padding is less than v/ω: a turn is twice as wide.
-        likely = finder(max(floor, vessel.turning_radius) if adaptive else floor)
-        padder = Padder(
-            waters.triangulation,
-            waters.quick_current,
-            vessel,
-            padding=padding,
-            clearance=clearance,
-            risk=risk,
-            seed=seed,
-        )
-        search = ClassSearch(waters, padder, method, samples, seed, proves=adaptive)
-        return examine(likely, lambda: finder(0.0), search, classes)
-
-    def attempt(*, padding: Padding, clearance: float, risk: float) -> Route | None:
-        found = examined(padding=padding, clearance=clearance, risk=risk, classes=1)
-        return found.routes[0] if found.routes else None
-
-    found = examined(padding=padding, clearance=clearance, risk=risk)
-    if not found.routes:
-        advice = advise(attempt, padding, clearance, risk, finder(0.0).widest_gap())
-        raise UnreachableError(_no_class(found.rejected, advice))
-    chosen = min(range(len(found.routes)), key=lambda i: found.routes[i].harmonic_mean)
-    return Plan(found.routes, found.rejected, chosen, waters.closed)
-
-
-def _no_class(rejected: tuple[Rejected, ...], advice: list[str]) -> str:
-    """Message for a plan in which every class fell away."""
-    reasons = "; ".join(f"class {shortened(r.homotopy)}: {r.reason}" for r in rejected[:3])
-    more = f" (and {len(rejected) - 3} more)" if len(rejected) > 3 else ""
-    return (
-        f"all {len(rejected)} classes fell away: {reasons}{more}. To find a route: "
-        f"{'; '.join(advice)}; or allow a smaller padding or clearance, or more classes"
+    check_options(
+        classes=classes,
+        risk=risk,
+        padding=padding,
+        clearance=clearance,
+        distinct_by=distinct_by,
+        method=method,
+        samples=samples,
+        drift=drift,
+        seed=seed,
+        order=order,
     )
+    voyage = Voyage(
+        chart, as_field(current), vessel, as_point("start", start), as_point("goal", goal), drift
+    )
+    check_endpoints(voyage)
+    problem = Problem(voyage, distinct_by, order)
+    policy = PaddingPolicy(padding, clearance, risk, seed)
+    path_method = PathMethod(method, samples, seed)
+    found = plan_classes(problem, policy, path_method, classes)
+    if not found.routes:
+        raise no_class_error(found.rejected, problem, policy, path_method)
+    chosen = chosen_class(found.routes)
+    return Plan(found.routes, found.rejected, chosen, problem.overpowered_water)

@@ -1,4 +1,4 @@
-"""What a plan consists of: routes, and the classes that fell away with their reasons."""
+"""What a plan consists of: routes, and the rejected classes with their reasons."""
 
 from __future__ import annotations
 
@@ -13,38 +13,28 @@ from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.errors import Strait, UnreachableError
-from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField
-from renew.inputs.fuel import Drift
-from renew.inputs.vessel import Vessel
+from renew.errors import PlanningError, Spelling, Strait, UnreachableError
+from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class LeastFuel:
-    """The fuel that no route between two points can stay below, of any class, however close."""
+class FuelBound:
+    """The fuel that no route of a voyage can stay below, of any class, however close to land."""
 
-    chart: Chart
-    current: CurrentField
-    vessel: Vessel
-    start: FloatArray
-    goal: FloatArray
-    drift: Drift
+    voyage: Voyage
 
     @cached_property
-    def bound(self) -> float:
+    def value(self) -> float:
         """The proven lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
-        return fuel_lower_bound(
-            self.chart, self.current, self.vessel, self.start, self.goal, self.drift
-        )
+        return fuel_lower_bound(self.voyage)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle the bound instead of what it is made from: a current may be any function."""
-        return {"bound": self.bound}
+        return {"value": self.value}
 
     def __setstate__(self, state: dict[str, object]) -> None:
-        """Take the bound back as worked out."""
+        """Take the bound back as it was computed."""
         self.__dict__.update(state)
 
 
@@ -60,10 +50,10 @@ class Route:
     length : metres.
     clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
     duration : time under way by the drift model (s).
-    least : the least fuel that any route can need; worked out when first asked for.
+    fuel_bound : the least fuel that any route can need; computed when first asked for.
     homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
         second to starboard and then the first to port; the largest island is 1.
-    corners : (t, 3, 2) metres, the triangles in which its path was sought.
+    corners : (t, 3, 2) metres, the triangles in which its path was planned.
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
         the path's own fuel.
@@ -76,7 +66,7 @@ class Route:
     length: float
     clearance: float
     duration: float
-    least: LeastFuel
+    fuel_bound: FuelBound
     homotopy: str
     corners: FloatArray
     padding_used: FloatArray
@@ -108,53 +98,59 @@ class Route:
     def optimality_gap(self) -> float:
         """Share by which the fuel exceeds the proven lower bound over all classes, at least 0.
 
-        The bound knows no padding and no turning circle: the gap holds what safety costs, too.
+        The bound knows no padding and no turning circle: the gap includes what safety costs.
         """
-        return max(0.0, self.fuel / self.least.bound - 1)
+        return max(0.0, self.fuel / self.fuel_bound.value - 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Rejected:
-    """A class that fell away.
+    """A class without a route.
 
     Attributes
     ----------
     homotopy : its name.
-    reason : why, in words.
+    reason : why, as a sentence; `located_reason` spells its places in another way.
     channel : (t, 3, 2) metres, its triangles from start to goal.
     strait : where padding takes a whole gap, if that is the reason.
+    cause : the error behind the reason; its places are in metres.
     """
 
     homotopy: str
     reason: str
     channel: FloatArray
     strait: Strait | None = None
-    _work_out: Callable[[], float] = field(default=lambda: math.inf, repr=False)
+    cause: PlanningError | None = None
+    _compute_fuel: Callable[[], float] = field(default=lambda: math.inf, repr=False)
 
     @cached_property
     def unpadded_fuel(self) -> float:
         """What the class would need with no padding at all; inf if even so it has no path.
 
-        Worked out when first asked for: beside the fuel of the routes it says what the padding
-        of its strait costs.
+        Computed when first asked for: beside the fuel of the routes it says what the padding of its
+        strait costs.
         """
-        return self._work_out()
+        return self._compute_fuel()
+
+    def located_reason(self, spell: Spelling) -> str:
+        """The reason with every place (2,), m, spelled by a function, such as in lon/lat."""
+        return self.cause.located(spell) if self.cause else self.reason
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle the fuel instead of what it is made from: a current may be any function."""
         fuel = self.unpadded_fuel
-        return {**self.__dict__, "unpadded_fuel": fuel, "_work_out": None}
+        return {**self.__dict__, "unpadded_fuel": fuel, "_compute_fuel": None}
 
     def __setstate__(self, state: dict[str, object]) -> None:
-        """Take the fuel back as worked out."""
+        """Take the fuel back as it was computed."""
         self.__dict__.update(state)
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Routes, one per feasible class, least fuel first; and the classes that fell away.
+    """Routes, one per feasible class, least fuel first; and the classes without a route.
 
-    `chosen` is the index of the best route: 0, but for the sampled method, which picks the class
+    `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres.
     """

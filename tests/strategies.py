@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 import renew
+from renew.inputs.voyage import Voyage
 
 if TYPE_CHECKING:
     from renew._types import FloatArray
+    from renew.inputs.fuel import Drift
 
 SIZE = 200.0
 """Side of the random scenes (m)."""
@@ -77,6 +79,18 @@ def random_scene(
     chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
     current = StreamFunctionCurrent(seed, strongest)
     return chart, current, np.array([10.0, 10.0]), np.array([SIZE - 10, SIZE - 10])
+
+
+def voyage_on(
+    chart: renew.Chart,
+    start: tuple[float, float] | FloatArray = (10.0, 10.0),
+    goal: tuple[float, float] | FloatArray = (90.0, 90.0),
+    current: renew.CurrentField | None = None,
+    drift: Drift = "projected",
+) -> Voyage:
+    """Return a voyage of the paper's vessel; in still water, if no current is given."""
+    still = renew.UniformCurrent(0.0, 0.0)
+    return Voyage(chart, current or still, PAPER_VESSEL, np.array(start), np.array(goal), drift)
 
 
 seeds = st.integers(0, 10_000)

@@ -1,19 +1,19 @@
 """A lower bound on the fuel of every route, over all classes and whatever clearance.
 
-Proof. Let φ be continuous on the water, linear on each triangle of a mesh. Along a route with unit
+Proof. Let φ be continuous on the water, linear on each triangle of a grid. Along a route with unit
 tangent T and ground speed g(x, T) > 0, φ grows by ∇φ·T a metre and time by 1/g. So if
 
     (∇φ·T) g(x, T) <= 1 for every T, at every x of every triangle that holds water,            (1)
 
 then time >= φ(goal) - φ(start) for every route, and fuel is α vᵏ times that. (Along an edge of the
-mesh φ's slope is that of the triangles on either side, so (1) covers routes along edges, too.)
+grid φ's slope is that of the triangles on either side, so (1) covers routes along edges, too.)
 
-φ = f∘u, where u is the vessel's travel time from the start on a grid (`value_function.py`), each
+φ = f∘u, where u is the vessel's travel time from the start on a grid (`travel_time.py`), each
 of whose cells is cut into two triangles. u is only nearly right, and (1) is then *made* true. Each
 triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never underrated:
 
 - in a triangle the current is within a radius r of the linear interpolant of its corners' currents
-  (`deviation.py`); the maximum is convex in the current, so it is taken at a corner;
+  (`interpolation_error.py`); the maximum is convex in the current, so it is taken at a corner;
 - crab: g T runs over the disc of radius v about c, so max over T is v |∇u| + ∇u·c;
 - projected: max (∇u·T)(v + c·T) over the unit circle is a quadratic's, bounded by any Lagrange
   multiplier (`_projected_rate`);
@@ -31,7 +31,7 @@ values alone: r is four times the error that the second differences between neig
 suggest, so the bound holds for fields that the grid resolves (a cell is under 1 % of a square
 extent's side).
 
-Currents above v are no obstacle here: such water may be crossed at no less than its true cost.
+Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
 
 from __future__ import annotations
@@ -42,60 +42,55 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.interpolation_error import deviation_radius
-from renew.bounds.travel_time import BEYOND, TOLERANCE, Mesh, locate, solve, source
+from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField
-from renew.inputs.fuel import Drift
-from renew.inputs.vessel import Vessel
+from renew.inputs.voyage import Voyage
+from renew.kernels.ground_speed import Polar
 
-# Cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice the time
-# and make it 1.5 %.
+# Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
+# the time and make it 1.5 %.
 _CELLS = 16_000
-_FEWEST = 4  # cells along the shorter side
-# Rounds of solving; after the third the bound rises by less than 0.2 %.
+# Least number of cells along the shorter side.
+_MIN_CELLS = 4
+# Number of rounds of solving; after the third the bound rises by less than 0.2 %.
 _ROUNDS = 3
-# Levels of u at which Λ is tabulated.
+# Number of levels of u at which Λ is tabulated.
 _LEVELS = 2_000
-# Smaller λ count as this much, which is on the safe side, so that no 1/λ is lost to rounding.
+# Least λ that counts; smaller ones are raised to it, which is on the safe side, so that no 1/λ is
+# lost to rounding.
 _SMALLEST = 0.1
-# Share by which the bound is lowered for rounding, and for routes that graze a shore by as much.
+# Share by which the bound is lowered for rounding, and for routes that graze a shore by that share.
 _ROUNDING = 1e-6
-# A line of the mesh through the start must be this share of a cell from the extent's sides.
+# Least distance, as a share of a cell, of the grid line through the start from the extent's sides.
 _NARROWEST = 0.2
 
 
-def fuel_lower_bound(
-    chart: Chart,
-    current: CurrentField,
-    vessel: Vessel,
-    start: FloatArray,
-    goal: FloatArray,
-    drift: Drift = "projected",
-) -> float:
+def fuel_lower_bound(voyage: Voyage) -> float:
     """Fuel below which no route from start to goal can stay, over all homotopy classes.
 
     Infinite if no water joins them. See the module for the proof and for which currents it holds.
     """
-    mesh = _mesh(chart, current, vessel.speed, start, drift == "crab")
-    return vessel.fuel_rate * max(bound for _, _, bound in _rounds(mesh, start, goal))
+    grid = _grid(voyage)
+    bounds = (bound for _, _, bound in _rounds(grid, voyage.start, voyage.goal))
+    return voyage.vessel.fuel_rate * max(bounds)
 
 
 def _rounds(
-    mesh: Mesh, start: FloatArray, goal: FloatArray
+    grid: TravelGrid, start: FloatArray, goal: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray, float]]:
     """Of each round: u at the nodes (s), λ of the cells, and the time (s) that they prove."""
-    stretch = np.ones(mesh.wet.shape)
-    time, dirty = source(mesh, start)
-    at_start, at_goal = locate(mesh, start), locate(mesh, goal)
+    stretch = np.ones(grid.wet.shape)
+    time, dirty = source(grid, start)
+    at_start, at_goal = locate(grid, start), locate(grid, goal)
     for _ in range(_ROUNDS):
-        solve(time, dirty, stretch, mesh, at_goal.corners(time))
+        solve(time, dirty, stretch, grid, at_goal.corners(time))
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
         known = np.minimum(time, BEYOND * at_goal.corners(time).max())
-        rate = _rates(known, mesh)
+        rate = _rates(known, grid)
         low, high = at_start.values(known).max(), at_goal.values(known).min()
         if not math.isfinite(high):
             yield known, rate, math.inf
@@ -104,25 +99,20 @@ def _rounds(
         _relax(rate, stretch, dirty)
 
 
-# --- the mesh ---------------------------------------------------------------------------------
+# --- the grid ---------------------------------------------------------------------------------
 
 
-def _mesh(
-    chart: Chart,
-    current: CurrentField,
-    speed: float,
-    start: FloatArray,
-    crab: bool,
-) -> Mesh:
+def _grid(voyage: Voyage) -> TravelGrid:
     """Grid over the extent's bounding box with a node at the start."""
+    chart, start = voyage.chart, voyage.start
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
-    step = min(math.sqrt(wide * high / _CELLS), wide / _FEWEST, high / _FEWEST)
+    step = min(math.sqrt(wide * high / _CELLS), wide / _MIN_CELLS, high / _MIN_CELLS)
     x, y = _axis(xmin, xmax, float(start[0]), step), _axis(ymin, ymax, float(start[1]), step)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    velocity = np.ascontiguousarray(current(nodes))
-    deviation = deviation_radius(current, x, y, velocity)
-    return Mesh(x, y, velocity, deviation, _wet(chart, x, y), speed, crab)
+    velocity = np.ascontiguousarray(voyage.current(nodes))
+    deviation = deviation_radius(voyage.current, x, y, velocity)
+    return TravelGrid(x, y, velocity, deviation, _wet(chart, x, y), voyage.polar)
 
 
 def _axis(low: float, high: float, through: float, step: float) -> FloatArray:
@@ -138,7 +128,7 @@ def _axis(low: float, high: float, through: float, step: float) -> FloatArray:
 
 def _wet(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
     """Cells (ny - 1, nx - 1) that hold water; a sliver along their sides is none."""
-    # Land whose shore runs along a line of the mesh leaves no cells of water on its own side.
+    # Land whose shore runs along a line of the grid leaves no cells of water on its own side.
     shrink = 10 * chart.precision
     west, south = np.meshgrid(x[:-1] + shrink, y[:-1] + shrink)
     east, north = np.meshgrid(x[1:] - shrink, y[1:] - shrink)
@@ -152,7 +142,7 @@ def _wet(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
 # --- the proof's inequality -------------------------------------------------------------------
 
 
-@njit(cache=True)
+@kernel
 def _projected_rate(px: float, py: float, cx: float, cy: float, speed: float) -> float:
     """Upper bound, nearly attained, on (p·T)(v + c·T) over unit T; p in s/m.
 
@@ -188,41 +178,42 @@ def _projected_rate(px: float, py: float, cx: float, cy: float, speed: float) ->
     return least * (1 + _ROUNDING)
 
 
-@njit(cache=True)
+@kernel
 def _rate(
     px: float,
     py: float,
-    winds: FloatArray,
-    speed: float,
+    corner_currents: FloatArray,
     deviation: float,
-    crab: bool,
+    polar: Polar,
 ) -> float:
     """λ of a triangle: (p·T) g(x, T) over all T and all x in it is no more; p = ∇u in s/m."""
     p = math.sqrt(px * px + py * py)
     largest = -math.inf
     for k in range(3):
-        if crab:
-            rate = speed * p + px * winds[k, 0] + py * winds[k, 1]
+        if polar.crab:
+            rate = polar.speed * p + px * corner_currents[k, 0] + py * corner_currents[k, 1]
         else:
-            rate = _projected_rate(px, py, winds[k, 0], winds[k, 1], speed)
+            rate = _projected_rate(
+                px, py, corner_currents[k, 0], corner_currents[k, 1], polar.speed
+            )
         largest = max(largest, rate)
     return largest + deviation * p
 
 
-@njit(cache=True)
-def _rates(time: FloatArray, mesh: Mesh) -> FloatArray:
+@kernel
+def _rates(time: FloatArray, grid: TravelGrid) -> FloatArray:
     """λ of every cell (ny - 1, nx - 1), cut along its better diagonal; 0 where it doesn't count.
 
     Cells out of reach of the start don't: no route gets there.
     """
     rows, columns = time.shape
     rates = np.zeros((rows - 1, columns - 1))
-    winds = np.empty((3, 2))
+    corner_currents = np.empty((3, 2))
     for r in range(rows - 1):
         for c in range(columns - 1):
-            if not mesh.wet[r, c] or time[r, c] == np.inf:
+            if not grid.wet[r, c] or time[r, c] == np.inf:
                 continue
-            wide, high = mesh.x[c + 1] - mesh.x[c], mesh.y[r + 1] - mesh.y[r]
+            wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
             best = np.inf
             for falling in range(2):
                 worst = 0.0
@@ -232,10 +223,10 @@ def _rates(time: FloatArray, mesh: Mesh) -> FloatArray:
                     east = north if falling else 1 - north
                     px = (time[r + north, c + 1] - time[r + north, c]) / wide
                     py = (time[r + 1, c + east] - time[r, c + east]) / high
-                    winds[0] = mesh.current[r + north, c + east]
-                    winds[1] = mesh.current[r + north, c + 1 - east]
-                    winds[2] = mesh.current[r + 1 - north, c + east]
-                    rate = _rate(px, py, winds, mesh.speed, mesh.deviation[r, c], mesh.crab)
+                    corner_currents[0] = grid.current[r + north, c + east]
+                    corner_currents[1] = grid.current[r + north, c + 1 - east]
+                    corner_currents[2] = grid.current[r + 1 - north, c + east]
+                    rate = _rate(px, py, corner_currents, grid.deviation[r, c], grid.polar)
                     worst = max(worst, rate)
                 best = min(best, worst)
                 if best <= 1.0:
@@ -254,7 +245,7 @@ def _relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
     dirty[1:, 1:] |= broken
 
 
-@njit(cache=True)
+@kernel
 def _feasible_difference(time: FloatArray, rate: FloatArray, low: float, high: float) -> float:
     """φ(high) - φ(low) with φ' = 1/Λ: a lower bound on the time (s) from u = low to u = high."""
     largest = np.zeros(_LEVELS)

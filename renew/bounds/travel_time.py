@@ -2,11 +2,11 @@
 
 u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
 from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
-most helpful of that triangle's currents. Nodes are settled in Dijkstra's order, and taken up
-again where a node that comes later betters them, as it may in a current.
+most helpful of that triangle's currents. Nodes are settled in Dijkstra's order, and settled again
+where a later node improves them, as it may in a current.
 
-u is only nearly right: :mod:`renew.bounds.fuel_lower_bound` makes a proof of it, and has it solved
-again with the slowness of some cells lowered.
+u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bound from it, and has
+it solved again with the slowness of some cells lowered.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
+from renew.kernels.ground_speed import Polar, ground_speed
 
 TOLERANCE = 1e-4
-"""A time is only corrected by more than this share of what the step to it costs."""
+"""Least correction of a time, as a share of the cost of the step to it; others are skipped."""
 
 BEYOND = 1.02
-"""Times beyond this multiple of the goal's are not looked for."""
+"""Multiple of the goal's time beyond which no times are computed."""
 
-# Slowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
-# that outrun the vessel. No part of the proof.
-_SLOWEST = 0.05
+# Lowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
+# as strong as the vessel. No part of the proof.
+_MIN_SPEED = 0.05
 
 
-class Mesh(NamedTuple):
+class TravelGrid(NamedTuple):
     """Nodes, row by row from the south-west, and the cells between them; m and m/s.
 
     Cell (row, column) has the nodes (row, column) to (row + 1, column + 1).
@@ -42,8 +43,7 @@ class Mesh(NamedTuple):
     current: FloatArray  # (ny, nx, 2)
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
-    speed: float
-    crab: bool
+    polar: Polar
 
 
 class Place(NamedTuple):
@@ -67,36 +67,31 @@ class Place(NamedTuple):
         return np.asarray((self.weights * times).sum(axis=1))
 
 
-def source(mesh: Mesh, start: FloatArray) -> tuple[FloatArray, BoolArray]:
+def source(grid: TravelGrid, start: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Travel times (s) that are zero at the node nearest the start and unknown elsewhere."""
-    time = np.full((mesh.y.size, mesh.x.size), np.inf)
+    time = np.full((grid.y.size, grid.x.size), np.inf)
     dirty = np.zeros(time.shape, dtype=bool)
-    nearest = np.abs(mesh.y - start[1]).argmin(), np.abs(mesh.x - start[0]).argmin()
+    nearest = np.abs(grid.y - start[1]).argmin(), np.abs(grid.x - start[0]).argmin()
     time[nearest] = 0.0
     dirty[nearest] = True
     return time, dirty
 
 
-def locate(mesh: Mesh, point: FloatArray) -> Place:
+def locate(grid: TravelGrid, point: FloatArray) -> Place:
     """Cell that holds a point, and the point's place in it."""
-    column = int(np.clip(np.searchsorted(mesh.x, point[0]) - 1, 0, mesh.x.size - 2))
-    row = int(np.clip(np.searchsorted(mesh.y, point[1]) - 1, 0, mesh.y.size - 2))
-    s = float(np.clip((point[0] - mesh.x[column]) / (mesh.x[column + 1] - mesh.x[column]), 0, 1))
-    t = float(np.clip((point[1] - mesh.y[row]) / (mesh.y[row + 1] - mesh.y[row]), 0, 1))
+    column = int(np.clip(np.searchsorted(grid.x, point[0]) - 1, 0, grid.x.size - 2))
+    row = int(np.clip(np.searchsorted(grid.y, point[1]) - 1, 0, grid.y.size - 2))
+    s = float(np.clip((point[0] - grid.x[column]) / (grid.x[column + 1] - grid.x[column]), 0, 1))
+    t = float(np.clip((point[1] - grid.y[row]) / (grid.y[row + 1] - grid.y[row]), 0, 1))
     rising = [1 - max(s, t), max(s - t, 0.0), max(t - s, 0.0), min(s, t)]
     lower, upper = max(1 - s - t, 0.0), max(s + t - 1, 0.0)
     falling = [lower, s - upper, t - upper, upper]
     return Place(row, column, np.array([rising, falling]))
 
 
-@njit(cache=True)
+@kernel
 def _passage(
-    dx: float,
-    dy: float,
-    winds: FloatArray,
-    speed: float,
-    deviation: float,
-    crab: bool,
+    dx: float, dy: float, corner_currents: FloatArray, deviation: float, polar: Polar
 ) -> float:
     """Time (s) along (dx, dy) m in the most helpful of three currents (3, 2).
 
@@ -105,40 +100,37 @@ def _passage(
     """
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
-    fastest, helpful = _SLOWEST * speed, -math.inf
+    # A current that is off by up to the deviation helps at most as a faster vessel would.
+    helped = Polar(polar.speed + deviation, polar.crab)
+    fastest = -math.inf
     for k in range(3):
-        along = winds[k, 0] * tx + winds[k, 1] * ty + (0.0 if crab else deviation)
-        helpful = max(helpful, along)
-        if crab:
-            across = winds[k, 1] * tx - winds[k, 0] * ty
-            square = (speed + deviation) ** 2 - across * across
-            if square > 0.0:
-                fastest = max(fastest, along + math.sqrt(square))
-    if not crab:
-        tacking = helpful <= -speed / 2
-        fastest = max(fastest, -speed * speed / (4 * helpful) if tacking else speed + helpful)
-    return float(length / fastest)
+        speed = ground_speed(corner_currents[k, 0], corner_currents[k, 1], tx, ty, helped)
+        fastest = max(fastest, speed)
+    if not polar.crab and fastest <= polar.speed / 2:
+        fastest = polar.speed * polar.speed / (4 * (polar.speed - fastest))
+    return float(length / max(fastest, _MIN_SPEED * polar.speed))
 
 
-@njit(cache=True)
+@kernel
 def _arrival(
     legs: FloatArray,
     times: FloatArray,
-    winds: FloatArray,
-    speed: float,
+    corner_currents: FloatArray,
     deviation: float,
     stretch: float,
-    crab: bool,
+    polar: Polar,
 ) -> float:
     """Earliest arrival (s) from the segment between two nodes with these times.
 
     `legs` (2, 2) lead from the nodes to the place of arrival, m. A convex function of the place
     on the segment: halving steps find its least value closely enough.
     """
-    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], winds, speed, deviation, crab)
+    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], corner_currents, deviation, polar)
     if times[1] == np.inf:
         return float(first)
-    second = times[1] + stretch * _passage(legs[1, 0], legs[1, 1], winds, speed, deviation, crab)
+    second = times[1] + stretch * _passage(
+        legs[1, 0], legs[1, 1], corner_currents, deviation, polar
+    )
     best = min(first, second)
     place, least, step = 0.5, np.inf, 0.5
     for k in range(7):
@@ -154,25 +146,25 @@ def _arrival(
         dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
         dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
         value = (1 - s) * times[0] + s * times[1]
-        value += stretch * _passage(dx, dy, winds, speed, deviation, crab)
+        value += stretch * _passage(dx, dy, corner_currents, deviation, polar)
         if value < least:
             place, least = s, value
     return float(min(best, least))
 
 
-@njit(cache=True)
+@kernel
 def solve(
-    time: FloatArray, dirty: BoolArray, stretch: FloatArray, mesh: Mesh, cell: FloatArray
+    time: FloatArray, dirty: BoolArray, stretch: FloatArray, grid: TravelGrid, cell: FloatArray
 ) -> None:
-    """Lower the times (ny, nx) until none can be bettered through a triangle; from dirty nodes.
+    """Lower the times (ny, nx) until no triangle improves any; starts from dirty nodes.
 
     It ends a little after `cell`, a view of some of the times, is known; later nodes stay dirty.
 
-    Dijkstra's order, but a node whose time is bettered later is taken up again: with currents,
+    Dijkstra's order, but a node whose time is improved later is settled again: with currents,
     the quickest way to a node may come through one that is reached after it.
     """
     rows, columns = time.shape
-    legs, times, winds = np.empty((2, 2)), np.empty(2), np.empty((3, 2))
+    legs, times, corner_currents = np.empty((2, 2)), np.empty(2), np.empty((3, 2))
     queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
     heapq.heapify(queue)
     while queue:
@@ -183,12 +175,12 @@ def solve(
             continue
         dirty[row, column] = False
         times[0] = now
-        winds[0] = mesh.current[row, column]
+        corner_currents[0] = grid.current[row, column]
         for quadrant in range(4):
             dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
             cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
             inside = 0 <= cell_row < rows - 1 and 0 <= cell_column < columns - 1
-            if not (inside and mesh.wet[cell_row, cell_column]):
+            if not (inside and grid.wet[cell_row, cell_column]):
                 continue
             # Every triangle of this node, another corner that is reached, and a third.
             for pair in range(9):
@@ -200,20 +192,19 @@ def solve(
                 times[1] = time[by_row, by_column]
                 if dirty[by_row, by_column] and times[1] > now:
                     times[1] = np.inf  # its turn comes, and this triangle's with it
-                winds[1] = mesh.current[by_row, by_column]
-                winds[2] = mesh.current[to_row, to_column]
-                legs[0, 0] = mesh.x[to_column] - mesh.x[column]
-                legs[0, 1] = mesh.y[to_row] - mesh.y[row]
-                legs[1, 0] = mesh.x[to_column] - mesh.x[by_column]
-                legs[1, 1] = mesh.y[to_row] - mesh.y[by_row]
+                corner_currents[1] = grid.current[by_row, by_column]
+                corner_currents[2] = grid.current[to_row, to_column]
+                legs[0, 0] = grid.x[to_column] - grid.x[column]
+                legs[0, 1] = grid.y[to_row] - grid.y[row]
+                legs[1, 0] = grid.x[to_column] - grid.x[by_column]
+                legs[1, 1] = grid.y[to_row] - grid.y[by_row]
                 arrival = _arrival(
                     legs,
                     times,
-                    winds,
-                    mesh.speed,
-                    mesh.deviation[cell_row, cell_column],
+                    corner_currents,
+                    grid.deviation[cell_row, cell_column],
                     stretch[cell_row, cell_column],
-                    mesh.crab,
+                    grid.polar,
                 )
                 known = time[to_row, to_column]
                 if known == np.inf or arrival < known - TOLERANCE * (known - now):

@@ -1,9 +1,10 @@
 """Constrained Delaunay triangulation of the water, and its dual graph.
 
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
-dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle by default;
-GEOS's through shapely where Triangle is not installed (its licence bars commercial
-distribution).
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). By Shewchuk's Triangle where it is
+installed (an extra, for its licence bars commercial distribution), else by GEOS through shapely.
+Both give the same triangles, in another order, wherever the constrained Delaunay triangulation is
+unique: where no four vertices lie on one circle.
 """
 
 from __future__ import annotations
@@ -13,11 +14,8 @@ from functools import cached_property
 from importlib.util import find_spec
 from typing import Literal, TypeAlias, get_args
 
-import networkx as nx
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import BoolArray, FloatArray, IntArray
@@ -60,50 +58,11 @@ class Triangulation:
         return self.vertices[self.edge_vertices(triangle, corner)]
 
     @cached_property
-    def dual(self) -> nx.Graph[int]:
-        """Dual graph: a node a triangle, an edge a passing edge with its midpoint and length."""
-        graph: nx.Graph[int] = nx.Graph()
-        graph.add_nodes_from(range(len(self.triangles)))
-        triangle, corner = np.nonzero(self.neighbours > np.arange(len(self.triangles))[:, None])
-        ends = self.vertices[self.edge_vertices(triangle, corner)]
-        for one, other, (a, b) in zip(
-            triangle.tolist(), self.neighbours[triangle, corner].tolist(), ends, strict=True
-        ):
-            graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
-        return graph
-
-    @cached_property
     def on_land(self) -> BoolArray:
         """Which vertices (v,) a constrained edge ends in."""
         ends = np.zeros(len(self.vertices), dtype=bool)
         ends[self.edge_vertices(*np.nonzero(self.hazardous))] = True
         return ends
-
-    def joined(self, one: int, other: int) -> bool:
-        """Whether a row of triangles leads from one to the other."""
-        triangle, corner = np.nonzero(self.neighbours >= 0)
-        beside = self.neighbours[triangle, corner]
-        count = len(self.triangles)
-        links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
-        _, waters = connected_components(links, directed=False)
-        return bool(waters[one] == waters[other])
-
-    def surroundings(self, row: list[int], layers: int) -> dict[int, int]:
-        """Triangles at most so many edges away from a row, each with the place it is nearest to.
-
-        The row's own come first, in their order.
-        """
-        nearest = {triangle: place for place, triangle in enumerate(row)}
-        outermost = row
-        for _ in range(layers):
-            found: dict[int, int] = {}
-            for triangle in outermost:
-                for beside in self.neighbours[triangle].tolist():
-                    if beside >= 0 and beside not in nearest:
-                        found.setdefault(beside, nearest[triangle])
-            nearest |= found
-            outermost = list(found)
-        return nearest
 
     def open_outline(self, triangles: IntArray) -> FloatArray:
         """Outer edges (w, 2, 2) of some triangles, but for constrained ones, in metres."""
@@ -146,14 +105,20 @@ def triangulate(
     Raises
     ------
     ParameterError
-        An unknown backend.
+        An unknown backend, or Triangle where it is not installed.
     GeometryError
         Triangles that don't add up to the water (a chart beyond repair).
     """
     if backend not in get_args(Backend):
         raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
+    installed = find_spec("triangle") is not None
     if backend == "auto":
-        backend = "triangle" if find_spec("triangle") else "shapely"
+        backend = "triangle" if installed else "shapely"
+    elif backend == "triangle" and not installed:
+        raise ParameterError(
+            "backend = 'triangle' needs the package triangle, which is not installed; install "
+            "renew-planner[triangle], or choose 'shapely'"
+        )
     water = chart.water
     if closed is not None and not closed.is_empty:
         water = shapely.difference(water, closed, grid_size=chart.precision)
@@ -177,7 +142,7 @@ def triangulate(
 
 def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
     """Corners (t, 3, 2) by Triangle, over the convex hull less what segments wall off."""
-    import triangle  # not there where its licence kept it from being installed
+    import triangle  # an extra: only where it is installed
 
     rings = [
         shapely.get_coordinates(ring)[:-1]

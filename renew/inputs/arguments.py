@@ -1,8 +1,9 @@
-"""What is asked of a plan, checked at the door."""
+"""What a plan may be asked for, checked before anything is computed."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal, TypeAlias, TypeGuard, get_args
 
 import numpy as np
 import shapely
@@ -15,14 +16,28 @@ from renew.errors import (
     PlanningError,
     StartInNoGoError,
 )
-from renew.inputs.chart import Chart
-from renew.inputs.checks import is_count, is_size
-from renew.inputs.current import CurrentField
-from renew.inputs.vessel import Vessel
+from renew.inputs.fuel import Drift
+from renew.inputs.voyage import Voyage
+
+Padding: TypeAlias = Literal["adaptive", "none"] | float
+Method: TypeAlias = Literal["optimal", "sampled"]
+Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 
 
-def check_counts(classes: int, samples: int, seed: int, distinct_by: float) -> None:
-    """Refuse what is no count and no size; all faults at once."""
+def check_options(
+    *,
+    classes: object,
+    risk: object,
+    padding: object,
+    clearance: object,
+    distinct_by: object,
+    method: object,
+    samples: object,
+    drift: object,
+    seed: object,
+    order: object,
+) -> None:
+    """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
         f"{name} = {value!r} must be a whole number of at least {least}"
         for name, value, least in (
@@ -30,10 +45,28 @@ def check_counts(classes: int, samples: int, seed: int, distinct_by: float) -> N
             ("samples", samples, 1),
             ("seed", seed, 0),
         )
-        if not is_count(value, least)
+        if not _is_count(value, least)
     ]
-    if not is_size(distinct_by):
-        faults.append(f"distinct_by = {distinct_by!r} m must be finite and at least 0")
+    if padding not in ("adaptive", "none") and not _is_length(padding):
+        faults.append(
+            f'padding = {padding!r} must be "adaptive", "none" or finite metres of at least 0'
+        )
+    faults += [
+        f"{name} = {value!r} m must be finite and at least 0"
+        for name, value in (("clearance", clearance), ("distinct_by", distinct_by))
+        if not _is_length(value)
+    ]
+    if not (_is_number(risk) and 0 < risk < 1):
+        faults.append(f"risk = {risk!r} must lie between 0 and 1, as in 0.05")
+    faults += [
+        f"{name} = {value!r} is not one of {', '.join(get_args(choices))}"
+        for name, value, choices in (
+            ("method", method, Method),
+            ("drift", drift, Drift),
+            ("order", order, Order),
+        )
+        if value not in get_args(choices)
+    ]
     if faults:
         raise ParameterError("; ".join(faults))
 
@@ -49,10 +82,9 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
     return point
 
 
-def check_ends(
-    chart: Chart, field: CurrentField, vessel: Vessel, start: FloatArray, goal: FloatArray
-) -> None:
-    """Refuse ends that are not in the water, or where the current outruns the vessel."""
+def check_endpoints(voyage: Voyage) -> None:
+    """Refuse a start or goal that is not in the water, or where the current is too strong."""
+    chart, start, goal = voyage.chart, voyage.start, voyage.goal
     kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
         ("start", start, StartInNoGoError),
         ("goal", goal, GoalInNoGoError),
@@ -64,18 +96,33 @@ def check_ends(
             nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
             where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
             raise error(
-                f"{name} ({point[0]:.10g}, {point[1]:.10g}) m lies {where}, "
-                f"{math.dist(point, nearest):.4g} m from the nearest water at "
-                f"({nearest[0]:.10g}, {nearest[1]:.10g}) m; move it there or beyond"
+                f"{name} {{0}} lies {where}, {math.dist(point, nearest):.4g} m from the nearest "
+                "water at {1}; move it there or beyond",
+                point,
+                nearest,
             )
     if math.dist(start, goal) <= chart.precision:
-        raise ParameterError(
-            f"start and goal are the same point ({start[0]:.10g}, {start[1]:.10g}) m; move one"
-        )
+        raise ParameterError("start and goal are the same point {0}; move one", start)
     for name, point in (("start", start), ("goal", goal)):
-        strength = float(np.linalg.norm(field(point)))
-        if strength >= vessel.speed:
+        strength = float(np.linalg.norm(voyage.current(point)))
+        if strength >= voyage.vessel.speed:
             raise CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
-                f"{vessel.speed:.3g} m/s through water. Take a faster vessel or another {name}"
+                f"{voyage.vessel.speed:.3g} m/s through water. Take a faster vessel or another "
+                f"{name}"
             )
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a number, and not true or false."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def _is_count(value: object, least: int) -> bool:
+    """Whether a value is a whole number of at least some other."""
+    return _is_number(value) and isinstance(value, int | np.integer) and int(value) >= least
+
+
+def _is_length(value: object) -> bool:
+    """Whether a value is a finite number of metres, at least 0."""
+    return _is_number(value) and 0 <= float(value) < math.inf

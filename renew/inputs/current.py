@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import FloatArray
 from renew.errors import ParameterError
 from renew.inputs.current_table import Table, table_of, tabulated, velocities
+from renew.kernels.angles import wrapped
 
-# A triangle's mean and spread are taken over this lattice of barycentric coordinates: 8 rows,
-# 36 points, vertices included. Finer changes the paddings of the single gyre by under 1 %.
+# Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread
+# are taken: 36 points, vertices included. More change the single gyre's paddings by under 1 %.
 _LATTICE_ROWS = 8
 
 
@@ -67,7 +68,7 @@ def sample_statistics(velocity: FloatArray) -> CurrentStatistics:
     return CurrentStatistics(*_sample_statistics(np.ascontiguousarray(velocity, dtype=np.float64)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sample_statistics(
     velocity: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -88,9 +89,9 @@ def _sample_statistics(
             speed_std[i] += (strength - speed[i]) ** 2 / samples
             # Deviations from the mean direction, wrapped, and weighted by speed: the direction of
             # nearly still water says nothing of where the vessel will drift.
-            turned = (math.atan2(v, u) - direction[i] + math.pi) % (2 * math.pi) - math.pi
+            deviation = wrapped(math.atan2(v, u) - direction[i])
             if speed[i] > 0.0:
-                direction_std[i] += strength / (samples * speed[i]) * turned**2
+                direction_std[i] += strength / (samples * speed[i]) * deviation**2
     return mean, speed, direction, np.sqrt(speed_std), np.sqrt(direction_std)
 
 
@@ -189,7 +190,7 @@ class GyreCurrent(CurrentField):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabulatedCurrent(CurrentField):
-    """A current by its table: what stands in for a field that is slower to ask."""
+    """A current by its table, for a field that is slow to evaluate."""
 
     nodes: Table
 

@@ -10,26 +10,28 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import FloatArray
 
-# A table is fine enough when the field is off it by at most this share of its strongest current
-# in the middle of any cell. What a path found with it needs more than the least is of second order.
+# Largest error of a table that counts as fine, as a share of its strongest current, in the middle
+# of any cell. A path found with such a table needs more fuel than the least by a second-order term.
 _TOLERANCE = 1e-3
-# Cells a side of the first table, which are halved while it is not fine enough, and of the last,
-# of 16 MB. Halves of a smooth field's cells have a quarter of the error; a field in which they have
-# hardly less has a step, and stays coarse.
-_FIRST_CELLS, _MOST_CELLS, _SMOOTH = 64, 1024, 0.5
-
-# Steps of an even axis differ by rounding only: by this share of its largest coordinate.
+# Number of cells a side of the first table, which are halved while it is not fine, and of the last
+# one, of 16 MB.
+_MIN_CELLS, _MAX_CELLS = 64, 1024
+# Ratio of a table's error to that of the coarser one before, above which refining stops: in a
+# smooth field it is a quarter, so a field in which it is more has a step.
+_MAX_ERROR_RATIO = 0.5
+# Largest difference between the steps of an even axis, as a share of its largest coordinate:
+# rounding.
 _EVEN = 1e-12
 
 
 class Table(NamedTuple):
     """Ascending nodes x (nx,), y (ny,) in metres and velocities uv (ny, nx, 2) there in m/s.
 
-    `error` (m/s) is how far the field was found to be off the table at the most. `per_x` and
+    `error` (m/s) is the largest difference found between field and table. `per_x` and
     `per_y` are cells per metre, 0 where nodes don't stand evenly.
     """
 
@@ -47,7 +49,7 @@ class Table(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether the field can't be told from its table."""
+        """Whether the table reproduces the field to within _TOLERANCE."""
         return self.error <= _TOLERANCE * self.strongest
 
 
@@ -64,7 +66,7 @@ def _per_metre(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
-STILL = table_of(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)))
+STILL_WATER = table_of(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)))
 """No current anywhere."""
 
 
@@ -73,7 +75,7 @@ def tabulated(
 ) -> Table:
     """Table of a field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
     xmin, ymin, xmax, ymax = bounds
-    cells, last = _FIRST_CELLS, np.inf
+    cells, last = _MIN_CELLS, np.inf
     while True:
         x, y = np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)
         uv = field(np.stack(np.meshgrid(x, y), axis=-1))
@@ -81,12 +83,12 @@ def tabulated(
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
         error = float(np.linalg.norm(field(middles) - halfway, axis=-1).max())
         table = table_of(x, y, uv, error)
-        if table.is_fine or cells >= _MOST_CELLS or error > _SMOOTH * last:
+        if table.is_fine or cells >= _MAX_CELLS or error > _MAX_ERROR_RATIO * last:
             return table
         cells, last = 2 * cells, error
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def velocity(table: Table, px: float, py: float) -> tuple[float, float]:
     """Velocity (m/s) at a point, held constant outside the table."""
     i, s = _cell(table.x, table.per_x, px)
@@ -99,7 +101,7 @@ def velocity(table: Table, px: float, py: float) -> tuple[float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cell(axis: FloatArray, per_metre: float, value: float) -> tuple[int, float]:
     """Index of the cell that holds a value, and the place in it in [0, 1]."""
     last = len(axis) - 2
@@ -112,7 +114,7 @@ def _cell(axis: FloatArray, per_metre: float, value: float) -> tuple[int, float]
     return i, min(max(place, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def velocities(table: Table, points: FloatArray) -> FloatArray:
     """Velocities (n, 2) at points (n, 2)."""
     result = np.empty(points.shape)

@@ -18,6 +18,7 @@ from renew._types import FloatArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.vessel import Vessel
+from renew.kernels.ground_speed import Polar, ground_speeds
 
 Drift: TypeAlias = Literal["projected", "crab"]
 
@@ -36,16 +37,17 @@ def check_drift(drift: str) -> None:
 def ground_speed(
     velocity: FloatArray, tangent: FloatArray, speed: float, drift: Drift
 ) -> FloatArray:
-    """Speed over ground along unit tangents (..., 2) in currents (..., 2), m/s.
+    """Speed over ground (...) along unit tangents (..., 2) in currents (..., 2), m/s.
 
     Not positive, or NaN, where the vessel can't make way in that direction.
     """
-    along = (velocity * tangent).sum(axis=-1)
-    if drift == "projected":
-        return np.asarray(along + speed)
-    across = velocity[..., 1] * tangent[..., 0] - velocity[..., 0] * tangent[..., 1]
-    with np.errstate(invalid="ignore"):
-        return np.asarray(along + np.sqrt(speed**2 - across**2))
+    velocity, tangent = np.broadcast_arrays(velocity, tangent)
+    flat = ground_speeds(
+        np.ascontiguousarray(velocity.reshape(-1, 2), dtype=float),
+        np.ascontiguousarray(tangent.reshape(-1, 2), dtype=float),
+        Polar(speed, drift == "crab"),
+    )
+    return flat.reshape(velocity.shape[:-1])
 
 
 def passage_times(

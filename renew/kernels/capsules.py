@@ -1,4 +1,4 @@
-"""Plane primitives, compiled: segments against capsules (all points close to a segment).
+"""Plane primitives: segments against capsules (all points closer to a segment than a radius).
 
 The same code runs without the compiler under NUMBA_DISABLE_JIT=1.
 """
@@ -6,35 +6,52 @@ The same code runs without the compiler under NUMBA_DISABLE_JIT=1.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 
-# A slope below this is level: dividing by it would overflow.
-_LEVEL = 1e-300
-# Points that follow each other are compared with segments so many at a time.
+# Smallest slope (no unit) that is divided by: a line with less counts as level.
+_MIN_SLOPE = 1e-300
+# Number of consecutive legs or points that are compared with capsules by one common bounding box.
 _BLOCK = 32
 
 
-@njit(cache=True, error_model="numpy")
-def capsule_interval(
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    px: float,
-    py: float,
-    qx: float,
-    qy: float,
-    radius: float,
-) -> tuple[float, float]:
-    """Interval (enter, leave) of s in [0, 1] where a + s (b - a) lies within radius of pq.
+class Segment(NamedTuple):
+    """A straight segment from a to b, m."""
 
-    Empty if enter > leave. A capsule is convex, so there is one interval: the hull of those of
-    its two discs and of the rectangle between them.
+    ax: float
+    ay: float
+    bx: float
+    by: float
+
+
+class Capsules(NamedTuple):
+    """Capsules around segments `start` to `end` (c, 2), m, with radii (c,), m.
+
+    A radius of 0 is no capsule; one below 0 is a bare edge, which a leg may not even touch.
     """
+
+    start: FloatArray
+    end: FloatArray
+    radius: FloatArray
+
+    def select(self, keep: BoolArray | IntArray) -> Capsules:
+        """Return some of the capsules."""
+        return Capsules(self.start[keep], self.end[keep], self.radius[keep])
+
+
+@kernel
+def capsule_interval(leg: Segment, axis: Segment, radius: float) -> tuple[float, float]:
+    """Interval (enter, leave) of s in [0, 1] where a + s (b - a) lies within a radius of the axis.
+
+    Empty if enter > leave. A capsule is convex, so there is one interval: the hull of the
+    intervals in its two discs and in the rectangle between them.
+    """
+    ax, ay, bx, by = leg
+    px, py, qx, qy = axis
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     enter, leave = math.inf, -math.inf
@@ -64,10 +81,10 @@ def capsule_interval(
     return max(enter, 0.0), min(leave, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _between(value: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """Interval of s where low <= value + s slope <= high; (inf, -inf) where nowhere."""
-    if abs(slope) < _LEVEL:
+    if abs(slope) < _MIN_SLOPE:
         if low <= value <= high:
             return -math.inf, math.inf
         return math.inf, -math.inf
@@ -75,9 +92,10 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
     return min(first, second), max(first, second)
 
 
-@njit(cache=True, error_model="numpy")
-def capsule_bounds(start: FloatArray, end: FloatArray, radius: FloatArray) -> FloatArray:
-    """Bounds (e, 4) of capsules: west, south, east, north; a radius below 0 is a bare edge."""
+@kernel
+def capsule_bounds(capsules: Capsules) -> FloatArray:
+    """Bounding boxes (c, 4) of capsules: west, south, east, north."""
+    start, end, radius = capsules
     bounds = np.empty((len(start), 4))
     for h in range(len(start)):
         reach = max(radius[h], 0.0)
@@ -88,9 +106,11 @@ def capsule_bounds(start: FloatArray, end: FloatArray, radius: FloatArray) -> Fl
     return bounds
 
 
-@njit(cache=True, error_model="numpy")
-def meets(bounds: FloatArray, h: int, west: float, south: float, east: float, north: float) -> bool:
-    """Whether the h-th of some bounds meet others."""
+@kernel
+def intersects(
+    bounds: FloatArray, h: int, west: float, south: float, east: float, north: float
+) -> bool:
+    """Whether the h-th of some bounding boxes (c, 4) intersects another box."""
     return bool(
         bounds[h, 0] <= east
         and bounds[h, 2] >= west
@@ -99,55 +119,48 @@ def meets(bounds: FloatArray, h: int, west: float, south: float, east: float, no
     )
 
 
-@njit(cache=True, error_model="numpy")
-def _meeting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
-    """Find which bounds (e, 4) meet that around all of some boxes (n, 4): the first of `chosen`."""
+@kernel
+def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
+    """Count the bounds (c, 4) that intersect the hull of some boxes (n, 4); indices in `chosen`."""
     west, south = boxes[:, 0].min(), boxes[:, 1].min()
     east, north = boxes[:, 2].max(), boxes[:, 3].max()
     count = 0
     for h in range(len(bounds)):
-        if meets(bounds, h, west, south, east, north):
+        if intersects(bounds, h, west, south, east, north):
             chosen[count] = h
             count += 1
     return count
 
 
-@njit(cache=True, error_model="numpy")
-def boxes_near(path: FloatArray, distance: float, bounds: FloatArray) -> IntArray:
-    """Which bounds (e, 4) meet those of a leg of a path (n, 2), widened by a distance: (k,)."""
+@kernel
+def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntArray:
+    """Indices of the capsules whose bounding box comes within a distance (m) of a leg's.
+
+    The legs are those of a path (n, 2).
+    """
+    bounds = capsule_bounds(capsules)
     close = np.zeros(len(bounds), dtype=np.bool_)
     chosen = np.empty(len(bounds), dtype=np.int64)
-    boxes = capsule_bounds(path[:-1], path[1:], np.full(len(path) - 1, distance))
+    boxes = capsule_bounds(Capsules(path[:-1], path[1:], np.full(len(path) - 1, distance)))
     for first in range(0, len(boxes), _BLOCK):
         block = boxes[first : first + _BLOCK]
-        for h in chosen[: _meeting(bounds, block, chosen)]:
+        for h in chosen[: _intersecting(bounds, block, chosen)]:
             for k in range(len(block)):
                 if close[h]:
                     break
-                close[h] = meets(bounds, h, block[k, 0], block[k, 1], block[k, 2], block[k, 3])
+                close[h] = intersects(bounds, h, block[k, 0], block[k, 1], block[k, 2], block[k, 3])
     return np.flatnonzero(close)
 
 
-@njit(cache=True, error_model="numpy")
-def leg_is_clear(
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    start: FloatArray,
-    end: FloatArray,
-    radius: FloatArray,
-    chosen: IntArray,
-    left_out: BoolArray,
-) -> bool:
-    """Whether the leg a -> b stays out of the chosen capsules, those left out aside.
-
-    A radius of 0 is no capsule; one below 0 is a bare edge, which the leg may not even touch.
-    """
+@kernel
+def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: BoolArray) -> bool:
+    """Whether a leg stays out of the chosen capsules, the exempt ones (c,) apart."""
+    ax, ay, bx, by = leg
+    start, end, radius = capsules
     west, east = min(ax, bx), max(ax, bx)
     south, north = min(ay, by), max(ay, by)
     for h in chosen:
-        if radius[h] == 0.0 or left_out[h]:
+        if radius[h] == 0.0 or exempt[h]:
             continue
         reach = max(radius[h], 0.0)
         if (
@@ -157,61 +170,42 @@ def leg_is_clear(
             or min(start[h, 1], end[h, 1]) - reach > north
         ):
             continue
-        enter, leave = capsule_interval(
-            ax,
-            ay,
-            bx,
-            by,
-            start[h, 0],
-            start[h, 1],
-            end[h, 0],
-            end[h, 1],
-            reach,
-        )
+        axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+        enter, leave = capsule_interval(leg, axis, reach)
         if enter < leave or (radius[h] < 0.0 and enter == leave):
             return False
     return True
 
 
-@njit(cache=True, error_model="numpy")
-def legs_are_clear(
-    a: FloatArray, b: FloatArray, start: FloatArray, end: FloatArray, radius: FloatArray
-) -> BoolArray:
+@kernel
+def legs_are_clear(a: FloatArray, b: FloatArray, capsules: Capsules) -> BoolArray:
     """Whether each leg a -> b (n, 2) stays out of all capsules: (n,)."""
-    none_left_out = np.zeros(len(radius), dtype=np.bool_)
-    chosen = np.empty(len(radius), dtype=np.int64)
-    bounds, boxes = capsule_bounds(start, end, radius), capsule_bounds(a, b, np.zeros(len(a)))
+    none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
+    chosen = np.empty(len(capsules.radius), dtype=np.int64)
+    bounds = capsule_bounds(capsules)
+    boxes = capsule_bounds(Capsules(a, b, np.zeros(len(a))))
     clear = np.empty(len(a), dtype=np.bool_)
     for first in range(0, len(a), _BLOCK):
-        count = _meeting(bounds, boxes[first : first + _BLOCK], chosen)
+        count = _intersecting(bounds, boxes[first : first + _BLOCK], chosen)
         for i in range(first, min(first + _BLOCK, len(a))):
-            clear[i] = leg_is_clear(
-                a[i, 0],
-                a[i, 1],
-                b[i, 0],
-                b[i, 1],
-                start,
-                end,
-                radius,
-                chosen[:count],
-                none_left_out,
-            )
+            leg = Segment(a[i, 0], a[i, 1], b[i, 0], b[i, 1])
+            clear[i] = leg_is_clear(leg, capsules, chosen[:count], none_exempt)
     return clear
 
 
-@njit(cache=True, error_model="numpy")
-def near_segments(
+@kernel
+def segments_near(
     points: FloatArray, reach: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Segments (e, 2) within reach (n,) of each of points (n, 2) that follow each other.
+    """Segments (e, 2) within reach (n,) of each of consecutive points (n, 2).
 
-    Point i's are near[first[i] : first[i + 1]].
+    Those of point i are near[first[i] : first[i + 1]].
     """
     first = np.zeros(len(points) + 1, dtype=np.int64)
     near = [np.int64(0)]
     near.clear()
     chosen = np.empty(len(start), dtype=np.int64)
-    bounds = capsule_bounds(start, end, np.zeros(len(start)))
+    bounds = capsule_bounds(Capsules(start, end, np.zeros(len(start))))
     for block in range(0, len(points), _BLOCK):
         last = min(block + _BLOCK, len(points))
         xs, ys, furthest = points[block:last, 0], points[block:last, 1], reach[block:last].max()
@@ -219,7 +213,7 @@ def near_segments(
         south, north = ys.min() - furthest, ys.max() + furthest
         count = 0
         for h in range(len(start)):
-            if meets(bounds, h, west, south, east, north):
+            if intersects(bounds, h, west, south, east, north):
                 chosen[count] = h
                 count += 1
         for i in range(block, last):
@@ -228,7 +222,7 @@ def near_segments(
     return first, np.array(near, dtype=np.int64)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _is_within(point: FloatArray, p: FloatArray, q: FloatArray, reach: float) -> bool:
     """Whether a point lies within reach of the segment pq."""
     x, y = point
@@ -240,7 +234,7 @@ def _is_within(point: FloatArray, p: FloatArray, q: FloatArray, reach: float) ->
     return bool(dx * dx + dy * dy <= reach * reach)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def tracks_touch(
     tracks: FloatArray,
     first: IntArray,
@@ -251,35 +245,36 @@ def tracks_touch(
 ) -> tuple[IntArray, IntArray]:
     """Which tracks (n, turns, steps, 2) come within a radius (n,) of which segments (e, 2).
 
-    Those near point i are as :func:`near_segments` gives them. Returns pairs: the number of a track
-    among all n x turns, and the segment.
+    The tracks of point i are compared with the segments near[first[i] : first[i + 1]], as
+    :func:`segments_near` gives them. Returns pairs: the number of a track among all n x turns, and
+    the segment.
     """
     touching, touched = [np.int64(0)], [np.int64(0)]
     touching.clear()
     touched.clear()
     turns = tracks.shape[1]
-    bounds = capsule_bounds(start, end, np.zeros(len(start)))
+    bounds = capsule_bounds(Capsules(start, end, np.zeros(len(start))))
     for i in range(len(tracks)):
         for turn in range(turns):
             xs, ys = tracks[i, turn, :, 0], tracks[i, turn, :, 1]
             west, east = xs.min() - radius[i], xs.max() + radius[i]
             south, north = ys.min() - radius[i], ys.max() + radius[i]
             for h in near[first[i] : first[i + 1]]:
-                if meets(bounds, h, west, south, east, north) and _touches(
-                    xs, ys, start[h], end[h], radius[i]
+                axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+                if intersects(bounds, h, west, south, east, north) and _touches(
+                    xs, ys, axis, radius[i]
                 ):
                     touching.append(np.int64(i * turns + turn))
                     touched.append(h)
     return np.array(touching, dtype=np.int64), np.array(touched, dtype=np.int64)
 
 
-@njit(cache=True, error_model="numpy")
-def _touches(xs: FloatArray, ys: FloatArray, p: FloatArray, q: FloatArray, radius: float) -> bool:
-    """Whether a track (steps,) comes within radius of the segment pq."""
+@kernel
+def _touches(xs: FloatArray, ys: FloatArray, axis: Segment, radius: float) -> bool:
+    """Whether a track (steps,) comes within a radius of a segment."""
     for k in range(len(xs) - 1):
-        enter, leave = capsule_interval(
-            xs[k], ys[k], xs[k + 1], ys[k + 1], p[0], p[1], q[0], q[1], radius
-        )
+        leg = Segment(xs[k], ys[k], xs[k + 1], ys[k + 1])
+        enter, leave = capsule_interval(leg, axis, radius)
         if enter <= leave:
             return True
     return False

@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import FloatArray, IntArray
 
 # A path that stays in a triangle for less than this share of its size only touches it.
@@ -43,7 +43,7 @@ def visits(path: FloatArray, corners: FloatArray) -> Visits:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _stays(
     path: FloatArray, corners: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:

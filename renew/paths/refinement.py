@@ -1,30 +1,46 @@
-"""A path bettered across rungs: points to either side of it, in a window that narrows, compiled.
+"""A path refined on transversals: points to either side of it, in a window that narrows.
 
-Rungs stand across the path from V to V, so that the path can bend between them, and bulge out of
-its channel over open water.
+Transversals stand square to the path, from V to V, so that it can bend between them, and bulge out
+of its channel over open water.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from renew._types import BoolArray, FloatArray
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.current_table import Table, velocities
-from renew.kernels.viterbi import quickest_chain, without_detours
+from renew.kernels.angles import wrapped
+from renew.kernels.capsules import Capsules
+from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import quickest_chain, shortcut
 from renew.paths.sections import free_intervals
 
 
-@njit(cache=True, error_model="numpy")
-def with_rungs(
-    path: FloatArray, spacing: float, bend: float, closest: float, whole: BoolArray
+class Water(NamedTuple):
+    """What a path is refined in: current, what the vessel makes in it, and what to keep out of."""
+
+    table: Table
+    polar: Polar
+    capsules: Capsules
+
+    def near(self, chosen: IntArray) -> Water:
+        """Return the same with only some of the capsules."""
+        return Water(self.table, self.polar, self.capsules.select(chosen))
+
+
+@kernel
+def with_transversals(
+    path: FloatArray, spacing: float, bend: float, closest: float, keep_whole: BoolArray
 ) -> FloatArray:
-    """Path with points added (n', 2), at most `spacing` m apart, and one on each leg at a bend.
+    """Path with points added (n', 2), one for each transversal, at most `spacing` m apart.
 
     A bend turns by more than `bend` rad; legs beside it that are longer than twice `closest` m
-    are halved. The first and the last leg are left as they are where `whole` (2,) says so.
+    are halved. `keep_whole` (2,) says whether the first, and the last, leg stays as it is.
     """
     kept, legs = _without_repeats(path)
     course, length = np.empty(legs), np.empty(legs)
@@ -34,14 +50,13 @@ def with_rungs(
         course[k], length[k] = math.atan2(dy, dx), math.hypot(dx, dy)
         pieces[k] = max(1, math.ceil(length[k] / spacing))
     for k in range(1, legs):
-        turn = (course[k] - course[k - 1] + math.pi) % (2 * math.pi) - math.pi
-        if abs(turn) > bend:
+        if abs(wrapped(course[k] - course[k - 1])) > bend:
             for leg in (k - 1, k):
                 if pieces[leg] == 1 and length[leg] > 2 * closest:
                     pieces[leg] = 2
-    if legs and whole[0]:
+    if legs and keep_whole[0]:
         pieces[0] = 1
-    if legs and whole[1]:
+    if legs and keep_whole[1]:
         pieces[-1] = 1
     result = np.empty((pieces.sum() + 1, 2))
     at = 0
@@ -53,7 +68,7 @@ def with_rungs(
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
     """Path (n', 2) without points that repeat the one before, and how many legs it has."""
     kept = np.empty(path.shape)
@@ -66,25 +81,19 @@ def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
     return kept[: legs + 1], legs
 
 
-@njit(cache=True, error_model="numpy")
-def across_rungs(
+@kernel
+def refined_on_transversals(
     path: FloatArray,
     window: float,
     count: int,
     longest: float,
-    table: Table,
-    speed: float,
-    crab: bool,
-    start: FloatArray,
-    end: FloatArray,
-    radius: FloatArray,
-    left_out: BoolArray,
+    water: Water,
+    exempt: BoolArray,
 ) -> FloatArray:
-    """Quickest path (n', 2) over `count` points on rungs across a path, `window` m to either side.
+    """Quickest path (n', 2) over `count` points on each transversal, `window` m to either side.
 
-    Capsules and `left_out` are those of :func:`renew.kernels.viterbi.quickest_chain`. Detours that
-    a shortcut of up to `longest` m spares are cut; the path is returned as it is where no chain of
-    points is clear.
+    `exempt` is as in :func:`renew.kernels.viterbi.quickest_chain`. Detours that a shortcut of up to
+    `longest` m avoids are removed. The path is returned as it is where no chain of points is clear.
     """
     rows = len(path)
     if rows < 3:
@@ -95,7 +104,7 @@ def across_rungs(
         scale = window / max(math.hypot(dx, dy), 1e-300)
         left[k] = path[k + 1, 0] - dy * scale, path[k + 1, 1] + dx * scale
         right[k] = path[k + 1, 0] + dy * scale, path[k + 1, 1] - dx * scale
-    intervals, found = free_intervals(left, right, start, end, radius)
+    intervals, found = free_intervals(left, right, water.capsules)
     points = np.empty((rows, count, 2))
     points[0], points[-1] = path[0], path[-1]
     for k in range(rows - 2):
@@ -105,34 +114,25 @@ def across_rungs(
             points[k + 1, j] = left[k] + place * (right[k] - left[k])
         # The path's own point stays among them, so that no pass is worse than the one before.
         points[k + 1, count - 1] = path[k + 1]
-    velocity = velocities(table, points.reshape(-1, 2)).reshape(points.shape)
-    arrival, chain = quickest_chain(points, velocity, speed, crab, start, end, radius, left_out)
+    velocity = velocities(water.table, points.reshape(-1, 2)).reshape(points.shape)
+    arrival, chain = quickest_chain(points, velocity, water.polar, water.capsules, exempt)
     if arrival == np.inf:
         return path
     chosen = np.empty((rows, 2))
     for k in range(rows):
         chosen[k] = points[k, chain[k]]
-    # Rungs that cross beside a bend may be visited back and forth.
-    return cut_short(chosen, longest, table, speed, crab, start, end, radius)
+    # Transversals that cross beside a bend may be visited back and forth.
+    return without_detours(chosen, longest, water)
 
 
-@njit(cache=True, error_model="numpy")
-def cut_short(
-    path: FloatArray,
-    longest: float,
-    table: Table,
-    speed: float,
-    crab: bool,
-    start: FloatArray,
-    end: FloatArray,
-    radius: FloatArray,
-) -> FloatArray:
-    """Path (n', 2) less the points that a shortcut of up to `longest` m passes no slower."""
-    current = velocities(table, path)
-    return path[without_detours(path, current, speed, crab, start, end, radius, longest)]
+@kernel
+def without_detours(path: FloatArray, longest: float, water: Water) -> FloatArray:
+    """Path (n', 2) without the points that a shortcut of up to `longest` m passes no slower."""
+    current = velocities(water.table, path)
+    return path[shortcut(path, current, water.polar, water.capsules, longest)]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _around_middle(intervals: FloatArray) -> tuple[float, float]:
     """Ends of the interval (n, 2) that holds, or is nearest to, 0.5; both 0.5 if there is none."""
     low, high, nearest = 0.5, 0.5, np.inf

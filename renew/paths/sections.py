@@ -10,13 +10,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channels import Channel
-from renew.kernels.capsules import capsule_bounds, capsule_interval, meets
+from renew.classes.channel import Channel
+from renew.kernels.capsules import (
+    Capsules,
+    Segment,
+    capsule_bounds,
+    capsule_interval,
+    intersects,
+)
 
-# Free gaps shorter than this share of the section are no way through, only rounding.
+# Shortest free gap, as a share of its section: what is shorter is rounding, and no way through.
 _SLIVER = 1e-9
 
 
@@ -24,28 +30,28 @@ _SLIVER = 1e-9
 class Sections:
     """Sections from the left to the right bank, in sailing order.
 
-    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `fan` (s,) is the place
+    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `place` (s,) is the place
     in the channel of the triangle that holds the section, for a passing edge the one it leaves.
     """
 
     left: FloatArray
     right: FloatArray
     passing: BoolArray
-    fan: IntArray
+    place: IntArray
 
-    def points(self, place: FloatArray) -> FloatArray:
-        """Points (s, ..., 2) at places (s, ...) in [0, 1] from left to right."""
-        extra = (1,) * (place.ndim - 1)
+    def points(self, share: FloatArray) -> FloatArray:
+        """Points (s, ..., 2) at shares (s, ...) of each section, in [0, 1] from left to right."""
+        extra = (1,) * (share.ndim - 1)
         left = self.left.reshape(len(self.left), *extra, 2)
         right = self.right.reshape(len(self.right), *extra, 2)
-        return np.asarray(left + place[..., None] * (right - left))
+        return np.asarray(left + share[..., None] * (right - left))
 
     def select(self, keep: BoolArray) -> Sections:
         """Return only some of the sections."""
-        return Sections(self.left[keep], self.right[keep], self.passing[keep], self.fan[keep])
+        return Sections(self.left[keep], self.right[keep], self.passing[keep], self.place[keep])
 
 
-def cut(
+def sections_of(
     channel: Channel, start: FloatArray, goal: FloatArray, spacing: float, angle: float
 ) -> Sections:
     """Cut a channel into sections at most `spacing` metres and `angle` radians apart.
@@ -53,7 +59,7 @@ def cut(
     The spacing holds on the bank that moves. Where both are infinite, these are the passing
     edges alone.
     """
-    # The ends are fans too: the first gate shrinks to the start, the last one to the goal.
+    # Start and goal lie in fans, too: their passing edges shrink to these points.
     left = np.vstack([start, channel.left, goal])
     right = np.vstack([start, channel.right, goal])
     count = _steps(left, right, spacing, angle)
@@ -70,7 +76,7 @@ def cut(
 
 
 def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) -> IntArray:
-    """How many steps (g - 1,) lead from one gate (g, 2) to the next."""
+    """Number of steps (g - 1,) from one passing edge (g, 2) to the next."""
     moved = np.maximum(
         np.linalg.norm(np.diff(left, axis=0), axis=1),
         np.linalg.norm(np.diff(right, axis=0), axis=1),
@@ -95,7 +101,7 @@ class FreeParts:
     count: IntArray
 
     @property
-    def shut(self) -> BoolArray:
+    def blocked(self) -> BoolArray:
         """Sections (s,) with no free part."""
         return np.asarray(self.count == 0)
 
@@ -106,14 +112,6 @@ class FreeParts:
     def spread(self, points: int) -> FloatArray:
         """Places (s, points), evenly over the free length, all ends of intervals included."""
         return np.asarray(_spread(self.intervals, self.count, points))
-
-    def around(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Ends (s,) of the interval that holds, or is nearest to, each place (s,)."""
-        low, high = self.intervals[..., 0], self.intervals[..., 1]
-        away = np.maximum(low - places[:, None], places[:, None] - high)
-        away[np.arange(away.shape[1]) >= self.count[:, None]] = np.inf
-        row, chosen = np.arange(len(places)), away.argmin(axis=1)
-        return low[row, chosen], high[row, chosen]
 
     def draw(self, points: int, rng: np.random.Generator) -> FloatArray:
         """Places (s, points), uniform over the free parts."""
@@ -126,25 +124,24 @@ class FreeParts:
         return np.asarray(self.intervals[row, chosen, 1] - (ends[row, chosen] - along))
 
 
-def free_parts(
-    sections: Sections, start: FloatArray, end: FloatArray, distance: FloatArray
-) -> FreeParts:
-    """Parts of each section further than `distance` (b,) from barriers `start` to `end` (b, 2)."""
-    return FreeParts(*free_intervals(sections.left, sections.right, start, end, distance))
+def free_parts(sections: Sections, capsules: Capsules) -> FreeParts:
+    """Parts of each section outside of all capsules."""
+    return FreeParts(*free_intervals(sections.left, sections.right, capsules))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def free_intervals(
-    left: FloatArray, right: FloatArray, start: FloatArray, end: FloatArray, distance: FloatArray
+    left: FloatArray, right: FloatArray, capsules: Capsules
 ) -> tuple[FloatArray, IntArray]:
     """Intervals (s, n, 2) of :class:`FreeParts`, and how many there are in each row."""
-    bounds = capsule_bounds(start, end, distance)
+    start, end, radius = capsules
+    bounds = capsule_bounds(capsules)
     near = np.zeros(len(left), dtype=np.int64)
     for i in range(len(left)):
         west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
         south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
         for h in range(len(start)):
-            near[i] += meets(bounds, h, west, south, east, north)
+            near[i] += intersects(bounds, h, west, south, east, north)
     most = near.max() if len(near) else 0
     intervals = np.zeros((len(left), most + 1, 2))
     count = np.zeros(len(left), dtype=np.int64)
@@ -154,19 +151,11 @@ def free_intervals(
         west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
         south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
         for h in range(len(start)):
-            if not meets(bounds, h, west, south, east, north):
+            if not intersects(bounds, h, west, south, east, north):
                 continue
-            enter, leave = capsule_interval(
-                left[i, 0],
-                left[i, 1],
-                right[i, 0],
-                right[i, 1],
-                start[h, 0],
-                start[h, 1],
-                end[h, 0],
-                end[h, 1],
-                distance[h],
-            )
+            section = Segment(left[i, 0], left[i, 1], right[i, 0], right[i, 1])
+            axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+            enter, leave = capsule_interval(section, axis, radius[h])
             if enter < leave:
                 _insert(covered, found, enter, leave)
                 found += 1
@@ -182,7 +171,7 @@ def free_intervals(
     return intervals, count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> None:
     """Put an interval among the first `count` of some (n, 2), in the order of their beginnings."""
     place = count
@@ -192,7 +181,7 @@ def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> No
     intervals[place, 0], intervals[place, 1] = enter, leave
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
     """Places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
     places = np.zeros((len(count), points))

@@ -1,74 +1,113 @@
-"""What would let a plan succeed in which every class fell away: less padding, or more risk."""
+"""Why no class can be sailed, and what would leave a route: less padding, or more risk."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Protocol
+from collections.abc import Iterator
+from dataclasses import replace
 
+from renew._types import FloatArray
+from renew.classes.dual_graph import widest_gap
 from renew.classes.h_signature import shortened
-from renew.padding.padding_model import Padding
-from renew.route import Route
+from renew.errors import UnreachableError
+from renew.padding.policy import PaddingPolicy
+from renew.route import Rejected, Route
+from renew.search.class_planner import PathMethod
+from renew.search.k_sailable_classes import plan_classes
+from renew.search.problem import Problem
 
-# The largest margin is sought by so many halvings, and the least risk up to this one, by as many.
-_HALVINGS, _MOST_RISK = 6, 0.5
+# Number of halvings by which the largest margin is found.
+_HALVINGS = 6
+# Largest risk that is suggested, and to how much it is found.
+_MAX_RISK, _RISK_STEP = 0.5, 0.01
+# Number of rejected classes whose reasons are quoted.
+_MAX_REASONS = 3
 
 
-class Attempt(Protocol):
-    """Plans with other margins: the best route of the first class that has one, or None."""
+def no_class_error(
+    rejected: tuple[Rejected, ...], problem: Problem, policy: PaddingPolicy, method: PathMethod
+) -> UnreachableError:
+    """Error for a plan whose classes were all rejected: the first reasons, and what would help."""
+    reasons: list[str] = []
+    places: list[FloatArray] = []
+    for one in rejected[:_MAX_REASONS]:
+        # The places of each reason are numbered on from those of the reasons before it.
+        found = one.cause.places if one.cause else ()
+        numbers = itertools.count(len(places))
 
-    def __call__(self, *, padding: Padding, clearance: float, risk: float) -> Route | None:
-        """Try."""
-        ...
+        def placeholder(_: FloatArray, numbers: Iterator[int] = numbers) -> str:
+            return f"{{{next(numbers)}}}"
+
+        reason = one.located_reason(placeholder)
+        reasons.append(f"class {shortened(one.homotopy)}: {reason}")
+        places += found
+    more = f" (and {len(rejected) - _MAX_REASONS} more)" if len(rejected) > _MAX_REASONS else ""
+    return UnreachableError(
+        f"all {len(rejected)} classes were rejected: {'; '.join(reasons)}{more}. To find a route: "
+        f"{'; '.join(suggest_relaxations(problem, policy, method))}; or allow a smaller padding or "
+        "clearance, or more classes",
+        *places,
+    )
 
 
-def advise(
-    attempt: Attempt, padding: Padding, clearance: float, risk: float, widest_gap: float
-) -> list[str]:
+def suggest_relaxations(problem: Problem, policy: PaddingPolicy, method: PathMethod) -> list[str]:
     """What would leave a route, each tried out; the widest way through comes first."""
-    found = [f"the widest way through has a gap of {widest_gap:.2f} m"]
-    if not isinstance(padding, str) and padding > 0:
-        route = attempt(padding="adaptive", clearance=clearance, risk=risk)
+    search = _RelaxationSearch(problem, policy, method)
+    endpoints = (problem.voyage.start, problem.voyage.goal)
+    gap = widest_gap(problem.triangulation, *map(problem.triangulation.locate, endpoints))
+    found = [f"the widest way through has a gap of {gap:.2f} m"]
+    if not isinstance(policy.padding, str) and policy.padding > 0:
+        route = search.route(replace(policy, padding="adaptive"))
         if route is not None:
-            found.append(f'padding = "adaptive" would leave one, {_described(route)}')
-    if padding == "adaptive":
-        found.append(_least_risk(attempt, clearance, risk))
-    margin = clearance if isinstance(padding, str) else max(float(padding), clearance)
-    found += _largest_margin(attempt, risk, min(margin or math.inf, widest_gap / 2))
-    return found
+            found.append(f'padding = "adaptive" would leave one, {_description(route)}')
+    if policy.is_adaptive:
+        found.append(search.least_risk())
+    return found + search.largest_padding(min(policy.min_width or math.inf, gap / 2))
 
 
-def _least_risk(attempt: Attempt, clearance: float, risk: float) -> str:
-    """The least risk, to 1 %, that leaves a route."""
-    low, high = risk, _MOST_RISK
-    if high <= low or attempt(padding="adaptive", clearance=clearance, risk=high) is None:
-        return f"no risk up to {_MOST_RISK:g} would leave one"
-    while high - low > 0.01:
-        middle = math.ceil(50 * (low + high)) / 100
-        if middle >= high:
-            break
-        if attempt(padding="adaptive", clearance=clearance, risk=middle) is None:
-            low = middle
-        else:
-            high = middle
-    return f"a risk of {high:g} would leave one"
+class _RelaxationSearch:
+    """Plans with other padding: how much less of it would leave a route."""
+
+    def __init__(self, problem: Problem, policy: PaddingPolicy, method: PathMethod) -> None:
+        self._problem, self._policy, self._method = problem, policy, method
+
+    def route(self, policy: PaddingPolicy) -> Route | None:
+        """Best route of the first class that has one, or None."""
+        routes = plan_classes(self._problem, policy, self._method, classes=1).routes
+        return routes[0] if routes else None
+
+    def least_risk(self) -> str:
+        """The least risk, to 1 %, that leaves a route."""
+        low, high = self._policy.risk, _MAX_RISK
+        if high <= low or self.route(replace(self._policy, risk=high)) is None:
+            return f"no risk up to {_MAX_RISK:g} would leave one"
+        while high - low > _RISK_STEP:
+            middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
+            if middle >= high:
+                break
+            if self.route(replace(self._policy, risk=middle)) is None:
+                low = middle
+            else:
+                high = middle
+        return f"a risk of {high:g} would leave one"
+
+    def largest_padding(self, most: float) -> list[str]:
+        """The largest fixed padding up to `most` m that leaves a route, to 2 %, if one does."""
+        if not 0 < most < math.inf:
+            return []
+        low, high, best = 0.0, most, None
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            route = self.route(replace(self._policy, padding=middle, clearance=0.0))
+            if route is None:
+                high = middle
+            else:
+                low, best = middle, route
+        return [f"a padding of {low:.4g} m would leave one, {_description(best)}"] if best else []
 
 
-def _largest_margin(attempt: Attempt, risk: float, most: float) -> list[str]:
-    """The largest fixed padding up to `most` m that leaves a route, to 2 %, if one does."""
-    if not 0 < most < math.inf:
-        return []
-    low, high, best = 0.0, most, None
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        route = attempt(padding=middle, clearance=0.0, risk=risk)
-        if route is None:
-            high = middle
-        else:
-            low, best = middle, route
-    return [f"a padding of {low:.4g} m would leave one, {_described(best)}"] if best else []
-
-
-def _described(route: Route) -> str:
-    """Fuel and clearance of a route, in words."""
+def _description(route: Route) -> str:
+    """Fuel and clearance of a route, as text."""
     name = shortened(route.homotopy)
     return f"class {name} for a fuel of {route.fuel:.6g}, {route.clearance:.2f} m off land"

@@ -2,86 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from renew.classes.channels import Channel, ChannelSearch, Move
+from renew.classes.channel import Channel, Transition
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
+from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
-from renew.search.class_planner import ClassSearch
+from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.problem import Problem
 
-# Rounds of the search for ways around places found shut.
-_MOST_ROUNDS = 64
+# Largest number of rounds in which channels around blocked transitions are looked for.
+_MAX_ROUNDS = 64
 
 
 @dataclass(frozen=True)
-class Examined:
-    """Routes, least fuel first, and the classes that fell away."""
+class ClassResults:
+    """Routes, least fuel first, and the rejected classes."""
 
     routes: tuple[Route, ...]
     rejected: tuple[Rejected, ...]
 
 
-def examine(
-    likely: ChannelSearch,
-    every: Callable[[], ChannelSearch],
-    search: ClassSearch,
-    classes: int,
-) -> Examined:
-    """Outcomes of the first k classes, and of those that take the place of fallen ones.
+def plan_classes(
+    problem: Problem, policy: PaddingPolicy, method: PathMethod, classes: int
+) -> ClassResults:
+    """Plan the first k classes, and those that take the place of rejected ones.
 
-    A channel that is shut at some place is looked for again around all places found shut, in
-    rounds, until a round finds none shut. What a strait's padding shuts to one class it mostly
-    shuts to all, so that the rounds soon hold k classes that can be sailed. Where they don't,
-    classes that no round looked into, since what is shut to others was taken to be shut to them or
-    a passing edge to be too narrow, are then examined for themselves, up to k. A class falls away,
-    with its first reason, when no channel of it is left.
+    A channel that is blocked at some place is looked for again around all places found blocked, in
+    rounds, until a round finds no other. What a strait's padding blocks for one class it mostly
+    blocks for all, so that the rounds soon hold k classes that can be sailed. Where they don't,
+    there may be classes that no round looked into, because what is blocked for others was assumed
+    to be blocked for them, or a passing edge to be too narrow: these are then planned for
+    themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
     """
-    outcomes = _Outcomes(search)
-    shut: set[Move] = set()
-    for _ in range(_MOST_ROUNDS):
-        known = len(shut)
-        for channel in likely.channels(classes, shut):
-            shut |= outcomes.add(channel)
-        if len(shut) == known:
+    results = _Results(ClassPlanner(problem, policy, method))
+    # Hardly any padding is less than v/ω: a turn is twice as wide.
+    likely = problem.voyage.vessel.turning_radius if policy.is_adaptive else 0.0
+    enumerator = problem.enumerator(max(policy.min_width, likely))
+    blocked: set[Transition] = set()
+    for _ in range(_MAX_ROUNDS):
+        known = len(blocked)
+        for channel in enumerator.channels(classes, blocked):
+            blocked |= results.add(channel)
+        if len(blocked) == known:
             break
-    if len(outcomes.routes) < classes:
-        for channel in every().channels(classes, roughly=True):
-            if channel.word not in outcomes.fell:
-                outcomes.add(channel)
-    routes = sorted(outcomes.routes.values(), key=lambda route: route.fuel)
-    fell = (rejected for word, rejected in outcomes.fell.items() if word not in outcomes.routes)
-    return Examined(tuple(routes[:classes]), tuple(fell))
+    if len(results.routes) < classes:
+        for channel in problem.enumerator(0.0).channels(classes, coarse=True):
+            if channel.word not in results.rejected:
+                results.add(channel)
+    routes = sorted(results.routes.values(), key=lambda route: route.fuel)
+    rejected = (
+        rejected for word, rejected in results.rejected.items() if word not in results.routes
+    )
+    return ClassResults(tuple(routes[:classes]), tuple(rejected))
 
 
-class _Outcomes:
-    """What became of each class so far: a route, or the first reason for which it fell."""
+class _Results:
+    """What each class has come to so far: a route, or the first reason against it."""
 
-    def __init__(self, search: ClassSearch) -> None:
-        self._search = search
+    def __init__(self, planner: ClassPlanner) -> None:
+        self._planner = planner
         self.routes: dict[Word, Route] = {}
-        self.fell: dict[Word, Rejected] = {}
+        self.rejected: dict[Word, Rejected] = {}
         self._given_up: set[Word] = set()
 
-    def add(self, channel: Channel) -> set[Move]:
-        """Examine a class by one more channel; return the move that shuts it, if one does."""
+    def add(self, channel: Channel) -> set[Transition]:
+        """Plan a class in one more channel; return the transition that blocks it, if one does."""
         word = channel.word
         if word in self.routes or word in self._given_up:
             return set()
         try:
-            self.routes[word] = self._search.route(channel)
+            self.routes[word] = self._planner.route(channel)
         except InfeasibleError as error:
-            corners = self._search.waters.triangulation.corners[channel.triangles]
             rejected = Rejected(
-                channel.name,
-                str(error),
-                corners,
-                error.strait,
-                lambda: self._search.unpadded_fuel(channel),
+                homotopy=channel.name,
+                reason=str(error),
+                channel=self._planner.problem.triangulation.corners[channel.triangles],
+                strait=error.strait,
+                cause=error,
+                _compute_fuel=partial(self._planner.unpadded_fuel, channel),
             )
-            self.fell.setdefault(word, rejected)
+            self.rejected.setdefault(word, rejected)
             if error.strait is not None:
-                return {error.strait.move}
+                return {error.strait.transition}
             self._given_up.add(word)
         return set()

@@ -1,4 +1,4 @@
-"""What a plan is made in, whatever its padding, and what follows from that; worked out once."""
+"""What all classes of a plan share, whatever their padding; each part is computed once."""
 
 from __future__ import annotations
 
@@ -7,63 +7,51 @@ from functools import cached_property
 
 from shapely.geometry.base import BaseGeometry
 
-from renew._types import FloatArray
+from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
-from renew.classes.overpowered_water import overpowering_water
+from renew.classes.overpowered_water import overpowered_water
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.current_table import Table
-from renew.inputs.fuel import Drift
-from renew.inputs.vessel import Vessel
-from renew.route import LeastFuel
+from renew.inputs.arguments import Order
+from renew.inputs.voyage import Voyage
+from renew.route import FuelBound
 from renew.turns.reach_bound import TurnReach
 
 
 @dataclass(frozen=True, eq=False)
-class Waters:
-    """Chart, current, vessel and ends of a plan; islands under `distinct_by` m make no class."""
+class Problem:
+    """A voyage; classes that differ only by islands under `distinct_by` m count as one."""
 
-    chart: Chart
-    current: CurrentField
-    vessel: Vessel
-    start: FloatArray
-    goal: FloatArray
-    drift: Drift
+    voyage: Voyage
     distinct_by: float
+    order: Order
 
     @cached_property
-    def table(self) -> Table:
-        """The current as a table: paths are sought in it."""
-        return self.current.table(self.chart.bounds)
-
-    @cached_property
-    def quick_current(self) -> CurrentField:
-        """The current by its table, where that is as good."""
-        return TabulatedCurrent(self.table) if self.table.is_fine else self.current
-
-    @cached_property
-    def closed(self) -> BaseGeometry:
-        """Water that outruns the vessel."""
-        ends = self.start, self.goal
-        return overpowering_water(self.table, self.vessel.speed, self.chart, ends)
+    def overpowered_water(self) -> BaseGeometry:
+        """Water where the current is as strong as the vessel."""
+        return overpowered_water(self.voyage)
 
     @cached_property
     def triangulation(self) -> Triangulation:
-        """Triangles of the water that is not closed."""
-        return triangulate(self.chart, closed=self.closed)
+        """Triangles of the water that is not overpowered."""
+        return triangulate(self.voyage.chart, closed=self.overpowered_water)
 
     @cached_property
     def rays(self) -> Rays:
         """Rays by which classes are told apart."""
-        return Rays.of(self.chart, self.distinct_by, self.closed)
+        return Rays.of(self.voyage.chart, self.distinct_by, self.overpowered_water)
 
     @cached_property
     def reach(self) -> TurnReach:
         """How far hard-over turns can get."""
-        return TurnReach.of(self.table, self.vessel)
+        return TurnReach.of(self.voyage.table, self.voyage.vessel)
 
     @cached_property
-    def least(self) -> LeastFuel:
+    def fuel_bound(self) -> FuelBound:
         """The fuel that no route can stay below."""
-        return LeastFuel(self.chart, self.current, self.vessel, self.start, self.goal, self.drift)
+        return FuelBound(self.voyage)
+
+    def enumerator(self, clearance: float) -> ClassEnumerator:
+        """Enumerate classes whose passing edges are crossed `clearance` m off land."""
+        return ClassEnumerator(
+            self.voyage, self.triangulation, self.rays, self.order, clearance=clearance
+        )

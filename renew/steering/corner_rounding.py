@@ -11,20 +11,22 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError
-from renew.steering.trajectory import course_changes
+from renew.kernels.angles import wrapped
+from renew.steering.turning_radius import course_changes
 
-# An arc becomes a polyline around it (vertices outside, edges tangent) with this turn a vertex.
+# Angle (rad) that each vertex turns by where an arc becomes a polyline around it (vertices outside,
+# edges tangent).
 _ARC_STEP = math.radians(4)
 
 
 def round_corners(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> FloatArray:
     """Path (m, 2) with its sharp corners (n - 2,) drawn around discs of given radii (n - 2,), m."""
     turns, bisectors = course_changes(path)
-    # A point of the path is a disc of radius 0, the ends' among them.
+    # A point of the path that is not sharp is a disc of radius 0.
     size = np.where(sharp, radius, 0.0)
     centres = path.copy()
     centres[1:-1] += size[:, None] * bisectors
@@ -32,14 +34,13 @@ def round_corners(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> Flo
     radii[1:-1], sides[1:-1] = size, np.where(turns >= 0, 1.0, -1.0)
     kept, courses, clash = _taut(centres, radii, sides)
     if clash >= 0:
-        x, y = centres[clash]
         raise InfeasibleError(
-            f"two opposite turns near ({x:.1f}, {y:.1f}) m are too close together to be steered"
+            "two opposite turns near {0} are too close together to be steered", centres[clash]
         )
     return np.asarray(_drawn(centres[kept], radii[kept], sides[kept], courses))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _taut(
     centres: FloatArray, radii: FloatArray, sides: FloatArray
 ) -> tuple[IntArray, FloatArray, int]:
@@ -56,15 +57,15 @@ def _taut(
             one, other = kept[k], kept[k + 1]
             dx, dy = centres[other, 0] - centres[one, 0], centres[other, 1] - centres[one, 1]
             apart = math.hypot(dx, dy)
-            # The centres lie side * radius to port of the leg: so much is gained in between.
+            # The centres lie side * radius to port of the leg, which turns by the difference.
             offset = sides[other] * radii[other] - sides[one] * radii[one]
             if apart == 0.0 or abs(offset) > apart:
                 return kept, courses, one
             courses[k] = math.atan2(dy, dx) - math.asin(offset / apart)
-        # One at a time, the slackest: its neighbours may hold again without it.
+        # One at a time, the slackest: without it the string may lean on its neighbours again.
         worst, slackest = -1, 0.0
         for k in range(1, len(kept) - 1):
-            turn = (courses[k] - courses[k - 1] + math.pi) % (2 * math.pi) - math.pi
+            turn = wrapped(courses[k] - courses[k - 1])
             if radii[kept[k]] > 0 and sides[kept[k]] * turn < 0 and abs(turn) > slackest:
                 worst, slackest = k, abs(turn)
         if worst < 0:
@@ -72,7 +73,7 @@ def _taut(
         kept = np.concatenate((kept[:worst], kept[worst + 1 :]))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _drawn(
     centres: FloatArray, radii: FloatArray, sides: FloatArray, courses: FloatArray
 ) -> FloatArray:
@@ -81,7 +82,7 @@ def _drawn(
     turns = np.zeros(last + 1)
     steps = np.ones(last + 1, dtype=np.int64)
     for k in range(1, last):
-        turns[k] = (courses[k] - courses[k - 1] + math.pi) % (2 * math.pi) - math.pi
+        turns[k] = wrapped(courses[k] - courses[k - 1])
         if radii[k] > 0:
             steps[k] = max(1, math.ceil(abs(turns[k]) / _ARC_STEP))
     points = np.empty((steps.sum(), 2))

@@ -9,22 +9,24 @@ import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError
-from renew.kernels.capsules import legs_are_clear
+from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
-from renew.steering.trajectory import corner_radius, course_changes, steer
+from renew.steering.trajectory import steer
+from renew.steering.turning_radius import corner_radius, course_changes
 
-# Corners are rounded with the first of these multiples of the least radius with which the heading
-# rate keeps below ω while the current changes on the way round.
+# Multiples of the radius that can be steered at a corner; the first of them is taken with which the
+# heading rate stays below ω while the current changes on the way round.
 _ROUNDINGS = (1.1, 1.2, 1.35)
-# Corners closer to a sharp one than this many of its disc's chords are in the way of its rounding.
-_CROWD = 1.5
-# The points of a path crowd where its sections meet, and a sharp corner has no room among them:
-# the path is thinned by the least of these shares of v/ω with which it can be steered.
+# Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
+# rounding.
+_CROWDING = 1.5
+# Tolerances, as shares of v/ω, by which a path is thinned; the first is taken with which it can be
+# steered: points crowd where sections meet, and leave a sharp corner no room.
 _TOLERANCES = (0.0, 0.01, 0.03, 0.1, 0.3)
 
 
-def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
     Corners whose rounding would cut into V, or has no room, are rounded on the outside; the
@@ -34,7 +36,9 @@ def steer_inside(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, Floa
     for tolerance, rounding in itertools.product(_TOLERANCES, _ROUNDINGS):
         thinned = path
         if tolerance:
-            line = shapely.LineString(path).simplify(tolerance * corridor.vessel.turning_radius)
+            line = shapely.LineString(path).simplify(
+                tolerance * corridor.voyage.vessel.turning_radius
+            )
             thinned = shapely.get_coordinates(line)
         try:
             return _steered(thinned, corridor, rounding)
@@ -47,7 +51,7 @@ def _steered(
     path: FloatArray, corridor: Corridor, rounding: float
 ) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it."""
-    field, vessel = corridor.current, corridor.vessel
+    field, vessel = corridor.voyage.current, corridor.voyage.vessel
     if len(path) > 2:
         radius = rounding * corner_radius(path, field, vessel)
         sharp = _sharp_corners(path, corridor, radius)
@@ -59,10 +63,9 @@ def _steered(
         raise InfeasibleError("the corridor is too narrow to round its corners in")
     trajectory = steer(path, field, vessel)
     track = trajectory[:, 1:3]
-    land = np.full(len(corridor.hazards.edge), -1.0)  # may not even be touched
-    if not legs_are_clear(
-        track[:-1], track[1:], corridor.hazards.start, corridor.hazards.end, land
-    ).all():
+    edges = corridor.padded
+    land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
+    if not legs_are_clear(track[:-1], track[1:], land).all():
         raise InfeasibleError("the corridor is too narrow to turn in: the track would touch land")
     return path, trajectory
 
@@ -79,12 +82,12 @@ def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> 
     blame_first[[0, -1]] = False, True
     cut = radius * (1 / np.cos(turns / 2) - 1)
     inner = path[1:-1] + cut[:, None] * bisectors
-    # What the arc leaves to its inner side of, its inscribed chords would cross.
+    # Chords lie inside the arc, so test the chords, not the arc.
     units = np.diff(path, axis=0) / np.maximum(lengths, 1e-300)[:, None]
     begin = path[1:-1] - needed[:, None] * units[:-1]
     end = path[1:-1] + needed[:, None] * units[1:]
-    barriers = *corridor.barriers, corridor.forbidden
-    intrudes = ~(legs_are_clear(begin, inner, *barriers) & legs_are_clear(inner, end, *barriers))
+    hard = corridor.hard_capsules
+    intrudes = ~(legs_are_clear(begin, inner, hard) & legs_are_clear(inner, end, hard))
     return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
 
 
@@ -95,5 +98,5 @@ def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArr
     chord = 2 * radius * np.sin(np.abs(turns) / 2)
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.cumsum(lengths)[:-1]
-    near = np.abs(along[:, None] - along[sharp]) <= _CROWD * chord[sharp]
+    near = np.abs(along[:, None] - along[sharp]) <= _CROWDING * chord[sharp]
     return np.asarray(near.any(axis=1) & ~sharp)

@@ -1,9 +1,4 @@
-"""From a path to a trajectory that a vessel can steer.
-
-A vessel that turns at ω while it makes v' over ground sails curves of radius r' = v'/ω, its
-effective turning radius (paper, kinematic check). A corner between legs of lengths a and b that
-turns by δ can be rounded with that radius when r' tan(δ/2) <= min(a, b) / 2.
-"""
+"""From a path to a trajectory that a vessel can steer: corners as arcs, headings, times."""
 
 from __future__ import annotations
 
@@ -11,77 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renew._types import BoolArray, FloatArray, IntArray
+from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import ground_speed
 from renew.inputs.vessel import Vessel
+from renew.steering.turning_radius import corner_radius, course_changes
 
-# An arc is sampled every 2 degrees, so that its chords leave it by 0.02 % of the radius.
+# Angle (rad) between the points of an arc: chords leave it by 0.02 % of the radius.
 _ARC_STEP = np.radians(2)
-# Straight legs are sampled so that the heading is known along a current that changes.
+# Number of samples on the straight legs together: the heading follows a current that changes.
 _LEG_SAMPLES = 256
-# Radii grow by this factor, so many times at the most, until the heading rate fits.
-_RADIUS_GROWTH, _MOST_GROWTHS = 1.05, 20
-
-
-def effective_turning_radius(
-    points: FloatArray, heading: FloatArray, current: CurrentField, vessel: Vessel
-) -> FloatArray:
-    """Effective turning radius |v (cos φ, sin φ) + c| / ω (...), m, at points on headings φ."""
-    through_water = vessel.speed * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    over_ground = np.linalg.norm(through_water + current(points), axis=-1)
-    return np.asarray(over_ground / vessel.turn_rate)
-
-
-def steerable(paths: FloatArray, current: CurrentField, vessel: Vessel) -> BoolArray:
-    """Whether every corner of each path (..., n, 2) can be rounded with r' (paper's check)."""
-    lengths = np.linalg.norm(np.diff(paths, axis=-2), axis=-1)
-    room = np.minimum(lengths[..., :-1], lengths[..., 1:]) / 2
-    turns, _ = course_changes(paths)
-    course = np.arctan2(*np.moveaxis(np.diff(paths, axis=-2), -1, 0)[::-1])
-    corners = paths[..., 1:-1, :]
-    radius = np.maximum(
-        effective_turning_radius(corners, course[..., :-1], current, vessel),
-        effective_turning_radius(corners, course[..., 1:], current, vessel),
-    )
-    needed = radius * np.tan(np.abs(turns) / 2)
-    return np.asarray((needed <= room).all(axis=-1))
-
-
-def course_changes(paths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Turns (..., n - 2) in rad, to port positive, and unit vectors (..., n - 2, 2) into them.
-
-    The unit vectors halve the corners of the paths (..., n, 2), on the inside of the turn.
-    """
-    legs = np.diff(paths, axis=-2)
-    course = np.arctan2(legs[..., 1], legs[..., 0])
-    turns = _wrapped(np.diff(course, axis=-1))
-    inwards = course[..., :-1] + turns / 2 + np.where(turns >= 0, np.pi / 2, -np.pi / 2)
-    return turns, np.stack([np.cos(inwards), np.sin(inwards)], axis=-1)
-
-
-def corner_radius(paths: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray:
-    """Smallest radius (..., n - 2) in metres that can be steered over ground at inner corners.
-
-    At a course χ with crab angle β (sin β = c⊥ / v) the heading turns by V / (v cos β) for each
-    radian of χ, with V the speed over ground: following the curve at rate ω takes a radius of
-    V² / (ω v cos β). In a following current that is more than r' = V / ω. The larger of both legs
-    counts; where the course can't be held, r' with V = v + |c|.
-    """
-    corners, legs = paths[..., 1:-1, :], np.diff(paths, axis=-2)
-    units = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
-    velocity = current(corners)
-    radius = np.zeros(corners.shape[:-1])
-    for tangent in (units[..., :-1, :], units[..., 1:, :]):
-        over_ground = ground_speed(velocity, tangent, vessel.speed, "crab")
-        along = (velocity * tangent).sum(-1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            # over_ground - along = v cos β
-            needed = over_ground**2 / (vessel.turn_rate * (over_ground - along))
-        bound = (vessel.speed + np.linalg.norm(velocity, axis=-1)) / vessel.turn_rate
-        radius = np.maximum(radius, np.where(np.isfinite(needed), needed, bound))
-    return radius
+# Factor by which radii grow until the heading rate is at most ω, and how often they may.
+_RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 20
 
 
 def steer(path: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray:
@@ -92,7 +29,7 @@ def steer(path: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray
     that can't be, InfeasibleError says why.
     """
     radius = corner_radius(path, current, vessel)
-    for _ in range(_MOST_GROWTHS):
+    for _ in range(_MAX_GROWTHS):
         curve = _rounded(path, radius)
         trajectory = _crab_along(curve, current, vessel)
         turning = np.abs(np.diff(trajectory[:, 3]))
@@ -103,8 +40,9 @@ def steer(path: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray
         radius[at[at >= 0]] *= _RADIUS_GROWTH
     where = trajectory[:-1][fast][0]
     raise InfeasibleError(
-        f"to hold the course at ({where[1]:.1f}, {where[2]:.1f}) m in the current there the vessel "
-        f"would have to turn faster than {np.degrees(vessel.turn_rate):.1f} degrees a second"
+        "to hold the course at {0} in the current there the vessel would have to turn faster than "
+        f"{np.degrees(vessel.turn_rate):.1f} degrees a second",
+        where[1:3],
     )
 
 
@@ -124,15 +62,16 @@ def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
     turn, _ = course_changes(path)
     course = np.arctan2(legs[0, 1], legs[0, 0]) + np.concatenate([[0.0], np.cumsum(turn)])
     tangent = radius * np.tan(np.abs(turn) / 2)
-    # A leg is shared between its two corners by what each asks for.
+    # A leg is shared between its two corners by what each needs.
     asked = np.concatenate([[0.0], tangent]) + np.concatenate([tangent, [0.0]])
     if (asked > lengths * (1 + 1e-12)).any():
         i = int(np.argmax(asked - lengths))
         raise InfeasibleError(
-            f"the corners beside the leg at ({path[i, 0]:.1f}, {path[i, 1]:.1f}) m need "
-            f"{asked[i]:.2f} m to turn in; it has {lengths[i]:.2f} m"
+            f"the corners beside the leg at {{0}} need {asked[i]:.2f} m to turn in; it has "
+            f"{lengths[i]:.2f} m",
+            path[i],
         )
-    # Each corner has the points of an arc, and the ends one each.
+    # Each corner becomes the points of an arc; the path's ends stay single points.
     steps = np.maximum(1, np.ceil(np.abs(turn) / _ARC_STEP).astype(np.int64))
     at = np.repeat(np.arange(len(turn)), steps + 1)
     place = np.arange(len(at)) - np.repeat(np.cumsum(steps + 1) - (steps + 1), steps + 1)
@@ -177,17 +116,10 @@ def _crab_along(curve: _Curve, current: CurrentField, vessel: Vessel) -> FloatAr
     speed = ground_speed(velocity, tangent, vessel.speed, "crab")
     if not (speed > 0).all():
         at = curve.points[~(speed > 0)][0]
-        raise InfeasibleError(
-            f"the current at ({at[0]:.1f}, {at[1]:.1f}) m is too strong to hold the course"
-        )
+        raise InfeasibleError("the current at {0} is too strong to hold the course", at)
     through_water = speed[:, None] * tangent - velocity
     heading = np.unwrap(np.arctan2(through_water[:, 1], through_water[:, 0]))
     lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
     slowness = (1 / speed[:-1] + 1 / speed[1:]) / 2
     time = np.concatenate([[0.0], np.cumsum(lengths * slowness)])
     return np.column_stack([time, curve.points, heading])
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    """Angles (rad) folded into [-π, π)."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi

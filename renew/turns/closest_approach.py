@@ -10,10 +10,11 @@ import shapely
 from renew._types import FloatArray
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.vessel import Vessel
-from renew.padding.turn_sampling import Draws, normals_away
+from renew.padding.reach_quantile import TurnSampler
+from renew.padding.turn_reach import normals_away
 from renew.route import Route
 
-# Enough for a smooth picture.
+# Number of draws: enough for a smooth picture.
 _DRAWS = 4096
 
 
@@ -58,13 +59,13 @@ def tightest(
     Returns
     -------
     Tightest or None
-        Edges whose padding reaches over the start or the goal are left out, as harbours lie there;
+        Edges whose padding reaches over the start or the goal are left out, as harbours lie there.
         None where no other edge is padded.
     """
     edges, padding = route.padding_used[:, :4].reshape(-1, 2, 2), route.padding_used[:, 4]
     lines = shapely.linestrings(edges)
-    ends = shapely.points(route.path[[0, -1]])
-    padded = (padding > 0) & (shapely.distance(lines[:, None], ends) >= padding[:, None]).all(
+    endpoints = shapely.points(route.path[[0, -1]])
+    padded = (padding > 0) & (shapely.distance(lines[:, None], endpoints) >= padding[:, None]).all(
         axis=1
     )
     if not padded.any():
@@ -81,7 +82,7 @@ def tightest(
     course = np.arctan2(north, east)
     triangles = shapely.polygons(route.corners)
     inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
-    reaches = Draws(seed, _DRAWS).reaches(
+    reaches = TurnSampler(seed, _DRAWS).reaches(
         as_field(current).statistics(route.corners[[inside]]),
         np.array([course]),
         np.zeros(1, dtype=np.int64),

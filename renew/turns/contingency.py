@@ -1,4 +1,4 @@
-"""Forward simulation of hard-over turns along a route: the vessel can turn away everywhere.
+"""Forward simulation of hard-over turns along a route, to see that the vessel can turn away.
 
 At points along the route the rudder goes hard over to port and to starboard, and the vessel
 turns a full circle while the current carries it: once in the field as it is, and again in draws
@@ -14,8 +14,8 @@ from typing import Protocol
 
 import numpy as np
 import shapely
-from numba import njit
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError
 from renew.inputs.chart import Chart
@@ -29,13 +29,14 @@ from renew.inputs.current import (
 from renew.inputs.current_table import Table, velocity
 from renew.inputs.fuel import ground_speed
 from renew.inputs.vessel import Vessel
-from renew.turns.reach_bound import MOST_DEVIATIONS, TurnReach
+from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
 
-# Headings of a full turn, every 10 degrees, by the midpoint rule: within 0.1 % of the radius.
+# Number of headings of a full turn, one every 10 degrees: by the midpoint rule the track is within
+# 0.1 % of the radius.
 _TURN_STEPS = 36
-# Draws of the field's spread a point and side, beside the field itself. A draw lies within two
-# standard deviations: the 95 % that the default risk answers for.
+# Number of draws of the field's spread for each point and side, beside the field itself.
 _DRAWS = 4
+# Number of points on each ring over which that spread is taken.
 _RING = 8
 
 
@@ -106,7 +107,7 @@ def contingency(
         raise ParameterError(f"spacing = {spacing!r} m must be finite and above 0")
     field = as_field(current)
     points, course = stations(np.asarray(route.path, dtype=float), spacing)
-    # Only turns within reach of land can touch it; the others needn't be flown to be counted.
+    # Only turns within reach of land can touch it; the others are counted without being flown.
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
         tree = shapely.STRtree(chart.no_go)
@@ -114,10 +115,7 @@ def contingency(
         found = tree.query(shapely.points(points), predicate="dwithin", distance=reach(points))
         near[np.unique(found[0])] = True
     hits = np.zeros(len(points), dtype=np.int64)
-    rng = np.random.default_rng(seed)
-    deviations = rng.standard_normal((len(points), 1 + _DRAWS, 2))
-    deviations = np.clip(deviations, -MOST_DEVIATIONS, MOST_DEVIATIONS)
-    deviations[:, 0] = 0.0  # the field itself
+    deviations = _drawn_deviations(len(points), seed)
     turns = fly_turns(points[near], course[near], field, vessel, deviations[near])
     if chart.no_go and near.any():
         hits[near] = _touching(turns, tree).sum(axis=1)
@@ -127,6 +125,14 @@ def contingency(
         points=points,
         collided=hits > 0,
     )
+
+
+def _drawn_deviations(count: int, seed: int) -> FloatArray:
+    """Deviations (count, 1 + draws, 2) of speed and direction: none, then drawn ones."""
+    deviations = np.random.default_rng(seed).standard_normal((count, 1 + _DRAWS, 2))
+    deviations = np.clip(deviations, -MAX_DEVIATIONS, MAX_DEVIATIONS)
+    deviations[:, 0] = 0.0
+    return deviations
 
 
 def fly_turns(
@@ -139,35 +145,42 @@ def fly_turns(
 ) -> FloatArray:
     """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
-    Each of the draws, to either side, is flown in the field changed by `deviations` (n or 1,
-    draws, 2): so many times the spread of its speed and of its direction.
+    Each of the draws, to either side, is flown in the field perturbed by `deviations` (n or 1,
+    draws, 2): multiples of the spread of its speed and of its direction.
     """
     heading = _crab_heading(points, course, field, vessel)
-    faster, turned = changes(points, field, vessel, deviations)
+    speed_change, direction_change = perturbations(points, field, vessel, deviations)
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
             _flown_by_table(
-                points, heading, faster, turned, field.nodes, vessel.speed, vessel.turn_rate, steps
+                points,
+                heading,
+                speed_change,
+                direction_change,
+                field.nodes,
+                vessel.speed,
+                vessel.turn_rate,
+                steps,
             )
         )
-    return _flown(points, heading, faster, turned, field, vessel, steps)
+    return _flown(points, heading, speed_change, direction_change, field, vessel, steps)
 
 
 def _flown(
     points: FloatArray,
     heading: FloatArray,
-    faster: FloatArray,
-    turned: FloatArray,
+    speed_change: FloatArray,
+    direction_change: FloatArray,
     field: CurrentField,
     vessel: Vessel,
     steps: int,
 ) -> FloatArray:
-    """Tracks (n, turns, steps + 1, 2) in any field, its speed and direction changed by (n, draws).
+    """Tracks (n, turns, steps + 1, 2) in any field, perturbed by (n, draws).
 
     The midpoint rule; each draw to port, then to starboard.
     """
     side = np.array([1.0, -1.0])
-    shape = (len(points), faster.shape[1], 2)
+    shape = (len(points), speed_change.shape[1], 2)
     position = np.broadcast_to(points[:, None, None], (*shape, 2)).copy()
     step = vessel.turn_period / steps
     track = [position]
@@ -175,25 +188,29 @@ def _flown(
         middle = heading[:, None, None] + side * vessel.turn_rate * step * (i + 0.5)
         through = vessel.speed * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
         through = np.broadcast_to(through, position.shape)
-        half = position + step / 2 * (through + _perturbed(field(position), faster, turned))
-        position = position + step * (through + _perturbed(field(half), faster, turned))
+        half = position + step / 2 * (
+            through + _perturbed(field(position), speed_change, direction_change)
+        )
+        position = position + step * (
+            through + _perturbed(field(half), speed_change, direction_change)
+        )
         track.append(position)
-    return np.stack(track, axis=-2).reshape(len(points), 2 * faster.shape[1], steps + 1, 2)
+    return np.stack(track, axis=-2).reshape(len(points), 2 * speed_change.shape[1], steps + 1, 2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _flown_by_table(
     points: FloatArray,
     heading: FloatArray,
-    faster: FloatArray,
-    turned: FloatArray,
+    speed_change: FloatArray,
+    direction_change: FloatArray,
     table: Table,
     speed: float,
     turn_rate: float,
     steps: int,
 ) -> FloatArray:
     """Tracks as :func:`_flown` gives them, of a current in a table: compiled."""
-    count, draws = faster.shape
+    count, draws = speed_change.shape
     tracks = np.empty((count, 2 * draws, steps + 1, 2))
     step = 2 * math.pi / turn_rate / steps
     through = np.empty((steps, 2))
@@ -204,14 +221,14 @@ def _flown_by_table(
                 middle = heading[i] + rate * step * (k + 0.5)
                 through[k] = speed * math.cos(middle), speed * math.sin(middle)
             for draw in range(draws):
-                cos, sin = math.cos(turned[i, draw]), math.sin(turned[i, draw])
-                more = faster[i, draw]
+                cos, sin = math.cos(direction_change[i, draw]), math.sin(direction_change[i, draw])
+                more = speed_change[i, draw]
                 x, y = points[i]
                 track = tracks[i, 2 * draw + side]
                 track[0] = x, y
                 for k in range(steps):
-                    u, v = _changed(velocity(table, x, y), more, cos, sin)
-                    u, v = _changed(
+                    u, v = _perturbed_velocity(velocity(table, x, y), more, cos, sin)
+                    u, v = _perturbed_velocity(
                         velocity(
                             table,
                             x + step / 2 * (through[k, 0] + u),
@@ -226,11 +243,11 @@ def _flown_by_table(
     return tracks
 
 
-@njit(cache=True, error_model="numpy")
-def _changed(
+@kernel
+def _perturbed_velocity(
     current: tuple[float, float], more: float, cos: float, sin: float
 ) -> tuple[float, float]:
-    """A velocity (m/s) with speed added and turned by an angle."""
+    """A velocity (m/s) with its speed changed and its direction rotated by an angle."""
     u, v = current
     speed = math.sqrt(u * u + v * v)
     factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
@@ -274,12 +291,12 @@ def _crab_heading(
     return np.arctan2(through[:, 1], through[:, 0])
 
 
-def changes(
+def perturbations(
     points: FloatArray, field: CurrentField, vessel: Vessel, deviations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Changes of the field (n, draws): speed added (m/s) and direction turned (rad).
+    """Perturbations of the field (n, draws): change of speed (m/s) and of direction (rad).
 
-    The spread is that of the field on rings within the turning circle's diameter.
+    The field's spread is taken on rings within the turning circle's diameter.
     """
     if not deviations.any():
         none = np.zeros((len(points), deviations.shape[1]))
@@ -295,10 +312,15 @@ def changes(
     )
 
 
-def _perturbed(velocity: FloatArray, faster: FloatArray, turned: FloatArray) -> FloatArray:
-    """Velocities (n, draws, sides, 2) with speed added and direction turned by (n, draws)."""
+def _perturbed(
+    velocity: FloatArray, speed_change: FloatArray, direction_change: FloatArray
+) -> FloatArray:
+    """Velocities (n, draws, sides, 2) with speed and direction changed by (n, draws)."""
     speed = np.linalg.norm(velocity, axis=-1)
-    factor = np.maximum(0.0, speed + faster[..., None]) / np.where(speed > 0, speed, 1.0)
-    cos, sin = np.cos(turned)[..., None] * factor, np.sin(turned)[..., None] * factor
+    factor = np.maximum(0.0, speed + speed_change[..., None]) / np.where(speed > 0, speed, 1.0)
+    cos, sin = (
+        np.cos(direction_change)[..., None] * factor,
+        np.sin(direction_change)[..., None] * factor,
+    )
     u, v = velocity[..., 0], velocity[..., 1]
     return np.stack([u * cos - v * sin, u * sin + v * cos], axis=-1)

@@ -1,4 +1,7 @@
-"""Proof of a path by its contingency turns: where one touches land, the padding there is short."""
+"""Verification of a path by its hard-over turns: where one touches land, the padding is too small.
+
+It tests samples; what is proven is the bound on fuel (:mod:`renew.bounds`).
+"""
 
 from __future__ import annotations
 
@@ -11,67 +14,59 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.vessel import Vessel
-from renew.kernels.capsules import near_segments, segment_distance, tracks_touch
-from renew.padding.padding_model import Hazards
-from renew.turns.contingency import changes, fly_turns, stations
-from renew.turns.reach_bound import MOST_DEVIATIONS, TurnReach
+from renew.inputs.voyage import Voyage
+from renew.kernels.capsules import segment_distance, segments_near, tracks_touch
+from renew.padding.soft_no_go import PaddedEdges
+from renew.turns.contingency import fly_turns, perturbations, stations
+from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
 
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
-
-# Turns are proved against land this much wider (share of v/ω), so that draws of another seed,
-# or the field between two stations, don't find what these missed; growing adds as much again.
+# Margin (share of v/ω) by which land is taken as wider, so that draws of another seed, or the field
+# between two stations, don't find what the verification missed; growing adds as much again.
 _MARGIN = 0.05
-# What is short is overdone by this factor: the path that gives way meets other water.
-_OVERDONE = 1.3
-# Stations of the proof stand this share of v/ω apart.
-_SPACING = 0.6
-_MOST_STATIONS = 1_000_000
-# Headings of a proof's turn, every 15 degrees: chords leave its arc by under 1 % of v/ω.
+# Factor by which padding grows beyond what it lacks: the re-planned path meets another current.
+_OVERSHOOT = 1.3
+# Distance between stations (share of v/ω), and the largest number of stations.
+_SPACING, _MAX_STATIONS = 0.6, 1_000_000
+# Number of headings of a turn, one every 15 degrees: chords leave its arc by under 1 % of v/ω.
 _STEPS = 24
-# The field itself, and the corners of the box from which contingency draws its deviations: a
-# turn reaches furthest where the field deviates most.
-_CORNERS = MOST_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
+# Deviations in which turns are flown: the field itself, and the corners of the box from which
+# contingency draws: a turn reaches furthest where the field deviates most.
+_CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
 
 
-def padding_shortfall(
-    path: FloatArray,
-    ends: tuple[FloatArray, FloatArray],
-    hazards: Hazards,
-    chart: Chart,
-    field: CurrentField,
-    reach: TurnReach,
-    vessel: Vessel,
+def colliding_edges(
+    path: FloatArray, voyage: Voyage, padded: PaddedEdges, reach: TurnReach
 ) -> tuple[IntArray, FloatArray] | None:
-    """Constrained edges that turns along a path touch, and what their padding is short of (m).
+    """Constrained edges that turns along a path touch, and by how much their padding must grow (m).
 
     None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of
     V around a start or goal that itself lies in V are left out: no padding there could help.
     """
-    if not len(hazards.edge):
+    if not len(padded.edge):
         return None
+    chart, vessel, field = voyage.chart, voyage.vessel, voyage.quick_current
     margin = _MARGIN * vessel.turning_radius
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    spacing = max(_SPACING * vessel.turning_radius, length / _MOST_STATIONS)
+    spacing = max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
     points, course = stations(path, spacing)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     furthest = reach(points)
-    first, near = near_segments(points, furthest + margin, hazards.start, hazards.end)
+    first, near = segments_near(points, furthest + margin, padded.start, padded.end)
     close = np.flatnonzero(np.diff(first))
-    close = close[~_in_soft_ends(points[close], ends, hazards)]
+    close = close[~_in_soft_endpoints(points[close], voyage, padded)]
 
     def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
         turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, steps=_STEPS)
-        counts = np.diff(first)[chosen]
-        own = [near[first[i] : first[i + 1]] for i in chosen]
-        bounds = np.concatenate([[0], np.cumsum(counts)])
-        edges = hazards.start, hazards.end
-        return turns, *tracks_touch(turns, bounds, np.concatenate(own), *edges, radius)
+        edges = np.concatenate([near[first[i] : first[i + 1]] for i in chosen])
+        bounds = np.concatenate([[0], np.cumsum(np.diff(first)[chosen])])
+        return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
 
     if len(close):
-        # Nor need the field be changed where its own turns stay so far off that none gets there.
+        # Perturbed turns are not flown where the unperturbed one stays too far off for any of them.
         drift = (furthest[close] - 2 * vessel.turning_radius) / 2
-        off = _furthest_off(points[close], field, vessel, drift)
+        off = _max_offset(points[close], field, vessel, drift)
         turns, track, _ = touching(close, margin + off, _CORNERS[:, :1])
         close = close[np.unique(track // turns.shape[1])]
     if not len(close):
@@ -81,18 +76,18 @@ def padding_shortfall(
         return None
     tracks = turns.reshape(-1, *turns.shape[2:])
     hit, back = np.unique(track, return_inverse=True)
-    return hazards.edge[edge], _OVERDONE * _depths(tracks[hit], chart)[back] + 2 * margin
+    return padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
 
 
-def _furthest_off(
+def _max_offset(
     points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray
 ) -> FloatArray:
-    """How far the field's changes can carry a turn off its own track (n,), m; `drift` its own, m.
+    """How far perturbations can carry a turn off its own track (n,), m; `drift` (n,) its own, m.
 
-    The changes of one turn's water, twice: a track that is carried off meets other water.
+    Twice the perturbations of one turn's water: a track that is carried off meets other water.
     """
-    faster, turned = changes(points, field, vessel, _CORNERS[:, 1:2])
-    return 2 * (vessel.turn_period * faster[:, 0] + drift * turned[:, 0])
+    speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2])
+    return 2 * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
@@ -104,13 +99,11 @@ def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 
-def _in_soft_ends(
-    points: FloatArray, ends: tuple[FloatArray, FloatArray], hazards: Hazards
-) -> BoolArray:
-    """Whether points (n, 2) lie in the part of V around an end inside V."""
+def _in_soft_endpoints(points: FloatArray, voyage: Voyage, padded: PaddedEdges) -> BoolArray:
+    """Whether points (n, 2) lie in the part of V around a start or goal inside V."""
     inside = np.zeros(len(points), dtype=bool)
-    for end in ends:
-        around = hazards.around(end)
+    for endpoint in (voyage.start, voyage.goal):
+        around = padded.around(endpoint)
         if len(around.edge):
             apart = segment_distance(points[:, None], around.start, around.end)
             inside |= (apart < around.padding).any(axis=1)

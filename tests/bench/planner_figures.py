@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 import renew
-from renew.padding.padding_model import turn_reach
+from renew.padding.turn_reach import turn_reach
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure, at_most
 from tests.oracles import grid_dijkstra, tighten

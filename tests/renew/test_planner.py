@@ -75,10 +75,10 @@ def test_depth_first_is_a_choice_of_classes() -> None:
     assert names == {r.homotopy for r in gyre_plan(padding="none").routes}
 
 
-def test_a_shut_strait_is_named_with_its_gap() -> None:
+def test_a_blocked_strait_is_named_with_its_gap() -> None:
     walls = [box(0, 40, 48, 60), box(51, 40, 100, 60)]
     chart = renew.Chart(box(0, 0, 100, 100), walls)
-    with pytest.raises(renew.UnreachableError, match=r"whole gap of 3\.00 m"):
+    with pytest.raises(renew.UnreachableError, match=r"the gap is 3\.00 m wide"):
         renew.plan(chart, STILL, PAPER_VESSEL, (50, 10), (50, 90))
     route = renew.plan(chart, STILL, PAPER_VESSEL, (50, 10), (50, 90), padding=1.0).best
     assert route.clearance >= 1.0 - 1e-5
@@ -172,7 +172,7 @@ def test_bad_ends(
         ({"padding": None}, "padding = None"),
         ({"distinct_by": math.nan}, "distinct_by = nan"),
         ({"samples": 0, "method": "sampled"}, "samples = 0"),
-        ({"risk": 0.0, "padding": -1.0}, r"padding = -1.0 m .*; risk = 0.0"),
+        ({"risk": 0.0, "padding": -1.0}, r"padding = -1.0 must .*; risk = 0.0"),
         ({"risk": 1.0}, "risk = 1.0"),
         ({"padding": "wide"}, "'wide'"),
         ({"clearance": math.inf}, "clearance = inf"),

@@ -17,7 +17,16 @@ import renew
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.inputs.fuel import ground_speed
-from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, random_scene, seeds, single_gyre
+from renew.inputs.voyage import Voyage
+from tests.compiler import uncompiled
+from tests.strategies import (
+    PAPER_VESSEL,
+    StreamFunctionCurrent,
+    random_scene,
+    seeds,
+    single_gyre,
+    voyage_on,
+)
 
 if TYPE_CHECKING:
     from renew._types import FloatArray
@@ -26,6 +35,17 @@ if TYPE_CHECKING:
 STILL = renew.UniformCurrent(0.0, 0.0)
 DRIFTS: tuple[Drift, Drift] = ("projected", "crab")
 CORNER, OPPOSITE = np.array([10.0, 10.0]), np.array([90.0, 90.0])
+
+
+def lower_bound(
+    chart: renew.Chart,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    start: FloatArray,
+    goal: FloatArray,
+    drift: Drift = "projected",
+) -> float:
+    return fuel_lower_bound(Voyage(chart, current, vessel, start, goal, drift))
 
 
 def gridded(seed: int, nodes: int, strength: float = 0.4) -> renew.GriddedCurrent:
@@ -62,14 +82,14 @@ def in_triangles(rng: np.random.Generator, count: int) -> tuple[FloatArray, Floa
 def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift) -> None:
     field, rng = FIELDS[name], np.random.default_rng(5)
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 30, 70, 60)])
-    mesh = bounds._mesh(chart, field, 1.0, CORNER, drift == "crab")
-    *_, (time, rate, _) = bounds._rounds(mesh, CORNER, OPPOSITE)
+    grid = bounds._grid(voyage_on(chart, CORNER, OPPOSITE, field, drift))
+    *_, (time, rate, _) = bounds._rounds(grid, CORNER, OPPOSITE)
     angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     tangents = np.column_stack([np.cos(angle), np.sin(angle)])
     below_rising, below_falling = in_triangles(rng, 12)
     tight = 0
     for row, column in rng.permutation(np.argwhere(rate > 0))[:300]:
-        x, y = mesh.x[column : column + 2], mesh.y[row : row + 2]
+        x, y = grid.x[column : column + 2], grid.y[row : row + 2]
         (a, b), (c, d) = time[row : row + 2, column : column + 2]
         # A cut's two triangles, each with its slope of u, both right at the corner it names.
         cuts = (
@@ -95,19 +115,19 @@ def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift
 def test_the_current_stays_within_its_radius_of_the_interpolant(name: str) -> None:
     field, rng = FIELDS[name], np.random.default_rng(6)
     chart = renew.Chart(box(0, 0, 100, 100))
-    mesh = bounds._mesh(chart, field, 1.0, np.array([33.3, 77.7]), crab=False)
-    west, south = np.meshgrid(mesh.x[:-1], mesh.y[:-1])
-    wide, high = np.meshgrid(np.diff(mesh.x), np.diff(mesh.y))
-    c = mesh.current
+    grid = bounds._grid(voyage_on(chart, (33.3, 77.7), OPPOSITE, field))
+    west, south = np.meshgrid(grid.x[:-1], grid.y[:-1])
+    wide, high = np.meshgrid(np.diff(grid.x), np.diff(grid.y))
+    c = grid.current
     sw, se, nw, ne = c[:-1, :-1], c[:-1, 1:], c[1:, :-1], c[1:, 1:]
     for s, t in in_triangles(rng, 40)[0]:
         actual = field(np.stack([west + s * wide, south + t * high], axis=-1))
         lower = (1 - s) * sw + (s - t) * se + t * ne
-        assert (np.linalg.norm(actual - lower, axis=-1) <= mesh.deviation + 1e-12).all()
+        assert (np.linalg.norm(actual - lower, axis=-1) <= grid.deviation + 1e-12).all()
         actual = field(np.stack([west + (1 - s) * wide, south + t * high], axis=-1))
         lower = (s - t) * sw + (1 - s) * se + t * nw
         actual_lower = np.linalg.norm(actual - lower, axis=-1)
-        assert (actual_lower <= mesh.deviation + 1e-12).all()
+        assert (actual_lower <= grid.deviation + 1e-12).all()
 
 
 @given(st.tuples(*[st.integers(-2000, 2000).map(lambda n: n / 1000)] * 4), st.booleans())
@@ -116,7 +136,7 @@ def test_the_rate_is_the_largest_over_the_circle(
     compiled: bool,
 ) -> None:
     px, py, cx, cy = vectors
-    rate = bounds._projected_rate if compiled else bounds._projected_rate.py_func
+    rate = bounds._projected_rate if compiled else uncompiled(bounds._projected_rate)
     angle = np.linspace(0, 2 * np.pi, 20_000)
     x, y = np.cos(angle), np.sin(angle)
     largest = float(((px * x + py * y) * (1 + cx * x + cy * y)).max())
@@ -129,13 +149,13 @@ def test_cells_that_a_route_may_touch_are_kept() -> None:
     extent = Polygon([(0, 0), (100, 0), (100, 30), (55, 48), (30, 100), (0, 100)])
     island = shapely.Point(30, 30).buffer(12)
     chart = renew.Chart(extent, [island])
-    mesh = bounds._mesh(chart, STILL, 1.0, CORNER, crab=False)
-    west, south = np.meshgrid(mesh.x[:-1], mesh.y[:-1])
-    east, north = np.meshgrid(mesh.x[1:], mesh.y[1:])
+    grid = bounds._grid(voyage_on(chart, CORNER))
+    west, south = np.meshgrid(grid.x[:-1], grid.y[:-1])
+    east, north = np.meshgrid(grid.x[1:], grid.y[1:])
     touched = shapely.area(shapely.intersection(shapely.box(west, south, east, north), chart.water))
-    assert mesh.wet[touched > 0].all()
-    assert not mesh.wet.all()
-    assert mesh.wet[touched == 0].mean() < 0.1
+    assert grid.wet[touched > 0].all()
+    assert not grid.wet.all()
+    assert grid.wet[touched == 0].mean() < 0.1
 
 
 # --- the bound and what is known exactly ------------------------------------------------------
@@ -146,7 +166,7 @@ def test_cells_that_a_route_may_touch_are_kept() -> None:
 def test_still_water_needs_the_straight_line(goal: tuple[float, float], drift: Drift) -> None:
     chart = renew.Chart(box(0, 0, 100, 100))
     straight = math.dist(CORNER, goal)
-    bound = fuel_lower_bound(chart, STILL, PAPER_VESSEL, CORNER, np.array(goal), drift)
+    bound = lower_bound(chart, STILL, PAPER_VESSEL, CORNER, np.array(goal), drift)
     assert 0.995 * straight <= bound <= straight
 
 
@@ -161,12 +181,12 @@ def test_uniform_current_needs_the_straight_line_or_tacks(
     along = strength * math.cos(towards - bearing)
     # Against more than v/2 the published model does best by tacking at v + c·T = v/2.
     projected = 45 / (1 + along if along > -0.5 else -1 / (4 * along))
-    bound = fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal)
+    bound = lower_bound(chart, current, PAPER_VESSEL, start, goal)
     assert bound <= projected
     crab = float(ground_speed(current(start), (goal - start) / 45, 1.0, "crab"))
     if strength < 0.85:
         assert bound >= 0.93 * projected
-        bound = fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal, "crab")
+        bound = lower_bound(chart, current, PAPER_VESSEL, start, goal, "crab")
         assert 0.93 * 45 / crab <= bound <= 45 / crab
 
 
@@ -178,12 +198,12 @@ def test_round_a_corner() -> None:
         renew.Chart(extent),
         renew.Chart(box(0, 0, 100, 100), [box(30, 30, 100, 100)]),  # land meets the extent
     ):
-        assert 0.98 * shortest <= fuel_lower_bound(chart, STILL, PAPER_VESSEL, *ends) <= shortest
+        assert 0.98 * shortest <= lower_bound(chart, STILL, PAPER_VESSEL, *ends) <= shortest
 
 
 def test_no_water_no_route() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(45, -1, 55, 101)])
-    assert fuel_lower_bound(chart, STILL, PAPER_VESSEL, CORNER, OPPOSITE) == math.inf
+    assert lower_bound(chart, STILL, PAPER_VESSEL, CORNER, OPPOSITE) == math.inf
 
 
 def test_true_scale_and_fuel_law() -> None:
@@ -191,13 +211,13 @@ def test_true_scale_and_fuel_law() -> None:
     vessel = renew.Vessel(5.0, 0.03, fuel_coefficient=2.0, fuel_exponent=3.0)
     ends = np.array([-2e5, 0.0]), np.array([2e5, 0.0])
     fuel = 2 * 5.0**3 * (2 * math.hypot(1e5, 1e5) + 2e5) / 5.0
-    assert 0.98 * fuel <= fuel_lower_bound(chart, STILL, vessel, *ends) <= fuel
+    assert 0.98 * fuel <= lower_bound(chart, STILL, vessel, *ends) <= fuel
 
 
 def test_narrow_extent() -> None:
     chart = renew.Chart(box(0, 0, 3000, 2))
     ends = np.array([1.0, 1.0]), np.array([2999.0, 1.9])
-    assert 0.99 * 2998 <= fuel_lower_bound(chart, STILL, PAPER_VESSEL, *ends) <= 2998.01
+    assert 0.99 * 2998 <= lower_bound(chart, STILL, PAPER_VESSEL, *ends) <= 2998.01
 
 
 # --- the bound and paths ----------------------------------------------------------------------
@@ -205,7 +225,7 @@ def test_narrow_extent() -> None:
 
 @pytest.mark.parametrize(("drift", "best"), [("projected", 84.42), ("crab", 86.0)])
 def test_single_gyre_within_three_percent(drift: Drift, best: float) -> None:
-    bound = fuel_lower_bound(*single_gyre(), PAPER_VESSEL, CORNER, OPPOSITE, drift)
+    bound = lower_bound(*single_gyre(), PAPER_VESSEL, CORNER, OPPOSITE, drift)
     assert best / bound - 1 < 0.03
     assert bound < 84.2 if drift == "projected" else bound < 85.84
 
@@ -216,7 +236,7 @@ def test_single_gyre_within_three_percent(drift: Drift, best: float) -> None:
 )
 def test_random_scenes_within_five_percent(seed: int, fuel: float) -> None:
     chart, current, start, goal = random_scene(seed)
-    gap = fuel / fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal) - 1
+    gap = fuel / lower_bound(chart, current, PAPER_VESSEL, start, goal) - 1
     assert 0 <= gap < 0.05
 
 
@@ -224,7 +244,7 @@ def test_random_scenes_within_five_percent(seed: int, fuel: float) -> None:
 @given(seeds, st.sampled_from(DRIFTS), st.floats(0.1, 1.3))
 def test_no_path_beats_it(seed: int, drift: Drift, peak: float) -> None:
     chart, current, start, goal = random_scene(seed, peak)
-    bound = fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
+    bound = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
     assert bound > 0
     rng = np.random.default_rng(seed)
     paths = [np.array([start, goal])]
@@ -241,7 +261,7 @@ def test_no_path_beats_it(seed: int, drift: Drift, peak: float) -> None:
 @pytest.mark.parametrize("drift", DRIFTS)
 def test_no_plan_beats_it(seed: int, drift: Drift) -> None:
     chart, current, start, goal = random_scene(seed)
-    bound = fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
+    bound = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
     plan = renew.plan(
         chart, current, PAPER_VESSEL, start, goal, padding="none", classes=4, drift=drift
     )
@@ -257,15 +277,15 @@ def test_the_way_back_in_the_reversed_current_is_bounded_alike(seed: int, drift:
         def __call__(self, points: FloatArray) -> FloatArray:
             return -current(points)
 
-    there = fuel_lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
-    back = fuel_lower_bound(chart, Reversed(), PAPER_VESSEL, goal, start, drift)
+    there = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
+    back = lower_bound(chart, Reversed(), PAPER_VESSEL, goal, start, drift)
     assert there == pytest.approx(back, rel=0.02)
 
 
 def test_more_land_never_lowers_it_much_and_the_same_call_gives_the_same_bound() -> None:
     chart, current, start, goal = random_scene(2)
     values = [
-        fuel_lower_bound(renew.Chart(chart.extent, chart.no_go[:n]), current, PAPER_VESSEL, *ends)
+        lower_bound(renew.Chart(chart.extent, chart.no_go[:n]), current, PAPER_VESSEL, *ends)
         for n, ends in itertools.product((0, 3, 7, 7), [(start, goal)])
     ]
     assert values[2] == values[3]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import TYPE_CHECKING
 
 import networkx as nx
 import numpy as np
@@ -13,10 +14,14 @@ from hypothesis import given, settings
 from shapely import Polygon, box
 
 import renew
-from renew.classes.channels import ChannelSearch, Order
-from renew.classes.h_signature import Rays, append, name
+from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.dual_graph import dual_graph
+from renew.classes.h_signature import Rays, name
 from renew.classes.triangulation import Backend, Triangulation, triangulate
-from tests.strategies import SIZE, random_islands, seeds, single_gyre
+from tests.strategies import SIZE, random_islands, seeds, single_gyre, voyage_on
+
+if TYPE_CHECKING:
+    from renew.inputs.arguments import Order
 
 U_SHAPE = Polygon([(30, 30), (70, 30), (70, 70), (60, 70), (60, 40), (40, 40), (40, 70), (30, 70)])
 LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
@@ -59,20 +64,21 @@ def test_triangles_fill_the_water_and_add_no_vertex(
 def test_neighbours_share_the_edge_opposite_the_corner() -> None:
     chart, _ = single_gyre()
     mesh = triangulate(chart)
+    dual = dual_graph(mesh)
     for triangle, corner in itertools.product(range(len(mesh.triangles)), range(3)):
         other = mesh.neighbours[triangle, corner]
         shared = set(mesh.edge_vertices(triangle, corner).tolist())
         if other >= 0:
             assert shared < set(mesh.triangles[other].tolist())
             assert triangle in mesh.neighbours[other]
-            assert mesh.dual.has_edge(triangle, int(other))
+            assert dual.has_edge(triangle, int(other))
 
 
 @settings(max_examples=25)
 @given(seed=seeds)
 def test_dual_graph_has_one_cycle_an_island(seed: int) -> None:
     chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
-    dual = triangulate(chart).dual
+    dual = dual_graph(triangulate(chart))
     waters = shapely.get_parts(chart.water)  # islands that overlap may ring in some water
     assert nx.number_connected_components(dual) == len(waters)
     cycles = dual.number_of_edges() - dual.number_of_nodes() + len(waters)
@@ -92,17 +98,16 @@ def test_bad_geometry_is_named_all_at_once() -> None:
 
 def channels_of(
     chart: renew.Chart, *, smallest: float = 0.0, order: Order = "length"
-) -> tuple[Triangulation, ChannelSearch]:
+) -> tuple[Triangulation, ClassEnumerator]:
     mesh = triangulate(chart)
-    ends = np.array([10.0, 10.0]), np.array([90.0, 90.0])
-    return mesh, ChannelSearch(mesh, Rays.of(chart, smallest), *ends, order)
+    return mesh, ClassEnumerator(voyage_on(chart), mesh, Rays.of(chart, smallest), order)
 
 
 def test_both_orders_find_every_simple_path_once() -> None:
     chart, _ = single_gyre()
     mesh, search = channels_of(chart)
     ends = mesh.locate(np.array([10.0, 10.0])), mesh.locate(np.array([90.0, 90.0]))
-    expected = {tuple(path) for path in nx.all_simple_paths(mesh.dual, *ends)}
+    expected = {tuple(path) for path in nx.all_simple_paths(dual_graph(mesh), *ends)}
     found = [tuple(c.triangles.tolist()) for c in search.channels(1000)]
     depth_first = [
         tuple(c.triangles.tolist())
@@ -120,7 +125,7 @@ def test_classes_come_in_the_order_of_their_cheapest_chains(seed: int) -> None:
     islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
     mesh, search = channels_of(chart_of(islands))
     start, goal = np.array([10.0, 10.0]), np.array([90.0, 90.0])
-    nodes = search._coarse.mesh
+    nodes = search._coarse.graph
 
     def shortest(row: list[int]) -> float:
         points, lengths = start[None], np.zeros(1)
@@ -134,24 +139,25 @@ def test_classes_come_in_the_order_of_their_cheapest_chains(seed: int) -> None:
     found = [shortest(c.triangles.tolist()) for c in search.channels(1000)]
     assert found == pytest.approx(sorted(found))
     ends = mesh.locate(start), mesh.locate(goal)
-    rows = nx.all_simple_paths(mesh.dual, *ends)
+    rows = nx.all_simple_paths(dual_graph(mesh), *ends)
     assert found == pytest.approx(sorted(shortest(row) for row in rows))
 
 
 def test_points_on_passing_edges_keep_their_clearance() -> None:
     chart = chart_of([box(20, 20, 45, 80), box(50, 20, 80, 80)])
     mesh = triangulate(chart)
-    ends = np.array([10.0, 10.0]), np.array([90.0, 90.0])
     for clearance, classes in ((0.0, 4), (2.0, 4), (2.6, 2)):
-        search = ChannelSearch(mesh, Rays.of(chart), *ends, clearance=clearance)
+        search = ClassEnumerator(
+            voyage_on(chart), mesh, Rays.of(chart), "length", clearance=clearance
+        )
         corners = shapely.points(shapely.get_coordinates(chart.hard_no_go))
-        for point in shapely.points(search._coarse.mesh.points):
+        for point in shapely.points(search._coarse.graph.points):
             assert shapely.distance(point, corners).min() >= clearance - 1e-9
         # Between the islands the gap is 5 m wide.
         assert len(search.channels(10)) == classes
 
 
-def test_channels_of_rayless_islets_are_one_class() -> None:
+def test_channels_around_islands_without_a_ray_are_one_class() -> None:
     islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55), (72, 70))]
     chart = chart_of([*islets, box(35, 60, 60, 85)])
     assert len(channels_of(chart)[1].channels(100)) > 8
@@ -159,21 +165,22 @@ def test_channels_of_rayless_islets_are_one_class() -> None:
     assert sorted(names) == ["e", "s1"]
 
 
-def test_a_move_found_shut_gives_the_next_channel_of_the_class() -> None:
+def test_a_blocked_transition_gives_the_next_channel_of_the_class() -> None:
     islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55))]
     _, search = channels_of(chart_of([*islets, box(35, 60, 60, 85)]), smallest=5.0)
     first = search.channels(1)[0]
-    shut = {first.moves[len(first.moves) // 2]}
-    again = next(c for c in search.channels(10, shut) if c.word == first.word)
+    blocked = {first.transitions[len(first.transitions) // 2]}
+    again = next(c for c in search.channels(10, blocked) if c.word == first.word)
     assert again.triangles.tolist() != first.triangles.tolist()
-    assert shut.isdisjoint(again.moves)
+    assert blocked.isdisjoint(again.transitions)
 
 
 def test_goal_in_a_lake_is_unreachable() -> None:
     chart = chart_of([LAKE])
     mesh = triangulate(chart)
-    with pytest.raises(renew.UnreachableError, match="parts them"):
-        ChannelSearch(mesh, Rays.of(chart), np.array([5.0, 5.0]), np.array([50.0, 50.0]))
+    voyage = voyage_on(chart, (5.0, 5.0), (50.0, 50.0))
+    with pytest.raises(renew.UnreachableError, match="separates them"):
+        ClassEnumerator(voyage, mesh, Rays.of(chart), "length")
 
 
 def test_words_name_classes_and_nothing_else() -> None:
@@ -191,7 +198,6 @@ def test_words_name_classes_and_nothing_else() -> None:
     assert rays.word(around)
     assert name(()) == "e"
     assert name((2, -1)) == "s2.p1"
-    assert append((1, -2), (2, -1, 3)) == (3,)
 
 
 @settings(max_examples=25)

@@ -1,4 +1,4 @@
-"""Water that outruns the vessel: no route leads through it, and the plan says where it is."""
+"""Water as strong as the vessel: no route leads through it, and the plan says where it is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import shapely
 from shapely import Point, box
 
 import renew
-from renew.classes.overpowered_water import overpowering_water
+from renew.classes.overpowered_water import overpowered_water
 from tests.strategies import PAPER_VESSEL
 
 CHART = renew.Chart(box(0, 0, 100, 100))
@@ -40,9 +40,9 @@ def test_routes_lead_around_it_on_either_side() -> None:
 
 def test_it_covers_all_of_it_and_little_more() -> None:
     plan = renew.plan(CHART, race, PAPER_VESSEL, (10, 50), (90, 50), classes=1)
-    table = plan.best.least.current.table(CHART.bounds)
-    ends = np.array([10.0, 50.0]), np.array([90.0, 50.0])
-    zone = overpowering_water(table, PAPER_VESSEL.speed, CHART, ends)
+    voyage = plan.best.fuel_bound.voyage
+    table = voyage.table
+    zone = overpowered_water(voyage)
     assert zone.equals(plan.overpowering)
     points = np.random.default_rng(0).uniform(0, 100, (20_000, 2))
     strong = strength(points) >= PAPER_VESSEL.speed
@@ -60,12 +60,12 @@ def test_weaker_water_is_all_open() -> None:
     assert [route.homotopy for route in plan.routes] == ["e"]
 
 
-def test_a_chart_shut_by_it_is_unreachable() -> None:
+def test_a_chart_blocked_by_it_is_unreachable() -> None:
     def stream(points: np.ndarray) -> np.ndarray:
         strong = np.exp(-(((points[..., 0] - 50) / 15) ** 4))
         return np.stack([np.zeros_like(strong), -2 * strong], axis=-1)
 
-    with pytest.raises(renew.UnreachableError, match="parts them"):
+    with pytest.raises(renew.UnreachableError, match="separates them"):
         renew.plan(CHART, stream, PAPER_VESSEL, (10, 50), (90, 50))
 
 

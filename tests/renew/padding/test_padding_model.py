@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,12 +12,17 @@ from hypothesis import strategies as st
 from shapely import box
 
 import renew
-from renew.classes.channels import ChannelSearch
+from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
-from renew.padding.padding_model import Padder, Padding, turn_reach
-from renew.padding.turn_sampling import HEADING_SPREAD
-from tests.strategies import PAPER_VESSEL, angles, random_scene, speeds
+from renew.padding.padding_model import PaddingModel
+from renew.padding.policy import PaddingPolicy
+from renew.padding.reach_quantile import HEADING_SPREAD
+from renew.padding.turn_reach import turn_reach
+from tests.strategies import PAPER_VESSEL, angles, random_scene, speeds, voyage_on
+
+if TYPE_CHECKING:
+    from renew.inputs.arguments import Padding
 
 NORTH = np.array([0.0, 1.0])
 
@@ -53,17 +59,11 @@ def test_reach_equals_a_densely_sampled_turn(
 def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: float) -> None:
     chart, current, start, goal = random_scene(seed)
     mesh = triangulate(chart)
-    padder = Padder(
-        mesh,
-        current,
-        PAPER_VESSEL,
-        padding="adaptive",
-        clearance=0.0,
-        risk=risk,
-        seed=0,
-    )
-    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
-    hazards = padder.hazards(channel, start, goal)
+    policy = PaddingPolicy("adaptive", clearance=0.0, risk=risk, seed=0)
+    model = PaddingModel(mesh, current, PAPER_VESSEL, policy)
+    voyage = voyage_on(chart, start, goal)
+    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
+    edges = model.padded_edges(channel, start, goal)
     middle = channel.midline(start, goal)
     rng = np.random.default_rng(99)
     draws = 20_000
@@ -85,8 +85,8 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
             a, b = mesh.vertices[mesh.edge_vertices(int(triangle), int(corner))]
             along = (b - a) / np.linalg.norm(b - a)
             outwards = np.array([along[1], -along[0]])  # water lies on the edge's left
-            at = np.flatnonzero((hazards.start == a).all(1) & (hazards.end == b).all(1))
-            padding = hazards.padding[at]
+            at = np.flatnonzero((edges.start == a).all(1) & (edges.end == b).all(1))
+            padding = edges.padding[at]
             assert len(padding) == 1
             reach = turn_reach(PAPER_VESSEL, heading, drift, np.broadcast_to(outwards, (draws, 2)))
             exceeded.append(float((reach > padding[0]).mean()))
@@ -98,34 +98,28 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
 def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
     mesh = triangulate(chart)
-    start, goal = np.array([5.0, 50.0]), np.array([95.0, 50.0])
-    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
+    voyage = voyage_on(chart, (5.0, 50.0), (95.0, 50.0))
+    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
     cases: list[tuple[Padding, float, float]] = [
         (wide, 3.0, max(wide, 3.0)),
         ("none", wide, wide),
     ]
     for padding, clearance, expected in cases:
-        padder = Padder(
-            mesh,
-            renew.UniformCurrent(0.1, 0.0),
-            PAPER_VESSEL,
-            padding=padding,
-            clearance=clearance,
-            risk=0.05,
-            seed=0,
-        )
-        hazards = padder.hazards(channel, start, goal)
-        assert len(hazards.edge)
-        assert hazards.padding == pytest.approx(expected)
+        policy = PaddingPolicy(padding, clearance, risk=0.05, seed=0)
+        model = PaddingModel(mesh, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, policy)
+        edges = model.padded_edges(channel, voyage.start, voyage.goal)
+        assert len(edges.edge)
+        assert edges.padding == pytest.approx(expected)
 
 
 def test_less_risk_means_more_padding() -> None:
     chart, current, start, goal = random_scene(3)
     mesh = triangulate(chart)
-    channel = ChannelSearch(mesh, Rays.of(chart), start, goal).channels(1)[0]
+    voyage = voyage_on(chart, start, goal)
+    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
     widths = [
-        Padder(mesh, current, PAPER_VESSEL, padding="adaptive", clearance=0, risk=risk, seed=0)
-        .hazards(channel, start, goal)
+        PaddingModel(mesh, current, PAPER_VESSEL, PaddingPolicy("adaptive", 0.0, risk, seed=0))
+        .padded_edges(channel, start, goal)
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)
     ]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import renew
-from renew.padding.turn_sampling import HEADING_SPREAD
+from renew.padding.reach_quantile import HEADING_SPREAD
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
 if TYPE_CHECKING:

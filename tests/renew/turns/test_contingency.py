@@ -14,9 +14,10 @@ from shapely import box
 import renew
 from renew.inputs.current import TabulatedCurrent
 from renew.inputs.current_table import table_of, velocities, velocity
-from renew.kernels.capsules import near_segments, segment_distance, tracks_touch
+from renew.kernels.capsules import segment_distance, segments_near, tracks_touch
 from renew.turns.contingency import fly_turns
-from renew.turns.reach_bound import MOST_DEVIATIONS, TurnReach
+from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
@@ -38,7 +39,7 @@ def test_lookups_are_bilinear_on_even_and_uneven_nodes(seed: int) -> None:
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     assert velocities(table, nodes.reshape(-1, 2)) == pytest.approx(uv.reshape(-1, 2), abs=1e-9)
     # The same without the compiler.
-    assert velocity.py_func(table, *points[0]) == pytest.approx(expected[0], abs=1e-12)
+    assert uncompiled(velocity)(table, *points[0]) == pytest.approx(expected[0], abs=1e-12)
 
 
 @settings(max_examples=8, deadline=None)
@@ -71,7 +72,7 @@ def test_turns_in_a_table_are_the_turns_in_its_field(seed: int) -> None:
     rng = np.random.default_rng(seed)
     table = StreamFunctionCurrent(seed, 0.8).table(BOUNDS)
     points, course = rng.uniform(20, SIZE - 20, (6, 2)), rng.uniform(-math.pi, math.pi, 6)
-    deviations = rng.uniform(-MOST_DEVIATIONS, MOST_DEVIATIONS, (6, 3, 2))
+    deviations = rng.uniform(-MAX_DEVIATIONS, MAX_DEVIATIONS, (6, 3, 2))
 
     class Untold(renew.CurrentField):
         """The same field, but for its type: flown step by step in NumPy."""
@@ -92,7 +93,7 @@ def test_no_turn_gets_further_than_its_reach(seed: int) -> None:
     rng = np.random.default_rng(seed)
     table = StreamFunctionCurrent(seed, 0.9).table(BOUNDS)
     points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
-    deviations = MOST_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
+    deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
     tracks = fly_turns(points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations)
     furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
     reach = TurnReach.of(table, PAPER_VESSEL)(points)
@@ -103,13 +104,13 @@ def test_no_turn_gets_further_than_its_reach(seed: int) -> None:
 
 @settings(max_examples=10)
 @given(seed=seeds)
-def test_near_segments_and_touching_tracks_match_shapely(seed: int) -> None:
+def test_segments_near_and_touching_tracks_match_shapely(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(0, 1, (70, 2)), axis=0)
     start = rng.uniform(-10, 10, (25, 2))
     end = start + rng.normal(0, 2, (25, 2))
     reach = rng.uniform(0.5, 4, 70)
-    first, near = near_segments(points, reach, start, end)
+    first, near = segments_near(points, reach, start, end)
     apart = segment_distance(points[:, None], start, end)
     for i in range(70):
         assert set(near[first[i] : first[i + 1]].tolist()) == set(

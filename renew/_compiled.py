@@ -1,0 +1,156 @@
+"""Compiles kernels and caches their machine code, so that only the first run on a machine waits.
+
+The one module of `renew` that knows files. Numba's own cache looks at the source of each function
+alone and misses an edit of another that it inlines; here the cache's folder is named by a hash of
+all sources with kernels. It lies in the package where that can be written, else in the user's
+cache, else in a temporary folder; a folder that can only be read (an installation by root, a
+container that was warmed up) is read all the same.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
+
+FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+
+_PACKAGE = Path(__file__).resolve().parent
+# Folders of earlier sources that are kept beside the one in use: another checkout may share them.
+_MAX_EARLIER = 3
+
+
+def kernel(function: FunctionT) -> FunctionT:
+    """Compile a function in nopython mode when it is first called; cached on disk.
+
+    Division by zero gives inf or NaN, as NumPy does. Under NUMBA_DISABLE_JIT=1 the function stays
+    as it is.
+    """
+    compiled: Any = numba.njit(error_model="numpy")(function)
+    if compiled is not function:
+        compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
+    return cast("FunctionT", compiled)
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder into which machine code is written: the first of the possible ones that allows it."""
+    for folder in _folders():
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            _remove_earlier(folder)
+            return folder
+    return Path(tempfile.mkdtemp(prefix=f"{_name()}-"))
+
+
+def cache_is_temporary() -> bool:
+    """Whether neither the package nor the user's cache can be written: a reboot compiles anew."""
+    return cache_folder().is_relative_to(tempfile.gettempdir())
+
+
+def _folders() -> Iterator[Path]:
+    """Folders where the cache may lie, in order of preference."""
+    asked = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR; set when Numba is imported
+    if asked:
+        yield Path(asked) / _name()
+    yield _PACKAGE / "__pycache__" / _name()
+    with contextlib.suppress(RuntimeError):  # no home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "renew" / _name()
+    shared = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
+    # Machine code is loaded from there: nobody else may have put it in.
+    with contextlib.suppress(OSError):
+        shared.mkdir(mode=0o700, exist_ok=True)
+        state = shared.lstat()
+        if state.st_uid == os.getuid() and not state.st_mode & 0o077:
+            yield shared / _name()
+
+
+@cache
+def _name() -> str:
+    """Name of the folder: it changes with every edit of a source that has kernels."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        source = path.read_bytes()
+        if b"@kernel\n" in source:
+            digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + source)
+    return f"kernels-{digest.hexdigest()[:16]}"
+
+
+def _remove_earlier(folder: Path) -> None:
+    """Remove the folders of earlier sources, but for the newest few."""
+    others = [path for path in folder.parent.glob("kernels-*") if path != folder]
+    for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_MAX_EARLIER]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+class _Locator(_CacheLocator):
+    """Where the machine code of a kernel lies."""
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        """Return the locator of a function; Numba's own name for this."""
+        del py_file
+        return cls(py_func.__module__)
+
+    def get_cache_path(self) -> str:
+        """Folder of the machine code."""
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> str:
+        """What must be equal for cached code to hold."""
+        return _name()
+
+    def get_disambiguator(self) -> str:
+        """What tells functions of one name in different modules apart."""
+        return self._module
+
+
+class _Implementation(CompileResultCacheImpl):
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._locator_classes: list[Any] = [_Locator]
+        super().__init__(function)
+
+
+class _KernelCache(FunctionCache):
+    """Loads from every folder where the cache may lie; writes to `cache_folder()`."""
+
+    _impl_class = _Implementation
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._read_only = [
+            IndexDataCacheFile(str(folder), self._impl.filename_base, _name())
+            for folder in _folders()
+            if folder != cache_folder() and folder.is_dir()
+        ]
+
+    def _load_overload(self, sig: object, target_context: Any) -> object:  # noqa: ANN401
+        found = super()._load_overload(sig, target_context)
+        index_key = self._index_key(sig, target_context.codegen())
+        for files in self._read_only:
+            if found is None and (data := files.load(index_key)) is not None:
+                found = self._impl.rebuild(target_context, data)
+        return found
+
+    def save_overload(self, sig: object, data: object) -> None:
+        """Save machine code; a full disk costs the next run its time, and nothing else."""
+        with contextlib.suppress(OSError):
+            super().save_overload(sig, data)

@@ -1,0 +1,57 @@
+"""A channel: a row of triangles from start to goal, in which paths of one class are planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from renew._types import FloatArray, IntArray
+from renew.classes import h_signature
+from renew.classes.h_signature import Word
+from renew.classes.triangulation import Triangulation
+
+Transition: TypeAlias = tuple[int, int, int]
+"""A triangle with the one before and the one after it; -1 before the start, after the goal."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A row of triangles from start to goal.
+
+    Attributes
+    ----------
+    triangles : (n,) indices into the triangulation, none twice.
+    left, right : (n - 1, 2) ends of the passing edges in metres, as seen when sailing along.
+    word : the homotopy class's h-signature.
+    """
+
+    triangles: IntArray
+    left: FloatArray
+    right: FloatArray
+    word: Word
+
+    @classmethod
+    def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> Channel:
+        """Channel of a row of triangles (n,)."""
+        beside = triangulation.neighbours[row[:-1]]
+        corners = (beside == row[1:, None]).argmax(axis=1)
+        # Leaving an anticlockwise triangle across its edge (first, second): first is on the right.
+        edges = triangulation.vertices[triangulation.edge_vertices(row[:-1], corners)]
+        return cls(row, edges[:, 1], edges[:, 0], word)
+
+    @property
+    def name(self) -> str:
+        """The class's name, such as "s2.p1"."""
+        return h_signature.name(self.word)
+
+    @property
+    def transitions(self) -> list[Transition]:
+        """How each triangle is crossed."""
+        row = [-1, *self.triangles.tolist(), -1]
+        return list(zip(row[:-2], row[1:-1], row[2:], strict=True))
+
+    def midline(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """Start, the passing edges' midpoints, goal: shape (n + 1, 2)."""
+        return np.vstack([start, (self.left + self.right) / 2, goal])

@@ -1,0 +1,31 @@
+"""How constrained edges are padded: what a plan was asked for, as one frozen object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from renew.inputs.arguments import Padding
+
+
+@dataclass(frozen=True, slots=True)
+class PaddingPolicy:
+    """Adaptive padding at some `risk`, none, or a fixed width; never below `clearance`, m.
+
+    `seed` is that of the draws by which adaptive padding is set.
+    """
+
+    padding: Padding
+    clearance: float
+    risk: float
+    seed: int
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether padding follows current, direction and vessel."""
+        return self.padding == "adaptive"
+
+    @property
+    def min_width(self) -> float:
+        """Width (m) that every padding has at least."""
+        fixed = 0.0 if isinstance(self.padding, str) else float(self.padding)
+        return max(fixed, self.clearance)

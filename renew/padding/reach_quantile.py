@@ -1,0 +1,145 @@
+"""The σ-quantile of how far hard-over turns reach in a current known by its mean and spread.
+
+The draws are those of the paper: speed and direction of the current about their means, the heading
+at which a turn begins about the course.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import ndtri
+
+from renew._compiled import kernel
+from renew._types import FloatArray, IntArray
+from renew.inputs.current import CurrentStatistics
+from renew.inputs.vessel import Vessel
+from renew.padding.turn_reach import TurnStarts, reach_along
+
+HEADING_SPREAD = math.radians(20)
+"""Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
+Larger values change little, since a turn reaches furthest when begun along the edge."""
+
+
+class TurnSampler:
+    """A number of drawn turns, the same for every place: its figures depend on the place alone."""
+
+    def __init__(self, seed: int, count: int) -> None:
+        speed, turn, heading = _even_draws(seed, count)
+        self.count = count
+        self._speed, self._turn = ndtri(speed), ndtri(turn)
+        self._heading = HEADING_SPREAD * (2 * heading - 1)
+
+    def reaches(
+        self,
+        statistics: CurrentStatistics,
+        course: FloatArray,
+        row: IntArray,
+        normals: FloatArray,
+        vessel: Vessel,
+    ) -> FloatArray:
+        """Reach (p, draws) of turns along unit normals (p, 2), m, the worse of both sides.
+
+        Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there.
+        """
+        turns = self._turns(statistics, course)
+        return np.asarray(_reaches(row, normals, turns, vessel.speed, vessel.turn_rate))
+
+    def quantile(
+        self,
+        statistics: CurrentStatistics,
+        course: FloatArray,
+        row: IntArray,
+        normals: FloatArray,
+        vessel: Vessel,
+        risk: float,
+    ) -> FloatArray:
+        """Reach (p,), m, that no more than a share `risk` of the draws exceed; see `reaches`."""
+        turns = self._turns(statistics, course)
+        exceeding = math.floor((self.count - 1) * risk)
+        return np.asarray(_quantile(row, normals, turns, vessel.speed, vessel.turn_rate, exceeding))
+
+    def _turns(self, statistics: CurrentStatistics, course: FloatArray) -> TurnStarts:
+        """Turns (t, draws) in draws of currents (t,), with headings about a course (t,) rad."""
+        s = statistics
+        heading = course[:, None] + self._heading
+        speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed)
+        towards = s.direction[:, None] + s.direction_std[:, None] * self._turn
+        return TurnStarts(
+            heading,
+            np.cos(heading),
+            np.sin(heading),
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+        )
+
+
+def _even_draws(seed: int, count: int) -> FloatArray:
+    """Draws (3, count), evenly in the unit cube: Hammersley's points, shifted by the seed.
+
+    Their quantiles are off by 0.5 % where those of random draws are by 1.5 % (512 draws, risk 5 %),
+    no more than those of Sobol's scrambled sequence, which takes SciPy half a second to import.
+    """
+    index = np.arange(count)
+    draws = np.stack([index / count, _radical_inverse(index, 2), _radical_inverse(index, 3)])
+    draws = (draws + np.random.default_rng(seed).random((3, 1))) % 1.0
+    # Neither 0 nor 1, where a normal draw would be infinite.
+    return np.asarray((draws * (count - 1) + 0.5) / count)
+
+
+def _radical_inverse(index: IntArray, base: int) -> FloatArray:
+    """Mirror whole numbers (n,) at the point: 6, 110 in base 2, is 0.011 (van der Corput)."""
+    mirrored = np.zeros(len(index))
+    worth = 1.0 / base
+    while index.any():
+        mirrored += worth * (index % base)
+        index, worth = index // base, worth / base
+    return mirrored
+
+
+@kernel
+def _turns_in(turns: TurnStarts, row: int) -> TurnStarts:
+    """Turns (draws,) that begin in one current of several (t, draws)."""
+    return TurnStarts(
+        turns.heading[row], turns.cos[row], turns.sin[row], turns.u[row], turns.v[row]
+    )
+
+
+@kernel
+def _reaches(
+    row: IntArray, normals: FloatArray, turns: TurnStarts, speed: float, turn_rate: float
+) -> FloatArray:
+    """Reach (p, draws) along normals (p, 2), each in the draws of one row, m."""
+    reach = np.empty((len(row), turns.heading.shape[1]))
+    for p in range(len(row)):
+        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach[p])
+    return reach
+
+
+@kernel
+def _quantile(
+    row: IntArray,
+    normals: FloatArray,
+    turns: TurnStarts,
+    speed: float,
+    turn_rate: float,
+    exceeding: int,
+) -> FloatArray:
+    """Reach (p,) that a number of draws exceed: the largest after `exceeding` others."""
+    found = np.empty(len(row))
+    reach = np.empty(turns.heading.shape[1])
+    largest = np.empty(exceeding + 1)
+    for p in range(len(row)):
+        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach)
+        # The largest so far, in ascending order.
+        largest[:] = -1.0
+        for one in reach:
+            if one > largest[0]:
+                place = 0
+                while place < exceeding and largest[place + 1] < one:
+                    largest[place] = largest[place + 1]
+                    place += 1
+                largest[place] = one
+        found[p] = largest[0]
+    return found

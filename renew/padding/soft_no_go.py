@@ -1,0 +1,38 @@
+"""The soft no-go zone V: constrained edges, each with the padding that it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from renew._types import FloatArray, IntArray
+from renew.kernels.capsules import segment_distance
+
+
+@dataclass(frozen=True, slots=True)
+class PaddedEdges:
+    """Constrained edges with their padding: the soft no-go zone V as capsules.
+
+    `start`, `end` are (e, 2) metres, `padding` is (e,) metres and `edge` (e,) the index into the
+    triangulation's constrained edges.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    padding: FloatArray
+    edge: IntArray
+
+    def around(self, point: FloatArray) -> PaddedEdges:
+        """Only the edges whose padding reaches over a point (2,)."""
+        inside = segment_distance(point, self.start, self.end) < self.padding
+        return PaddedEdges(
+            self.start[inside], self.end[inside], self.padding[inside], self.edge[inside]
+        )
+
+    def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
+        """The same, with the padding of some constrained edges larger by `by` metres each."""
+        extra = np.zeros(len(self.edge))
+        order = np.argsort(self.edge)
+        np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
+        return PaddedEdges(self.start, self.end, self.padding + extra, self.edge)

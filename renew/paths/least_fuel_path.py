@@ -1,0 +1,149 @@
+"""The least-fuel path in one homotopy class, outside its soft no-go zone V.
+
+A dynamic programme in two parts. The first runs over sections of the channel: few sections, many
+points on each, so that the way round is right. The second refines the path found on transversals,
+lines square to it from V to V, in ever narrower windows, so that it can bend, and bulge out of its
+channel: the least-fuel path of a class may leave its row of triangles across open water and come
+back.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.errors import InfeasibleError
+from renew.inputs.current_table import velocities
+from renew.kernels.capsules import capsules_near
+from renew.kernels.viterbi import quickest_chain
+from renew.paths.corridor import SLACK, Corridor
+from renew.paths.refinement import (
+    Water,
+    refined_on_transversals,
+    with_transversals,
+    without_detours,
+)
+
+# Sections of the first part: spacing as a share of the midline, angle in a fan (rad), points on
+# each. Few sections with many points let its legs take almost any course.
+_COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
+# The same where legs that long find no way round a corner of V, or cross overpowered water.
+_SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
+# Angle (rad) from which a turn counts as a bend: the legs beside it are halved from pass to pass,
+# until their transversals stand closer than this share of v/ω.
+_BEND, _MIN_SPACING = math.radians(5), 0.25
+
+
+class _Pass(NamedTuple):
+    """A pass over transversals: half-width and spacing (shares of the path), points on each.
+
+    `bend` is the angle (rad) from which a turn has its legs halved.
+    """
+
+    window: float
+    spacing: float
+    points: int
+    bend: float
+
+
+# Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. The
+# wider ones have more points, so that legs between them can take almost any course.
+_WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
+_WIDE = tuple(
+    _Pass(window, max(1 / 80, window / 4), points, math.inf)
+    for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
+)
+_NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
+# A point (x, y) as x + iy, so that points can be looked up among others.
+_AS_COMPLEX = np.array([1, 1j])
+
+
+def rough_path(corridor: Corridor, *, bulging: bool = True) -> FloatArray:
+    """Path (n, 2) through the corridor that is close to the least-fuel one.
+
+    Post-condition: it enters V only around a start or goal inside it, and no leg of it runs where
+    the current is as strong as the vessel. Unless it may bulge, it keeps near its channel.
+    InfeasibleError says why there is none.
+    """
+    midline = corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
+    length = _length(midline)
+    try:
+        path = _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
+    except InfeasibleError as error:
+        if error.strait is not None:
+            raise
+        path = _through_sections(corridor, _SHORT_SPACING * length, _SHORT_ANGLE)
+    return _refined(corridor, path, _WIDE) if bulging else path
+
+
+def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
+    """Least-fuel path (n, 2) near a rough one, into which V may have grown since.
+
+    Post-condition: as of :func:`rough_path`. InfeasibleError where no way out of V is near.
+    """
+    path = _refined(corridor, rough, _NARROW)
+    if not corridor.legs_clear(path).all():
+        raise InfeasibleError("its path lies in V, and no path clear of V is near")
+    return _thinned(corridor, path)
+
+
+def _refined(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) -> FloatArray:
+    """Path (n, 2) after some passes over transversals."""
+    length = _length(path)
+    closest = _MIN_SPACING * corridor.voyage.vessel.turning_radius
+    water = Water(corridor.voyage.table, corridor.polar, corridor.search_capsules)
+    # A pass moves the path by its window at most, and windows shrink: twice the first in all.
+    within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
+    water, exempt = water.near(within), corridor.exempt[:, within]
+    keep_whole = np.asarray(corridor.exempt.any(axis=1))
+    # A channel of many triangles has brought many points.
+    path = without_detours(path, 2 * passes[0].spacing * length, water)
+    for one in passes:
+        path = with_transversals(path, one.spacing * length, one.bend, closest, keep_whole)
+        window, longest = one.window * length, 2 * one.spacing * length
+        # Legs lie between points that lie in windows beside the path.
+        near = capsules_near(water.capsules, path, window)
+        path = refined_on_transversals(
+            path, window, one.points, longest, water.near(near), exempt[:, near].copy()
+        )
+    return path
+
+
+def _length(path: FloatArray) -> float:
+    """Length of a path (n, 2) in metres."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _through_sections(corridor: Corridor, spacing: float, angle: float) -> FloatArray:
+    """Quickest path (n, 2) through points all over the channel's sections."""
+    voyage = corridor.voyage
+    sections, free = corridor.open_sections(spacing, angle)
+    places = free.spread(_COARSE_POINTS)
+    points = np.empty((len(places) + 2, max(places.shape[1], 1), 2))
+    points[0], points[-1] = voyage.start, voyage.goal
+    points[1:-1] = sections.points(places)
+    current = velocities(voyage.table, points.reshape(-1, 2)).reshape(points.shape)
+    arrival, chain = quickest_chain(
+        points, current, corridor.polar, corridor.search_capsules, corridor.exempt
+    )
+    if not math.isfinite(arrival):
+        raise InfeasibleError(
+            "no leg between two sections is clear of V and of current as strong as the vessel"
+        )
+    return np.asarray(points[np.arange(len(points)), chain])
+
+
+def _thinned(corridor: Corridor, path: FloatArray) -> FloatArray:
+    """Drop points that a nearly straight path does not need, where the legs past them avoid V."""
+    tolerance = SLACK * corridor.voyage.vessel.turning_radius
+    thinned = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance))
+    kept = np.flatnonzero(np.isin(path @ _AS_COMPLEX, thinned @ _AS_COMPLEX))
+    keep = np.zeros(len(path), dtype=bool)
+    keep[kept] = True
+    for leg in np.flatnonzero(~corridor.legs_clear(path[kept])):
+        keep[kept[leg] : kept[leg + 1]] = True
+    return np.asarray(path[keep])
