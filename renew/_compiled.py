@@ -13,8 +13,9 @@ import contextlib
 import hashlib
 import os
 import shutil
+import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -49,35 +50,47 @@ def kernel(function: FunctionT) -> FunctionT:
 @cache
 def cache_folder() -> Path:
     """Folder into which machine code is written: the first of the possible ones that allows it."""
-    for folder in _folders():
+    for folder in _lasting_folders():
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
             _remove_earlier(folder)
             return folder
-    return Path(tempfile.mkdtemp(prefix=f"{_name()}-"))
+    return _temporary_folder()
 
 
 def cache_is_temporary() -> bool:
     """Whether neither the package nor the user's cache can be written: a reboot compiles anew."""
-    return cache_folder().is_relative_to(tempfile.gettempdir())
+    return cache_folder() not in _lasting_folders()
 
 
-def _folders() -> Iterator[Path]:
-    """Folders where the cache may lie, in order of preference."""
+@cache
+def _lasting_folders() -> tuple[Path, ...]:
+    """Folders where the cache may lie and outlive a reboot, in order of preference."""
+    folders = [_PACKAGE / "__pycache__" / _name()]
     asked = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR; set when Numba is imported
     if asked:
-        yield Path(asked) / _name()
-    yield _PACKAGE / "__pycache__" / _name()
+        folders.insert(0, Path(asked) / _name())
     with contextlib.suppress(RuntimeError):  # no home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "renew" / _name()
-    shared = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
-    # Machine code is loaded from there: nobody else may have put it in.
+        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        folders.append(Path(home) / "renew" / _name())
+    return tuple(folders)
+
+
+def _temporary_folder() -> Path:
+    """A folder for this user alone: machine code is loaded from it, so no other may write there."""
+    own = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
     with contextlib.suppress(OSError):
-        shared.mkdir(mode=0o700, exist_ok=True)
-        state = shared.lstat()
-        if state.st_uid == os.getuid() and not state.st_mode & 0o077:
-            yield shared / _name()
+        own.mkdir(mode=0o700, exist_ok=True)
+        state = own.lstat()
+        if (
+            state.st_uid == os.getuid()
+            and stat.S_ISDIR(state.st_mode)
+            and not state.st_mode & 0o077
+        ):
+            (own / _name()).mkdir(exist_ok=True)
+            return own / _name()
+    return Path(tempfile.mkdtemp(prefix="renew-"))
 
 
 @cache
@@ -138,7 +151,7 @@ class _KernelCache(FunctionCache):
         super().__init__(function)
         self._read_only = [
             IndexDataCacheFile(str(folder), self._impl.filename_base, _name())
-            for folder in _folders()
+            for folder in _lasting_folders()
             if folder != cache_folder() and folder.is_dir()
         ]
 

@@ -1,4 +1,4 @@
-"""Chart, triangulation, homotopy classes and channels against independent counts and oracles."""
+"""Chart, homotopy classes and channels against independent counts and oracles."""
 
 from __future__ import annotations
 
@@ -17,72 +17,17 @@ import renew
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph
 from renew.classes.h_signature import Rays, name
-from renew.classes.triangulation import Backend, Triangulation, triangulate
+from renew.classes.triangulation import Triangulation, triangulate
 from tests.strategies import SIZE, random_islands, seeds, single_gyre, voyage_on
 
 if TYPE_CHECKING:
     from renew.inputs.arguments import Order
 
-U_SHAPE = Polygon([(30, 30), (70, 30), (70, 70), (60, 70), (60, 40), (40, 40), (40, 70), (30, 70)])
 LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
-CHARTS = {
-    "empty": [],
-    "concave": [U_SHAPE],
-    "touches the extent": [box(0, 40, 60, 60)],
-    "sticks out of the extent": [box(-20, 40, 60, 60), Polygon([(90, 90), (120, 95), (95, 120)])],
-    "has a lake": [LAKE],
-    "touch at a point": [box(20, 20, 50, 50), box(50, 50, 80, 80)],
-    "overlap": [box(20, 20, 55, 55), box(45, 45, 80, 80)],
-    "share an edge": [box(20, 20, 50, 50), box(50, 20, 80, 50)],
-}
 
 
 def chart_of(islands: list[Polygon]) -> renew.Chart:
     return renew.Chart(box(0, 0, 100, 100), islands)
-
-
-@pytest.mark.parametrize("backend", ["triangle", "shapely"])
-@pytest.mark.parametrize("islands", CHARTS.values(), ids=CHARTS)
-def test_triangles_fill_the_water_and_add_no_vertex(
-    islands: list[Polygon], backend: Backend
-) -> None:
-    chart = chart_of(islands)
-    mesh = triangulate(chart, backend)
-    triangles = shapely.polygons(mesh.corners)
-    assert shapely.area(triangles).sum() == pytest.approx(chart.water.area)
-    assert shapely.union_all(triangles).symmetric_difference(chart.water).area < 1e-6
-    own = {tuple(np.round(p, 6)) for p in shapely.get_coordinates(chart.water)}
-    assert {tuple(np.round(p, 6)) for p in mesh.vertices} <= own
-    # Every edge of the no-go zone inside the extent is a constrained edge, none other is.
-    inside = shapely.length(
-        shapely.difference(chart.hard_no_go.boundary, chart.extent.exterior.buffer(1e-6))
-    )
-    edges = mesh.constrained_edges
-    assert np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).sum() == pytest.approx(inside)
-
-
-def test_neighbours_share_the_edge_opposite_the_corner() -> None:
-    chart, _ = single_gyre()
-    mesh = triangulate(chart)
-    dual = dual_graph(mesh)
-    for triangle, corner in itertools.product(range(len(mesh.triangles)), range(3)):
-        other = mesh.neighbours[triangle, corner]
-        shared = set(mesh.edge_vertices(triangle, corner).tolist())
-        if other >= 0:
-            assert shared < set(mesh.triangles[other].tolist())
-            assert triangle in mesh.neighbours[other]
-            assert dual.has_edge(triangle, int(other))
-
-
-@settings(max_examples=25)
-@given(seed=seeds)
-def test_dual_graph_has_one_cycle_an_island(seed: int) -> None:
-    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
-    dual = dual_graph(triangulate(chart))
-    waters = shapely.get_parts(chart.water)  # islands that overlap may ring in some water
-    assert nx.number_connected_components(dual) == len(waters)
-    cycles = dual.number_of_edges() - dual.number_of_nodes() + len(waters)
-    assert cycles == sum(len(water.interiors) for water in waters)
 
 
 def test_bad_geometry_is_named_all_at_once() -> None:

@@ -1,0 +1,132 @@
+"""Where machine code is cached, and when it is made anew: in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import renew
+
+PACKAGE = Path(renew.__file__).parent
+# Prints the result of a kernel that inlines another, how many kernels were compiled and not
+# loaded, and where machine code is written.
+SCRIPT = """
+import sys
+from renew import outer, _compiled
+result = outer.doubled(3.0)
+stats = outer.doubled.stats
+print(result, sum(stats.cache_misses.values()), _compiled.cache_is_temporary())
+print(_compiled.cache_folder())
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Make an installation with two kernels, one of which inlines the other."""
+    package = tmp_path / "installed" / "renew"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    shutil.copy(PACKAGE / "_compiled.py", package)
+    begin = "from renew._compiled import kernel\n"
+    (package / "inner.py").write_text(begin + "@kernel\ndef factor():\n    return 2.0\n")
+    (package / "outer.py").write_text(
+        begin
+        + "from renew.inner import factor\n@kernel\ndef doubled(x):\n    return factor() * x\n"
+    )
+    return package
+
+
+class Ran(NamedTuple):
+    """What the script printed."""
+
+    result: float
+    compiled: int
+    temporary: bool
+    folder: Path
+
+
+def run(package: Path, *prefix: str, **variables: str) -> Ran:
+    """Run the script in a process of its own, with a command in front of it."""
+    kept = {"PATH", "LD_LIBRARY_PATH"}
+    done = subprocess.run(
+        [*prefix, sys.executable, "-c", SCRIPT],
+        env={key: value for key, value in os.environ.items() if key in kept} | variables,
+        cwd=package.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    figures, folder = done.stdout.splitlines()
+    result, compiled, temporary = figures.split()
+    return Ran(float(result), int(compiled), temporary == "True", Path(folder))
+
+
+def test_a_second_process_compiles_nothing(package: Path) -> None:
+    assert run(package)[:3] == (6.0, 1, False)
+    result, compiled, temporary, folder = run(package)
+    assert (result, compiled, temporary) == (6.0, 0, False)
+    assert folder.is_relative_to(package)
+
+
+def test_an_edit_of_an_inlined_kernel_is_seen(package: Path) -> None:
+    assert run(package).result == 6.0
+    inner = package / "inner.py"
+    inner.write_text(inner.read_text().replace("2.0", "5.0"))
+    assert run(package)[:2] == (15.0, 1)
+
+
+def test_the_code_of_earlier_sources_is_removed(package: Path) -> None:
+    inner = package / "inner.py"
+    for factor in range(8):
+        inner.write_text(inner.read_text().replace("return ", f"return {factor}.0 + 0.0 * "))
+        run(package)
+    assert len(list((package / "__pycache__").glob("kernels-*"))) == 4
+
+
+def test_a_folder_that_is_asked_for_comes_first(package: Path, tmp_path: Path) -> None:
+    folder = run(package, NUMBA_CACHE_DIR=str(tmp_path / "asked")).folder
+    assert folder.is_relative_to(tmp_path / "asked")
+    assert not list((package / "__pycache__").glob("kernels-*"))
+
+
+def test_where_nothing_lasts_it_is_written_to_a_private_temporary_folder(
+    package: Path, tmp_path: Path
+) -> None:
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    (package / "__pycache__").touch()  # a file, where a folder should be
+    places = {"HOME": os.devnull, "TMPDIR": str(tmp_path)}
+    result, _, temporary, folder = run(package, **places)
+    assert (result, temporary) == (6.0, True)
+    assert folder.is_relative_to(tmp_path / f"renew-{os.getuid()}")
+    assert run(package, **places).compiled == 0
+    # Nobody else may have put machine code there.
+    (tmp_path / f"renew-{os.getuid()}").chmod(0o777)
+    assert run(package, **places).folder != folder
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can run as another user")
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="needs setpriv of util-linux")
+def test_another_user_of_an_installation_by_root(package: Path, tmp_path: Path) -> None:
+    for folder in (package, *package.parents):
+        if folder.is_relative_to(tmp_path.parent.parent):
+            folder.chmod(0o755)
+    home = tmp_path / "home"
+    home.mkdir()
+    home.chmod(0o777)
+    nobody = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all")
+    first = run(package, *nobody, HOME=str(home))
+    assert first[:3] == (6.0, 1, False)
+    assert first.folder.is_relative_to(home / ".cache")
+    assert run(package, *nobody, HOME=str(home)).compiled == 0
+    # What root has compiled is read, though it can't be written to.
+    shutil.rmtree(home / ".cache")
+    assert run(package).folder.is_relative_to(package)
+    assert run(package, *nobody, HOME=str(home)).compiled == 0
+    # A home that can't be written, as that of a service.
+    assert run(package, *nobody, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
