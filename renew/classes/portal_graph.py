@@ -38,8 +38,9 @@ COARSE, FINE = Density(1 / 12, 5), Density(1 / 600, 5)
 """Coarse nodes rank the classes among few islands. Among many they need fine ones, and so does the
 best of a class's channels, where islands without a ray give it several."""
 
-# Length of the pieces into which a leg is cut, as a share of the distance from start to goal.
-_PIECE = 1 / 12
+# Length of the pieces into which a leg is cut, as a share of the distance from start to goal, and
+# at least a share of the chart's diagonal: far legs matter little for a short voyage.
+_PIECE, _MIN_PIECE = 1 / 12, 1 / 60
 # Lowest speed over ground, as a share of the vessel's: a straight chain may lead against a current
 # that the path itself avoids.
 _MIN_SPEED = 0.1
@@ -117,7 +118,7 @@ def portal_graph(
         island=rays.island,
         table=table,
         polar=voyage.polar,
-        piece=_PIECE * way,
+        piece=max(_PIECE * way, _MIN_PIECE * math.dist(*np.reshape(voyage.chart.bounds, (2, 2)))),
     )
 
 

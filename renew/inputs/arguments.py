@@ -23,6 +23,12 @@ Padding: TypeAlias = Literal["adaptive", "none"] | float
 Method: TypeAlias = Literal["optimal", "sampled"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 
+MAX_CLASSES, MAX_SAMPLES, MAX_SEED = 10_000, 1_000_000, 2**63 - 1
+"""Largest numbers of classes and of chains a class, and the largest seed."""
+
+MIN_RISK = 1e-9
+"""Least risk for which padding can be computed: six standard deviations."""
+
 
 def check_options(
     *,
@@ -39,13 +45,13 @@ def check_options(
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
-        f"{name} = {value!r} must be a whole number of at least {least}"
-        for name, value, least in (
-            ("classes", classes, 1),
-            ("samples", samples, 1),
-            ("seed", seed, 0),
+        f"{name} = {value!r} must be a whole number from {least} to {most:,}"
+        for name, value, least, most in (
+            ("classes", classes, 1, MAX_CLASSES),
+            ("samples", samples, 1, MAX_SAMPLES),
+            ("seed", seed, 0, MAX_SEED),
         )
-        if not _is_count(value, least)
+        if not _is_count(value, least, most)
     ]
     if padding not in ("adaptive", "none") and not _is_length(padding):
         faults.append(
@@ -56,8 +62,8 @@ def check_options(
         for name, value in (("clearance", clearance), ("distinct_by", distinct_by))
         if not _is_length(value)
     ]
-    if not (_is_number(risk) and 0 < risk < 1):
-        faults.append(f"risk = {risk!r} must lie between 0 and 1, as in 0.05")
+    if not (_is_number(risk) and MIN_RISK <= risk < 1):
+        faults.append(f"risk = {risk!r} must lie between {MIN_RISK:g} and 1, as in 0.05")
     faults += [
         f"{name} = {value!r} is not one of {', '.join(get_args(choices))}"
         for name, value, choices in (
@@ -118,9 +124,9 @@ def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
-def _is_count(value: object, least: int) -> bool:
-    """Whether a value is a whole number of at least some other."""
-    return _is_number(value) and isinstance(value, int | np.integer) and int(value) >= least
+def _is_count(value: object, least: int, most: int) -> bool:
+    """Whether a value is a whole number between two others."""
+    return _is_number(value) and isinstance(value, int | np.integer) and least <= value <= most
 
 
 def _is_length(value: object) -> bool:

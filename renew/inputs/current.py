@@ -23,6 +23,8 @@ from renew.kernels.angles import wrapped
 # Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread
 # are taken: 36 points, vertices included. More change the single gyre's paddings by under 1 %.
 _LATTICE_ROWS = 8
+# Largest figure of a field (m, m/s): far beyond any sea, and squares don't overflow.
+_MAX_FIGURE = 1e12
 
 
 class CurrentStatistics(NamedTuple):
@@ -122,11 +124,11 @@ class FunctionCurrent(CurrentField):
                 f"current: for points of shape {points.shape} the function returned shape "
                 f"{velocity.shape}; it must return velocities of the points' own shape"
             )
-        if not np.isfinite(velocity).all():
-            at = points[~np.isfinite(velocity).all(axis=-1)][0]
+        if not _is_figure(velocity):
             raise ParameterError(
-                f"current: not finite at ({at[0]:g}, {at[1]:g}) m; fill the field over the whole "
-                "extent, land included"
+                f"current: not finite, or beyond {_MAX_FIGURE:g} m/s, at {{0}}; fill the field "
+                "over the whole extent, land included",
+                points[~(np.abs(velocity) <= _MAX_FIGURE).all(axis=-1)][0],
             )
         return velocity
 
@@ -233,8 +235,9 @@ class GriddedCurrent(TabulatedCurrent):
         ]
         if uv.shape != (y.size, x.size, 2):
             faults.append(f"u, v have shape {uv.shape[:-1]}, not {(y.size, x.size)}")
-        if not np.isfinite(uv).all():
-            faults.append(f"{int((~np.isfinite(uv)).any(axis=-1).sum())} nodes not finite")
+        if not _is_figure(uv):
+            bad = int((~(np.abs(uv) <= _MAX_FIGURE)).any(axis=-1).sum())
+            faults.append(f"{bad} nodes not finite, or beyond {_MAX_FIGURE:g} m/s")
         if faults:
             raise ParameterError("gridded current: " + "; ".join(faults))
         super().__init__(table_of(x, y, uv))
@@ -256,10 +259,19 @@ class GriddedCurrent(TabulatedCurrent):
 
 
 def _check_finite(name: str, **figures: float) -> None:
-    """Refuse figures that are not finite; all at once."""
-    faults = [f"{key} = {value!r}" for key, value in figures.items() if not np.isfinite(value)]
+    """Refuse figures that are not finite, or so large that squares overflow; all at once."""
+    faults = [
+        f"{key} = {value!r}" for key, value in figures.items() if not abs(value) <= _MAX_FIGURE
+    ]
     if faults:
-        raise ParameterError(f"{name}: {', '.join(faults)} must be finite")
+        raise ParameterError(
+            f"{name}: {', '.join(faults)} must be finite, and at most {_MAX_FIGURE:g}"
+        )
+
+
+def _is_figure(value: float | FloatArray) -> bool:
+    """Whether a value, or each of an array, is finite and so small that its square is, too."""
+    return bool((np.abs(value) <= _MAX_FIGURE).all())
 
 
 def _lattice() -> FloatArray:

@@ -7,6 +7,15 @@ from dataclasses import dataclass
 
 from renew.errors import ParameterError
 
+# Largest figures that are no slip of the pen: m/s, rad/s, m; beyond them powers overflow.
+_LIMITS = {
+    "speed": 1e6,
+    "turn_rate": 1e6,
+    "length": 1e6,
+    "fuel_coefficient": 1e12,
+    "fuel_exponent": 20.0,
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Vessel:
@@ -26,7 +35,7 @@ class Vessel:
     Raises
     ------
     ParameterError
-        A figure that is not finite and positive.
+        A figure that is not positive, or larger than any vessel's.
     """
 
     speed: float
@@ -38,9 +47,9 @@ class Vessel:
     def __post_init__(self) -> None:
         """Refuse what no vessel has; all faults at once."""
         faults = [
-            f"{name} = {value!r} must be a finite number above 0"
-            for name in ("speed", "turn_rate", "length", "fuel_coefficient", "fuel_exponent")
-            if not (math.isfinite(value := getattr(self, name)) and value > 0)
+            f"{name} = {value!r} must be a number above 0 and at most {most:g}"
+            for name, most in _LIMITS.items()
+            if not 0 < (value := getattr(self, name)) <= most
         ]
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))

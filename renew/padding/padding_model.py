@@ -8,7 +8,6 @@ headings φ ± Δφ about the direction of travel.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -33,12 +32,8 @@ _Crossing: TypeAlias = tuple[int, Transition]
 LAYERS = 2
 """Number of triangles by which a path may bulge out of its channel."""
 
-# Number of draws: at least _MIN_DRAWS, and enough that about _TAIL_DRAWS exceed the quantile.
-_MIN_DRAWS, _TAIL_DRAWS = 512, 20.0
 # Number of triangles that are surveyed beside those asked for: fewer cost no less time.
 _BATCH = 128
-# Share of the risk at which the quantile is taken: the rest covers the error of the draws.
-_SAFETY = 0.85
 
 
 class PaddingModel:
@@ -55,8 +50,7 @@ class PaddingModel:
         self._policy = policy
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
-        draws = max(_MIN_DRAWS, math.ceil(_TAIL_DRAWS / policy.risk))
-        self._sampler = TurnSampler(policy.seed, draws)
+        self._sampler = TurnSampler.for_risk(policy.seed, policy.risk)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
         count = len(triangulation.triangles)
@@ -196,5 +190,5 @@ class PaddingModel:
         heading = np.arctan2(travel[:, 1], travel[:, 0])
         normals = normals_away(edges, ((enter + leave) / 2)[row])
         return self._sampler.quantile(
-            statistics, heading, row, normals, self._vessel, _SAFETY * self._policy.risk
+            statistics, heading, row, normals, self._vessel, self._policy.risk
         )

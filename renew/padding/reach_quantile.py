@@ -22,14 +22,41 @@ HEADING_SPREAD = math.radians(20)
 Larger values change little, since a turn reaches furthest when begun along the edge."""
 
 
-class TurnSampler:
-    """A number of drawn turns, the same for every place: its figures depend on the place alone."""
+# Number of draws that exceed the quantile, about, and of draws at least and at most.
+_TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
+# Number of stretched draws with which risks are met that would need more than _MAX_DRAWS, and the
+# share of them that exceeds the quantile, about.
+_STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
+# Share of the risk at which the quantile is taken: the rest covers the error of the draws.
+_SAFETY = 0.85
+# Largest number of turns that are held in memory at a time: 160 MB.
+_MAX_TURNS = 4_000_000
 
-    def __init__(self, seed: int, count: int) -> None:
+
+class TurnSampler:
+    """A number of drawn turns, the same for every place: its figures depend on the place alone.
+
+    With a `stretch` above 1 speeds and directions deviate by that much more than they should, and
+    draws have weights instead that make up for it (importance sampling): a small number of them
+    reaches far into the tail.
+    """
+
+    def __init__(self, seed: int, count: int, stretch: float = 1.0) -> None:
         speed, turn, heading = _even_draws(seed, count)
         self.count = count
-        self._speed, self._turn = ndtri(speed), ndtri(turn)
+        self._speed, self._turn = stretch * ndtri(speed), stretch * ndtri(turn)
         self._heading = HEADING_SPREAD * (2 * heading - 1)
+        square = self._speed**2 + self._turn**2
+        self._weight = stretch**2 * np.exp(-square / 2 * (1 - 1 / stretch**2))
+        self._is_stretched = stretch > 1
+
+    @classmethod
+    def for_risk(cls, seed: int, risk: float) -> TurnSampler:
+        """Return a sampler whose quantiles at that risk are near enough."""
+        count = math.ceil(_TAIL_DRAWS / risk)
+        if count <= _MAX_DRAWS:
+            return cls(seed, max(_MIN_DRAWS, count))
+        return cls(seed, _STRETCHED_DRAWS, float(ndtri(risk) / ndtri(_STRETCHED_SHARE)))
 
     def reaches(
         self,
@@ -55,10 +82,40 @@ class TurnSampler:
         vessel: Vessel,
         risk: float,
     ) -> FloatArray:
-        """Reach (p,), m, that no more than a share `risk` of the draws exceed; see `reaches`."""
-        turns = self._turns(statistics, course)
-        exceeding = math.floor((self.count - 1) * risk)
-        return np.asarray(_quantile(row, normals, turns, vessel.speed, vessel.turn_rate, exceeding))
+        """Reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
+
+        As in `reaches`; the rows ascend.
+        """
+        rows = max(1, _MAX_TURNS // self.count)
+        parts = [
+            self._quantile(statistics, course, row, normals, vessel, risk, slice(at, at + rows))
+            for at in range(0, len(course), rows)
+        ]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _quantile(
+        self,
+        statistics: CurrentStatistics,
+        course: FloatArray,
+        row: IntArray,
+        normals: FloatArray,
+        vessel: Vessel,
+        risk: float,
+        rows: slice,
+    ) -> FloatArray:
+        """Quantiles for some of the rows."""
+        turns = self._turns(CurrentStatistics(*(of[rows] for of in statistics)), course[rows])
+        first, last = np.searchsorted(row, (rows.start, rows.stop))
+        own, towards = row[first:last] - rows.start, normals[first:last]
+        if self._is_stretched:
+            weight = self._weight / self.count
+            return np.asarray(
+                _weighted_quantile(
+                    own, towards, turns, vessel.speed, vessel.turn_rate, weight, _SAFETY * risk
+                )
+            )
+        exceeding = math.floor((self.count - 1) * _SAFETY * risk)
+        return np.asarray(_quantile(own, towards, turns, vessel.speed, vessel.turn_rate, exceeding))
 
     def _turns(self, statistics: CurrentStatistics, course: FloatArray) -> TurnStarts:
         """Turns (t, draws) in draws of currents (t,), with headings about a course (t,) rad."""
@@ -142,4 +199,28 @@ def _quantile(
                     place += 1
                 largest[place] = one
         found[p] = largest[0]
+    return found
+
+
+@kernel
+def _weighted_quantile(
+    row: IntArray,
+    normals: FloatArray,
+    turns: TurnStarts,
+    speed: float,
+    turn_rate: float,
+    weight: FloatArray,
+    risk: float,
+) -> FloatArray:
+    """Reach (p,) that draws with a weight (draws,) of at most `risk` together exceed."""
+    found = np.empty(len(row))
+    reach = np.empty(turns.heading.shape[1])
+    for p in range(len(row)):
+        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach)
+        order = np.argsort(-reach)
+        beyond, at = weight[order[0]], 0
+        while beyond <= risk and at < len(order) - 1:
+            at += 1
+            beyond += weight[order[at]]
+        found[p] = reach[order[at]]
     return found
