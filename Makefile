@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow bench pictures lock wheel clean $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -58,6 +58,18 @@ pytest: $(READY)  ## the quick tests, the import rules and the documents' exampl
 test-slow: $(READY)  ## the slow tests
 	$(BIN)/python -m pytest -q -m slow
 
+# What exercises the kernels and the planner; less what plans several times for something else (pickling, printing, seeds,
+# triangulators), so that it ends within minutes.
+NO_COMPILER := $(addprefix tests/renew/,kernels classes inputs turns padding/test_padding_model.py test_planner.py)
+
+test-no-compiler: $(READY)  ## the kernels' and the planner's quick tests, interpreted: Numba switched off
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(NO_COMPILER) \
+	  -k 'not pickling and not print_and_compare and not same_seed and not same_classes'
+
+# tests/no_triangle/sitecustomize.py hides the package from this Python and from those that it starts.
+test-no-triangle: $(READY)  ## the planner's tests as where the extra `triangle` is not installed
+	PYTHONPATH=$(CURDIR)/tests/no_triangle $(BIN)/python -m pytest -q -n 2 tests/renew
+
 format: $(READY)  ## let ruff mend what it can
 	$(BIN)/ruff check --fix --exit-zero
 	$(BIN)/ruff format
@@ -68,12 +80,15 @@ bench: $(READY)  ## the figures to reach, as a table
 pictures: $(READY)  ## the documents' pictures anew: docs/*.png
 	$(BIN)/python -m tests.pipeline.formats.figures
 
+reference: $(READY)  ## the reference of a scenario's keys and its JSON schema: docs/scenario*
+	$(BIN)/python -m pipeline.scenario.reference
+
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel
 
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --no-config --universal --fork-strategy fewest --generate-hashes \
-	  --python-version 3.11 --group dev \
+	  --python-version 3.11 --group dev --extra triangle \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 

@@ -1,4 +1,4 @@
-"""The staged job: a catalogue entry in, outputs out.
+"""The batch pipeline around the planner: from a scenario in TOML to output files.
 
-The one place that knows files, coordinate reference systems, the network and Dask.
+The only package that deals with files, coordinate reference systems, the network and Dask.
 """

@@ -1,7 +1,8 @@
-"""Which code a stage's result depends on, derived from the imports, as one hash.
+"""One hash of all the code that a stage's result depends on, derived from the imports.
 
-An artefact's key holds this hash, so that an edit makes anew just what it may change. Imports are
-read from the source (those inside functions too); what only a type checker imports is left out.
+An artefact's key contains this hash, so that after an edit only what it may change is computed
+again. Imports are read from the source, also those inside functions; imports for type checkers only
+are left out.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_HOME = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[1]
 _PACKAGES = frozenset({"pipeline", "renew"})
-# The modules and packages in which a stage's work begins. What a stage hands on is pickled by the
-# classes of `pipeline.model`.
+# The modules and packages that a stage calls first. Results are pickled as the classes of
+# `pipeline.model`, so that every stage depends on it.
 _ENTRIES = {
     "land": ("pipeline.sources.land", "pipeline.stages.planar", "pipeline.model"),
     "current": ("pipeline.sources.currents", "pipeline.model"),
@@ -32,16 +33,16 @@ _ENTRIES = {
 
 @cache
 def code_hash(stage: str) -> str:
-    """SHA-256, hexadecimal, of the files that a stage's result depends on."""
+    """Return the SHA-256, hexadecimal, of the files that a stage's result depends on."""
     digest = hashlib.sha256()
     for file in code_files(stage):
-        digest.update(file.relative_to(_HOME).as_posix().encode())
+        digest.update(file.relative_to(_ROOT).as_posix().encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
 def code_files(stage: str) -> tuple[Path, ...]:
-    """Source and data files that a stage's result depends on, sorted."""
+    """Return the source and data files that a stage's result depends on, sorted."""
     waiting = [module for entry in _ENTRIES[stage] for module in _modules_of(entry)]
     found: set[Path] = set()
     while waiting:
@@ -54,24 +55,24 @@ def code_files(stage: str) -> tuple[Path, ...]:
 
 
 def _modules_of(entry: str) -> Iterator[str]:
-    """Give a module, or all modules of a package, by their dotted names."""
-    folder = _HOME.joinpath(*entry.split("."))
+    """Yield the dotted names of a module, or of all modules of a package, and its parents."""
+    folder = _ROOT.joinpath(*entry.split("."))
     files = sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
-    yield from _around(entry)
+    yield from _parents(entry)
     for file in files:
-        yield ".".join(file.relative_to(_HOME).with_suffix("").parts)
+        yield ".".join(file.relative_to(_ROOT).with_suffix("").parts)
 
 
-def _around(module: str) -> Iterator[str]:
-    """Give the packages around a module: they are imported with it."""
+def _parents(module: str) -> Iterator[str]:
+    """Yield the packages that contain a module: they are imported with it."""
     parts = module.split(".")
     return (".".join(parts[:depth]) for depth in range(1, len(parts)))
 
 
 def _file(module: str) -> Path | None:
-    """Source of a module or of a package's `__init__`; None where there is no such module."""
-    place = _HOME.joinpath(*module.split("."))
-    for file in (place.with_suffix(".py"), place / "__init__.py"):
+    """Return the source of a module or of a package's `__init__`; None if there is none."""
+    path = _ROOT.joinpath(*module.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
         if file.is_file():
             return file
     return None
@@ -79,7 +80,7 @@ def _file(module: str) -> Path | None:
 
 @cache
 def _imported(file: Path) -> tuple[str, ...]:
-    """Modules of this project that a file imports, with the packages around them."""
+    """Return the modules of this project that a file imports, and the packages around them."""
     names: set[str] = set()
     waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
     while waiting:
@@ -94,11 +95,11 @@ def _imported(file: Path) -> tuple[str, ...]:
         else:
             waiting += ast.iter_child_nodes(node)
     own = {name for name in names if name.partition(".")[0] in _PACKAGES}
-    return tuple(sorted(own | {package for name in own for package in _around(name)}))
+    return tuple(sorted(own | {package for name in own for package in _parents(name)}))
 
 
 def _data_beside(file: Path) -> Iterator[Path]:
-    """Files that are no code in a module's own folder and in its folders without modules."""
+    """Yield the data files in a module's own folder, and in its subfolders without modules."""
     for path in file.parent.iterdir():
         if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
             yield from (below for below in path.rglob("*") if below.is_file())

@@ -1,4 +1,4 @@
-"""The two ways in which a run ends without its result."""
+"""The two kinds of error that end a run."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ if TYPE_CHECKING:
 
 
 class PipelineError(Exception):
-    """What this package raises on purpose; its text is for the reader, not for a debugger."""
+    """An expected error, whose text is written for the user."""
 
     exit_code = 1
 
 
 class RequestError(PipelineError):
-    """The request is wrong: exit 2, nothing written.
+    """The request is wrong: exit code 2, nothing is written.
 
     Parameters
     ----------
     faults
-        One line each: the value, the limit, and what to change.
+        One line each: the value, the limit and the remedy.
     """
 
     exit_code = 2
@@ -30,9 +30,9 @@ class RequestError(PipelineError):
         super().__init__("\n".join(self.faults))
 
     def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:
-        """Survive the way back from a worker process."""
+        """Keep the faults when the error is pickled by a worker process."""
         return type(self), (self.faults,)
 
 
 class StageError(PipelineError):
-    """A stage failed though the request is right: exit 1, what was done stays."""
+    """A stage failed though the request is valid: exit code 1, finished stages are kept."""

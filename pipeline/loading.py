@@ -1,7 +1,7 @@
-"""From a scenario's file to the model, with every fault at once.
+"""Load a scenario's file, and report all its faults at once.
 
-pydantic finds what is wrong inside a table; what is wrong between tables is looked for among
-those that are sound, so that one bad key hides no other fault.
+pydantic finds the faults inside a table. Faults between tables are searched among the tables that
+are valid by themselves, so that one bad key hides no other fault.
 """
 
 from __future__ import annotations
@@ -16,54 +16,71 @@ from pipeline.errors import RequestError
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
-from pipeline.scenario.model import Scenario, Season
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.renamed_keys import with_current_names
+from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point, looks_like_path
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 _POINT: TypeAdapter[Point] = TypeAdapter(Point)
-_AS_PATH = "; a folder or file is written as a path, './charts', './field.nc'"
+_AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
 
 def load_scenario(
-    asked: str, *, charts: Path | None = None, currents: Sequence[Path] = ()
+    asked: str,
+    *,
+    charts: Path | None = None,
+    currents: Sequence[Path] = (),
+    on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
-    """Read a scenario by its name in the catalogue or its path.
+    """Load a scenario by its name in the catalogue or its path.
 
     Parameters
     ----------
     asked
-        The name, or the path. Paths in the file are from its own folder.
+        The name, or the path. Relative paths in the file start at its own folder.
     charts
-        A vector file or a folder of S-57 cells to take in place of the scenario's chart.
+        A vector file or a folder of S-57 cells that replaces the scenario's chart.
     currents
-        Files that belong together, to take in place of every season's currents.
+        Files that belong together and replace every season's currents.
+    on_note
+        Called with a note for each key that is given by an old name.
 
     Raises
     ------
     RequestError
-        Not found, not a scenario, or wrong: one line for each fault.
+        Not found, not a scenario, or invalid: one line for each fault.
     """
     path = catalogue.scenario_path(asked)
     data = catalogue.read_toml(path)
     if not {"start", "goal", "seasons"} & data.keys():
         raise RequestError(
-            [f"{path} is TOML but no scenario: it has no start, goal or seasons; {EXAMPLE}"]
+            [f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"]
         )
     if charts is not None:
         data = _with_chart(data, charts)
     if currents:
         data = _with_currents(data, currents)
-    return parse_scenario(data, path.parent)
+    return parse_scenario(data, path.parent, on_note=on_note)
 
 
-def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
+def parse_scenario(
+    data: dict[str, Any],
+    folder: Path | None = None,
+    *,
+    on_note: Callable[[str], None] | None = None,
+) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
     folder = folder or Path.cwd()
-    faults = list(_unknown_names(data))
+    data, notes, faults = with_current_names(data)
+    if on_note is not None:
+        for note in notes:
+            on_note(note)
+    faults += _unknown_names(data)
     resolved = _with_vessel(data)
     try:
         scenario = _with_paths(Scenario.model_validate(resolved), folder)
@@ -71,43 +88,43 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
         faults += model_faults(error, Scenario, resolved)
     else:
         if not faults:
-            faults += [*_missing_paths(scenario), *_between(_Sound.of(data, folder))]
+            faults += [*_missing_paths(scenario), *_cross_faults(_ValidTables.of(data, folder))]
             if not faults:
                 return scenario
             raise RequestError(faults)
-    raise RequestError(faults + list(_between(_Sound.of(data, folder))))
+    raise RequestError(faults + list(_cross_faults(_ValidTables.of(data, folder))))
 
 
 @dataclass(frozen=True)
-class _Sound:
-    """The tables of a scenario that are sound by themselves."""
+class _ValidTables:
+    """The tables of a scenario that are valid by themselves."""
 
     region: Region | None
     plane: Plane | None
-    ends: dict[str, Point]
+    endpoints: dict[str, Point]
     seasons: tuple[Season, ...]
 
     @classmethod
-    def of(cls, data: dict[str, Any], folder: Path) -> _Sound:
-        """Pick them out of a scenario's table; paths are from `folder`."""
+    def of(cls, data: dict[str, Any], folder: Path) -> _ValidTables:
+        """Select them from a scenario's table; relative paths start at `folder`."""
         seasons = data.get("seasons")
-        found = [_sound(Season, item) for item in seasons] if isinstance(seasons, list) else []
-        ends = {}
+        found = [_validated(Season, item) for item in seasons] if isinstance(seasons, list) else []
+        endpoints = {}
         for name in ("start", "goal"):
             try:
-                ends[name] = _POINT.validate_python(data.get(name))
+                endpoints[name] = _POINT.validate_python(data.get(name))
             except ValidationError:
                 continue
         return cls(
-            region=_sound(Region, data.get("region")),
-            plane=_sound(Plane, data.get("plane")),
-            ends=ends,
+            region=_validated(Region, data.get("region")),
+            plane=_validated(Plane, data.get("plane")),
+            endpoints=endpoints,
             seasons=tuple(_with_files(season, folder) for season in found if season is not None),
         )
 
 
-def _sound(model: type[ModelT], data: object) -> ModelT | None:
-    """Validate one table; nothing where it is absent or wrong."""
+def _validated(model: type[ModelT], data: object) -> ModelT | None:
+    """Validate one table; None where it is absent or invalid."""
     try:
         return model.model_validate(data)
     except ValidationError:
@@ -121,12 +138,12 @@ def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
         return data
     if name in catalogue.names("vessels"):
         return {**data, "vessel": catalogue.vessel_table(name)}
-    # Told already as an unknown name: any sound vessel keeps pydantic from telling it again.
+    # The unknown name has a fault already: any valid vessel avoids another one by pydantic.
     return {**data, "vessel": {"length_m": 1.0, "speed_m_s": 1.0, "turn_rate_deg_s": 1.0}}
 
 
 def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
-    """Replace a scenario's chart by the user's."""
+    """Replace a scenario's chart by the user's file or folder."""
     chart = data.get("chart", {})
     source = {"path": str(charts.expanduser().resolve())}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
@@ -136,7 +153,7 @@ def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any
     """Replace the currents of a scenario's seasons by the user's files."""
     if "plane" in data:
         raise RequestError(
-            ["--currents needs a scenario with a [region]; a [plane] gives its current as figures"]
+            ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
         )
     seasons = data.get("seasons")
     paths = [_absolute(str(file), Path.cwd()) for file in files]
@@ -165,7 +182,7 @@ def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
 
 
 def _with_files(season: Season, folder: Path) -> Season:
-    """Make the paths of a season's files of currents absolute."""
+    """Make the paths of a season's currents absolute."""
     currents = tuple(
         named if isinstance(named, str) else tuple(_absolute(path, folder) for path in named)
         for named in season.currents
@@ -174,12 +191,12 @@ def _with_files(season: Season, folder: Path) -> Season:
 
 
 def _absolute(path: str, folder: Path) -> str:
-    """Resolve a path, or a pattern of paths, that may begin at a folder or at home."""
+    """Resolve a path, or a pattern of paths, relative to a folder or to the home folder (~)."""
     return str((folder / Path(path).expanduser()).resolve())
 
 
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
-    """Say which charts are not there."""
+    """Find charts that do not exist."""
     for one in scenario.chart.source:
         if one.path and not Path(one.path).exists():
             yield (
@@ -189,7 +206,7 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
 
 
 def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
-    """Find names of vessels and sources that the catalogue does not have."""
+    """Find names of vessels and sources that are not in the catalogue."""
     vessel = data.get("vessel")
     if isinstance(vessel, str) and vessel not in catalogue.names("vessels"):
         yield catalogue.unknown("vessel", "vessel", vessel, catalogue.names("vessels"))
@@ -213,7 +230,7 @@ def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
 
 
 def _chart_names(chart: object) -> Iterator[tuple[str, str]]:
-    """Names of catalogue entries in a chart's table, with their keys."""
+    """Find the names of catalogue entries in a chart's table, with their keys."""
     if not isinstance(chart, dict) or "source" not in chart:
         return
     try:
@@ -225,54 +242,54 @@ def _chart_names(chart: object) -> Iterator[tuple[str, str]]:
             yield (f"chart.source[{i}]" if len(given.source) > 1 else "chart.source"), one.name
 
 
-def _between(sound: _Sound) -> Iterator[str]:
-    """Faults between tables: ends outside the waters, currents that do not reach over them."""
-    if sound.region is not None:
-        yield from _ends_outside_region(sound.region, sound.ends)
-        yield from _uncovered(sound.region, sound.seasons)
-    elif sound.plane is not None:
+def _cross_faults(tables: _ValidTables) -> Iterator[str]:
+    """Find faults between tables: endpoints outside the area, currents that do not cover it."""
+    if tables.region is not None:
+        yield from _endpoints_outside_region(tables.region, tables.endpoints)
+        yield from _uncovered_seasons(tables.region, tables.seasons)
+    elif tables.plane is not None:
         import shapely
 
-        for name, point in sound.ends.items():
-            away = shapely.distance(sound.plane.shape, shapely.Point(point))
-            if away > 0:
+        for name, point in tables.endpoints.items():
+            distance = shapely.distance(tables.plane.shape, shapely.Point(point))
+            if distance > 0:
                 yield (
-                    f"{name} = {list(point)} lies {away:.4g} m outside plane.extent "
-                    f"{list(sound.plane.extent)}; move it inside or widen the extent"
+                    f"{name} = {list(point)} lies {distance:.4g} m outside plane.extent "
+                    f"{list(tables.plane.extent)}; move it inside or widen the extent"
                 )
 
 
-def _ends_outside_region(region: Region, ends: dict[str, Point]) -> Iterator[str]:
-    """Say which end lies outside the region, and how far."""
+def _endpoints_outside_region(region: Region, endpoints: dict[str, Point]) -> Iterator[str]:
+    """Find a start or goal outside the region, and its distance."""
     import shapely
 
-    for name, point in ends.items():
+    for name, point in endpoints.items():
         here = shapely.Point(point)
         if region.shape.covers(here):
             continue
         lon, lat = point
         if not (-180 <= lon <= 360 and -90 <= lat <= 90):
-            yield (f"{name} = {list(point)} is no place on earth: give [longitude, latitude]")
+            yield f"{name} = {list(point)} is not a place on earth: give [longitude, latitude]"
             continue
         import pyproj
 
         nearest = shapely.get_coordinates(shapely.shortest_line(here, region.shape))[-1]
-        away = pyproj.Geod(ellps="WGS84").inv(lon, lat, *nearest)[2] / 1000
+        distance_km = pyproj.Geod(ellps="WGS84").inv(lon, lat, *nearest)[2] / 1000
         bounds = ", ".join(f"{bound:g}" for bound in region.shape.bounds)
         yield (
-            f"{name} = {list(point)} lies {away:.0f} km outside the region (its bounds: {bounds}); "
-            "move it inside or widen the region"
+            f"{name} = {list(point)} lies {distance_km:.0f} km outside the region (its bounds: "
+            f"{bounds}); move it inside or widen the region"
         )
 
 
-def _uncovered(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
-    """Say which seasons have no source whose figures reach over the region."""
+def _uncovered_seasons(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
+    """Find seasons without a source that covers the region and the period."""
     from pipeline.sources.registry import current_source
 
     lacking: dict[str, list[str]] = {}
     for season in seasons:
         reasons = [
-            current_source(named).uncovered(region.shape, season)
+            current_source(named).uncovered_reason(region.shape, season)
             for named in season.currents
             if not isinstance(named, str) or _gives_currents(named)
         ]
@@ -283,6 +300,6 @@ def _uncovered(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
 
 
 def _gives_currents(name: str) -> bool:
-    """Whether a name is that of a source of currents; of another it is told already."""
+    """Whether a name is that of a source of currents; any other has a fault already."""
     known = name in catalogue.names("sources")
     return known and not isinstance(catalogue.source(name), catalogue.ChartEntry)

@@ -1,4 +1,4 @@
-"""The typed artefacts that pass between the stages; each is frozen, and nothing else passes."""
+"""The frozen dataclasses that stages take and return: nothing else passes between them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import numpy as np
     import numpy.typing as npt
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent
 
 RouteKey = tuple[str, int]
-"""A route's name inside a scenario: (season, rank), rank 1 being the best."""
+"""A route of a scenario: (season, rank); rank 1 is the route to take."""
 
 
 @dataclass(frozen=True, slots=True)
 class Credit:
-    """Which source was used, and the line its licence asks for."""
+    """A source that was used, and the credit line that its licence requires."""
 
     name: str
     kind: Literal["land", "current"]
@@ -37,11 +37,11 @@ class Credit:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """An area of a chart that a reader wants to see (lon/lat degrees).
+    """An area of a chart to be shown on maps (lon/lat degrees).
 
-    A `shoal` is too shallow for the vessel, and no source covers what is `uncharted`: both are
-    no-go, so they are among the polygons of their Land as well. A `restricted` area and a `traffic`
-    scheme may be entered; `rule` says what holds there for a passing vessel, where the chart does.
+    A `shoal` is too shallow for the vessel, an `uncharted` area is covered by no source: both are
+    no-go, and so also among the polygons of their Land. A `restricted` area and a `traffic` scheme
+    may be entered; `rule` is what the chart prescribes there for a passing vessel, if anything.
     """
 
     kind: Literal["shoal", "uncharted", "restricted", "traffic"]
@@ -52,12 +52,11 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Land:
-    """What no route may enter (lon/lat degrees), clipped to the region and a little beyond.
+    """All that no route may enter (lon/lat degrees), in the region and a little beyond.
 
-    Land; from charts with depths, also water that is too shallow, hazards, and what no chart
-    covers. `accuracy_m` is how far the source's coast may lie from the true one, in metres;
-    `credits` has one for each source, `notes` what a reader should know of the chart, and `zones`
-    what the chart shows beside.
+    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
+    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
+    source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
     """
 
     polygons: tuple[Polygon, ...]
@@ -68,12 +67,26 @@ class Land:
 
 
 @dataclass(frozen=True, slots=True)
+class PassedOver:
+    """A source of currents that was preferred but could not be used, and why, in one line."""
+
+    source: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class CurrentGrid:
     """A season's surface current on a lon/lat grid.
 
-    `lon` (nx,) and `lat` (ny,) ascend, in degrees; `u` (east) and `v` (north) are (ny, nx) in m/s,
-    NaN where the source has no water. `valid` says which time the figures stand for, `notes` what
-    a reader should know of them, and `files` names those that they came from, with their hashes.
+    Attributes
+    ----------
+    lon, lat : (nx,) and (ny,), ascending, degrees.
+    u, v : (ny, nx), m/s to east and to north; NaN where the source has no water.
+    valid : the time that the field is valid for, as the source names it.
+    notes : what a reader should know about the field.
+    files : names and hashes of the files it came from.
+    climatology_for : the season's own time where the field is a climatology in its place, or "".
+    passed_over : the sources that the scenario prefers to this one, in its order.
     """
 
     season: str
@@ -85,40 +98,86 @@ class CurrentGrid:
     credit: Credit
     notes: tuple[str, ...] = ()
     files: tuple[tuple[str, str], ...] = ()
+    climatology_for: str = ""
+    passed_over: tuple[PassedOver, ...] = ()
+
+    @property
+    def is_stand_in(self) -> bool:
+        """Whether this is not the current that the scenario asks for first."""
+        return bool(self.passed_over or self.climatology_for)
+
+    @property
+    def stand_in_notes(self) -> tuple[str, ...]:
+        """What the season was planned on in place of its first choice; empty where it is that."""
+        if self.climatology_for:
+            used = f"planned on {self.credit.name}: {self.valid} stands for {self.climatology_for}"
+        else:
+            used = f"planned on {self.credit.name}, valid {self.valid}"
+        return (used,) if self.is_stand_in else ()
 
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """What the sources gave: land, and one current grid a season.
+    """Data from the sources: land, and one current grid per season.
 
-    `currents` is empty for a planar scenario, whose current is given as figures in the scenario.
-    `notes` says in plain words which preferred source was passed over and why, and what there is
-    to know of those that were used.
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` says in
+    plain words which preferred sources were passed over and why, and what to know about the others.
     """
 
     land: Land
     currents: tuple[CurrentGrid, ...]
     notes: tuple[str, ...] = ()
 
+    @property
+    def stand_in_notes(self) -> tuple[str, ...]:
+        """Those of the notes that only name what was used in place of a first choice."""
+        used = {grid.season: grid.stand_in_notes for grid in self.currents}
+        return tuple(season_notes(used))
+
+
+def current_notes(currents: Iterable[CurrentGrid]) -> tuple[str, ...]:
+    """Notes on the currents of all seasons, and on the sources passed over for them."""
+    return tuple(
+        season_notes(
+            {
+                grid.season: (
+                    *grid.notes,
+                    *(passed.reason for passed in grid.passed_over),
+                    *grid.stand_in_notes,
+                )
+                for grid in currents
+            }
+        )
+    )
+
+
+def season_notes(notes: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """Spell notes by season as "summer, winter: note", each text once."""
+    seasons: dict[str, list[str]] = {}
+    for season, texts in notes.items():
+        for text in dict.fromkeys(texts):
+            seasons.setdefault(text, []).append(season)
+    return (f"{', '.join(names)}: {text}" for text, names in seasons.items())
+
 
 @dataclass(frozen=True, slots=True)
 class Simplified:
-    """What the planner treats as hard no-go (lon/lat degrees); it covers all of the land."""
+    """The hard no-go zone of the planner (lon/lat degrees); it covers all of the land."""
 
     polygons: tuple[Polygon, ...]
     original_vertices: int
     vertices: int
     tolerance_m: float
-    joined_gap_m: float
+    closed_gap_m: float
     margin_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The planner's world: planar metres divided by the scenario's scale, speeds unscaled.
+    """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
     `land` is the original, unsimplified land; `currents` is keyed by season; `start` and `goal`
-    are (2,).
+    have shape (2,).
     """
 
     chart: renew.Chart
@@ -139,16 +198,32 @@ class SeasonPlan:
     failure: str
     seconds: float
 
+    @property
+    def ranked_routes(self) -> tuple[renew.Route, ...]:
+        """Routes by rank: the one to take, then the others by fuel; empty if not planned.
+
+        This differs from the order of `plan.routes`, which is by fuel, where the sampled method
+        chooses another route than that of least fuel.
+        """
+        if self.plan is None:
+            return ()
+        others = (route for i, route in enumerate(self.plan.routes) if i != self.plan.chosen)
+        return (self.plan.best, *others)
+
 
 @dataclass(frozen=True, slots=True)
 class RouteMetrics:
-    """One route's figures, judged against the original land.
+    """One route's figures, measured against the original land.
 
-    `length`, `fuel` and `fuel_per_distance` are the planner's own (scaled); `length_m` is true
-    geodesic metres, `clearance_m` true metres to the original land, `duration_s` at true scale.
-    `trials` and `collisions` count hard-over turns and those that met original land; `land_m` is
-    metres over land. `side` is the side on which it passes the largest island between start and
-    goal.
+    Attributes
+    ----------
+    fuel, fuel_per_distance, length : the planner's own, scaled.
+    length_m : geodesic length, true metres.
+    clearance_m : least distance to the original land, true metres; inf where there is none.
+    duration_s : seconds at true scale.
+    trials, collisions : simulated hard-over turns, and those that touch the original land.
+    land_m : metres of the route over original land.
+    side : compass side on which it passes the largest island between start and goal, or "".
     """
 
     season: str
@@ -171,7 +246,8 @@ class RouteMetrics:
 class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
-    The turns are all counted; of the places where none met land some thousand are kept a route.
+    All turns are counted; of the places where none touches land, about a thousand per route are
+    stored.
     """
 
     routes: tuple[RouteMetrics, ...]

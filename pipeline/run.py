@@ -1,4 +1,4 @@
-"""Runs a scenario's six stages in their order, its seasons as independent Dask tasks."""
+"""Run a scenario's six stages in order, its seasons as independent Dask tasks."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import renew
-from pipeline import store as artefact
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
-from pipeline.stages import planar as plane
-from pipeline.stages.fetch import Parts, fetch
+from pipeline.stages import planar
+from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.season_task import SeasonTask, Status, run_tasks
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import output_directory, write
-from pipeline.store import Store
+from pipeline.store import Store, artefact_key, exclusive_run, file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,14 +31,15 @@ if TYPE_CHECKING:
 
 Stage = Literal["fetch", "simplify", "project", "plan", "write"]
 STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
-"""What is told of: a season is evaluated in the task that planned it."""
+"""The stages that events report; a season is evaluated in the task that plans it."""
 
+# Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What a listener is told: a stage, or a season of it, began, ended or failed."""
+    """A stage, or a season of it, began, ended, failed or has a note for the reader."""
 
     stage: Stage
     status: Literal["begun", "done", "failed", "note"]
@@ -48,17 +48,17 @@ class Event:
     detail: str = ""
 
 
-Listener = Callable[[Event], None]
+EventHandler = Callable[[Event], None]
 
 
-def _unheard(event: Event) -> None:
-    """Listen to nothing."""
+def _ignore(event: Event) -> None:
+    """Handle an event by doing nothing."""
     del event
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run came to; `fresh` is False where the results were there already."""
+    """The outcome of a run; `fresh` is False where the results existed already."""
 
     scenario: Scenario
     directory: Path
@@ -70,7 +70,7 @@ class Outcome:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What did not go as asked, a line each."""
+        """Failed seasons and unsafe results, one line each."""
         seasons = [f"season {p.season!r}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
             f"season {row.season!r}: route {row.rank} crosses {row.land_m:.0f} m of the original "
@@ -82,7 +82,7 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """0 when all went as asked, else 1."""
+        """0 without failures, else 1."""
         return 1 if self.failures else 0
 
 
@@ -92,7 +92,7 @@ def run(
     *,
     offline: bool = False,
     scheduler: str | None = None,
-    listen: Listener | None = None,
+    on_event: EventHandler | None = None,
 ) -> Outcome:
     """Run a scenario and write its results to `output/<scenario>/`.
 
@@ -101,13 +101,13 @@ def run(
     scenario
         What to run.
     output
-        Folder of all results; the artefacts lie in it too, so that the next run finds them.
+        Folder of all results; it also holds the store, where the next run finds the artefacts.
     offline
-        Ask no source that needs the network.
+        Use no source that needs the network.
     scheduler
-        Address of a Dask scheduler that sees the same files; else this machine's cores.
-    listen
-        Told of every stage and season.
+        Address of a Dask scheduler whose workers see the same files; else this machine's cores.
+    on_event
+        Called for every stage and season.
 
     Raises
     ------
@@ -116,46 +116,48 @@ def run(
     StageError
         No season could be planned for another reason, or nothing can be written.
     """
-    with _alone(scenario, output, listen) as this:
-        return this.through(offline=offline, scheduler=scheduler)
+    with _locked_run(scenario, output, on_event) as staged:
+        return staged.run_and_write(offline=offline, scheduler=scheduler)
 
 
-def planned(
+def plan_scenario(
     scenario: Scenario,
     output: Path,
     *,
     offline: bool = False,
-    listen: Listener | None = None,
+    on_event: EventHandler | None = None,
 ) -> RunResult:
-    """Give a scenario's result without writing it: that of an earlier run, or planned now.
+    """Return a scenario's result without writing it: from an earlier run, or planned now.
 
-    Takes and raises what `run` does; nothing but the store is written to.
+    Takes and raises what `run` does; only the store is written to.
     """
-    with _alone(scenario, output, listen) as this:
-        return this.planned(offline=offline, scheduler=None)[0]
+    with _locked_run(scenario, output, on_event) as staged:
+        return staged.run_stages(offline=offline, scheduler=None)[0]
 
 
 @contextlib.contextmanager
-def _alone(scenario: Scenario, output: Path, listen: Listener | None) -> Iterator[_Run]:
-    """Give a run that is the only one of its scenario in an output folder."""
+def _locked_run(
+    scenario: Scenario, output: Path, on_event: EventHandler | None
+) -> Iterator[_StagedRun]:
+    """Prepare a run that is the only one of its scenario in an output folder."""
     output = output.resolve()
     with (
-        _leaving_nothing_if_refused(output),
-        artefact.only_run(output / _ARTEFACTS / f"{scenario.name}.lock", scenario.name),
+        _removing_new_folders_if_refused(output),
+        exclusive_run(output / _ARTEFACTS / f"{scenario.name}.lock", scenario.name),
     ):
         directory = output_directory(output, scenario.name)
-        yield _Run(scenario, directory, Store(output / _ARTEFACTS), listen or _unheard)
+        yield _StagedRun(scenario, directory, Store(output / _ARTEFACTS), on_event or _ignore)
 
 
 @contextlib.contextmanager
-def _leaving_nothing_if_refused(output: Path) -> Iterator[None]:
-    """Take a new store, and a new output folder, away again where the request was wrong."""
-    made = [folder for folder in (output / _ARTEFACTS, output) if not folder.exists()]
+def _removing_new_folders_if_refused(output: Path) -> Iterator[None]:
+    """Remove a new store and a new output folder again where the request was wrong."""
+    created = [folder for folder in (output / _ARTEFACTS, output) if not folder.exists()]
     try:
         yield
     except RequestError:
-        for folder in made:
-            # The store goes whole; the folder around it only if nothing else is in it.
+        for folder in created:
+            # The store is removed entirely; the folder around it only if it is empty then.
             if folder.name == _ARTEFACTS:
                 shutil.rmtree(folder, ignore_errors=True)
             else:
@@ -164,45 +166,43 @@ def _leaving_nothing_if_refused(output: Path) -> Iterator[None]:
         raise
 
 
-def _unsafe(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]:
-    """Say of which seasons' best routes the vessel could not turn away everywhere."""
+def _unsafe_notes(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]:
+    """Name the seasons on whose best route the vessel cannot turn away everywhere."""
     return tuple(
         f"not safe everywhere: {row.season}, {row.collisions:,} of {row.trials:,} hard-over turns "
-        f"along the best route meet land; it was planned with padding = "
-        f'{scenario.planner.padding!r}, and only "adaptive" is proved'
+        f"along the best route met land; it was planned with padding = "
+        f'{scenario.planner.padding!r}, and only "adaptive" is verified'
         for row in evaluation.routes
         if row.rank == 1 and row.collisions
     )
 
 
 @dataclass
-class _Run:
-    """One run on its way through the stages."""
+class _StagedRun:
+    """One run of all stages, each of which reuses its artefact where the store has it."""
 
     scenario: Scenario
     directory: Path
     store: Store
-    listen: Listener
+    on_event: EventHandler
     timings: dict[str, float] = field(default_factory=dict)
 
-    def through(self, *, offline: bool, scheduler: str | None) -> Outcome:
-        """All stages."""
-        begun = time.perf_counter()
-        result, evaluated = self.planned(offline=offline, scheduler=scheduler)
+    def run_and_write(self, *, offline: bool, scheduler: str | None) -> Outcome:
+        """Run all stages."""
+        started = time.perf_counter()
+        result, evaluated = self.run_stages(offline=offline, scheduler=scheduler)
         with self._stage("write"):
-            stamp = artefact.key(
+            stamp = artefact_key(
                 "write",
                 self.scenario.model_dump(mode="json"),
                 evaluated,
                 [(plan.season, plan.failure) for plan in result.plans],
                 result.fetched.notes,
             )
-            fresh = not self._written(stamp)
+            fresh = not self._is_written(stamp)
             if fresh:
                 files = write(result, self.directory)
-                self.store.save(
-                    "write", stamp, {file.name: artefact.file_hash(file) for file in files}
-                )
+                self.store.save("write", stamp, {file.name: file_hash(file) for file in files})
         return Outcome(
             self.scenario,
             self.directory,
@@ -210,29 +210,29 @@ class _Run:
             result.evaluation,
             result.fetched.notes,
             fresh,
-            time.perf_counter() - begun,
+            time.perf_counter() - started,
         )
 
-    def planned(self, *, offline: bool, scheduler: str | None) -> tuple[RunResult, list[str]]:
-        """All stages but the last: their result, and the names of the seasons' evaluations."""
+    def run_stages(self, *, offline: bool, scheduler: str | None) -> tuple[RunResult, list[str]]:
+        """Run all stages but the last; return the result, and the evaluations' file names."""
         with self._stage("fetch"):
             parts = fetch(self.scenario, self.store, offline=offline)
             for note in parts.fetched.notes:
-                self.listen(Event("fetch", "note", detail=note))
+                self.on_event(Event("fetch", "note", detail=note))
         with self._stage("simplify"):
-            simplified_key, land = self._simplified(parts)
+            simplified_key, land = self._simplify(parts)
             for note in land.notes:
-                self.listen(Event("simplify", "note", detail=note))
+                self.on_event(Event("simplify", "note", detail=note))
             simplified = land.simplified
             fetched = replace(parts.fetched, notes=(*parts.fetched.notes, *land.notes))
         with self._stage("project"):
-            scene_key, scene = self._scene(parts, simplified_key, simplified)
+            scene_key, scene = self._project(parts, simplified_key, simplified)
         with self._stage("plan"):
-            tasks = self._tasks(parts, simplified_key, scene_key)
-            plans, evaluation = self._seasons(parts, tasks, scheduler)
-            unsafe = _unsafe(evaluation, self.scenario)
+            tasks = self._season_tasks(parts, simplified_key, scene_key)
+            plans, evaluation = self._plan_seasons(parts, tasks, scheduler)
+            unsafe = _unsafe_notes(evaluation, self.scenario)
             for note in unsafe:
-                self.listen(Event("plan", "note", detail=note))
+                self.on_event(Event("plan", "note", detail=note))
             fetched = replace(fetched, notes=(*fetched.notes, *unsafe))
         result = RunResult(
             self.scenario,
@@ -248,25 +248,25 @@ class _Run:
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:
-        """Tell of a stage, and time it."""
-        begun = time.perf_counter()
-        self.listen(Event(stage, "begun"))
+        """Report a stage's begin and end, and time it."""
+        started = time.perf_counter()
+        self.on_event(Event(stage, "begun"))
         try:
             yield
         except Exception as error:
-            self.listen(Event(stage, "failed", detail=str(error).replace("\n", "; ")))
+            self.on_event(Event(stage, "failed", detail=str(error).replace("\n", "; ")))
             raise
-        self.timings[stage] = time.perf_counter() - begun
-        self.listen(Event(stage, "done", seconds=self.timings[stage]))
+        self.timings[stage] = time.perf_counter() - started
+        self.on_event(Event(stage, "done", seconds=self.timings[stage]))
 
-    def _simplified(self, parts: Parts) -> tuple[str, SimplifiedLand]:
-        """Second stage."""
-        wanted = {"region", "plane", "scale", "chart", "start", "goal"}
-        asked = self.scenario.model_dump(mode="json", include=wanted)
-        key = artefact.key("simplify", parts.land_key, asked)
+    def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
+        """Second stage: return its artefact's key, and the artefact."""
+        names = {"region", "plane", "scale", "chart", "start", "goal"}
+        inputs = self.scenario.model_dump(mode="json", include=names)
+        key = artefact_key("simplify", parts.land_key, inputs)
         land = parts.fetched.land
         if self.scenario.region is None:
-            return key, SimplifiedLand(plane.unsimplified(land), 0.0, ())
+            return key, SimplifiedLand(planar.unsimplified(land), 0.0, ())
         region, chart = self.scenario.region, self.scenario.chart
 
         def make() -> SimplifiedLand:
@@ -275,21 +275,23 @@ class _Run:
                 region.shape,
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
-                join_gap_m=chart.join_gap_m,
+                close_gaps_m=chart.close_gaps_m,
                 tolerance_m=chart.tolerance_m,
                 vertex_budget=chart.vertex_budget,
-                keep_water=(self.scenario.start, self.scenario.goal),
+                endpoints=(self.scenario.start, self.scenario.goal),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )
 
-        return key, self.store.made("simplify", key, SimplifiedLand, make)
+        return key, self.store.load_or_make("simplify", key, SimplifiedLand, make)
 
-    def _scene(
-        self, parts: Parts, simplified_key: str, simplified: Simplified
+    def _project(
+        self, parts: FetchedParts, simplified_key: str, simplified: Simplified
     ) -> tuple[str, Scene]:
-        """Third stage."""
+        """Third stage: return its artefact's key, and the artefact."""
         scenario = self.scenario
-        key = artefact.key("project", simplified_key, dict(parts.current_keys), self._world())
+        key = artefact_key(
+            "project", simplified_key, dict(parts.current_keys), self._scene_inputs()
+        )
 
         def make() -> Scene:
             from pipeline.stages.project import project
@@ -299,23 +301,29 @@ class _Run:
             except renew.PlanningError as error:
                 raise RequestError([str(error)]) from error
 
-        return key, self.store.made("project", key, Scene, make)
+        return key, self.store.load_or_make("project", key, Scene, make)
 
-    def _world(self) -> dict[str, object]:
-        """What of the scenario the planner's world depends on, beside charts and currents."""
-        wanted = {"region", "plane", "vessel", "scale", "start", "goal"}
-        return self.scenario.model_dump(mode="json", include=wanted)
+    def _scene_inputs(self) -> dict[str, object]:
+        """Return the parts of the scenario, other than chart and currents, that a scene uses."""
+        names = {"region", "plane", "vessel", "scale", "start", "goal"}
+        return self.scenario.model_dump(mode="json", include=names)
 
-    def _tasks(self, parts: Parts, simplified_key: str, scene_key: str) -> list[SeasonTask]:
-        """One task for each season that has a current."""
+    def _season_tasks(
+        self, parts: FetchedParts, simplified_key: str, scene_key: str
+    ) -> list[SeasonTask]:
+        """Return a task for each season that has a current."""
         tasks = []
         options = self.scenario.planner
         for season, current_key in parts.current_keys.items():
-            # Not by the scene's key: another season's current is nothing to this one.
-            plan_key = artefact.key(
-                "plan", simplified_key, current_key, self._world(), options.model_dump(mode="json")
+            # Without the scene's key, which depends on the other seasons' currents too.
+            plan_key = artefact_key(
+                "plan",
+                simplified_key,
+                current_key,
+                self._scene_inputs(),
+                options.model_dump(mode="json"),
             )
-            evaluation_key = artefact.key("evaluate", plan_key, parts.land_key)
+            evaluation_key = artefact_key("evaluate", plan_key, parts.land_key)
             tasks.append(
                 SeasonTask(
                     season=season,
@@ -328,47 +336,46 @@ class _Run:
             )
         return tasks
 
-    def _seasons(
-        self, parts: Parts, tasks: Sequence[SeasonTask], scheduler: str | None
+    def _plan_seasons(
+        self, parts: FetchedParts, tasks: Sequence[SeasonTask], scheduler: str | None
     ) -> tuple[tuple[SeasonPlan, ...], Evaluation]:
-        """Fourth and fifth stage; every season with its own status."""
-        from pipeline.stages.evaluate import joined
+        """Fourth and fifth stage; each season succeeds or fails by itself."""
+        from pipeline.stages.evaluate import combine_seasons
 
         done = {task.season: result for task in tasks if (result := task.result()) is not None}
         waiting = {task.season: task for task in tasks if task.season not in done}
-        broken = dict(parts.failures)
+        crashed = dict(parts.failures)
 
-        def tell(status: Status) -> None:
-            if status.broken:
-                broken[status.season] = status.failure
+        def report(status: Status) -> None:
+            if status.crashed:
+                crashed[status.season] = status.failure
             ended: Literal["failed", "done"] = "failed" if status.failure else "done"
-            self.listen(Event("plan", ended, season=status.season, detail=status.failure))
+            self.on_event(Event("plan", ended, season=status.season, detail=status.failure))
 
-        run_tasks(list(waiting.values()), scheduler, tell)
+        run_tasks(list(waiting.values()), scheduler, report)
         for season, task in waiting.items():
-            result = None if season in broken else task.result()
+            result = None if season in crashed else task.result()
             if result is not None:
                 done[season] = result
             else:
-                broken.setdefault(season, "its result is gone from the store; run again")
+                crashed.setdefault(season, "its result is missing from the store; run again")
         plans = tuple(
-            done[name][0] if name in done else SeasonPlan(name, None, broken[name], 0.0)
+            done[name][0] if name in done else SeasonPlan(name, None, crashed[name], 0.0)
             for name in (season.name for season in self.scenario.seasons)
         )
         if not any(plan.plan is not None for plan in plans):
             reasons = [f"season {plan.season!r}: {plan.failure}" for plan in plans]
-            raise StageError("; ".join(reasons)) if broken else RequestError(reasons)
+            raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
         for plan in plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
-        return plans, joined(done[plan.season][1] for plan in plans if plan.season in done)
+        return plans, combine_seasons(done[plan.season][1] for plan in plans if plan.season in done)
 
-    def _written(self, stamp: str) -> bool:
-        """Whether the run's folder holds the very files that this run would write."""
+    def _is_written(self, stamp: str) -> bool:
+        """Whether the run's folder already holds exactly the files that this run would write."""
         hashes = self.store.load("write", stamp, dict)
         if not hashes:
             return False
         return all(
-            (self.directory / name).is_file()
-            and artefact.file_hash(self.directory / name) == digest
+            (self.directory / name).is_file() and file_hash(self.directory / name) == digest
             for name, digest in hashes.items()
         )

@@ -1,10 +1,10 @@
-"""The store of artefacts: each is named by the content of what made it, and whole or absent.
+"""The store of artefacts, the stages' results: each is named by all that it was computed from.
 
-An artefact's key is Dask's token of its stage, the code of that stage and its inputs; inputs that
-are artefacts themselves go in by their keys. So a run that was killed goes on where it stopped, a
-second run does nothing, and a change of anything makes just what depends on it anew. Files are
-written to a temporary name, carry their hash, and are renamed: one that is cut short or damaged
-counts as absent.
+An artefact's key is Dask's token of its stage, that stage's code, the libraries and the inputs;
+inputs that are artefacts themselves are represented by their keys. So a killed run continues where
+it stopped, a second run does nothing, and after a change only what depends on it is computed again.
+Files are written under a temporary name, contain their hash, and are renamed once complete: an
+artefact that is truncated or damaged counts as absent.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ValueT = TypeVar("ValueT")
 
-# Libraries whose releases change figures, or how a pickle reads.
+# Libraries whose releases change results, or the format of a pickle.
 _LIBRARIES = (
     "renew-planner",
     "numpy",
@@ -43,36 +43,38 @@ _LIBRARIES = (
 )
 _MAGIC = b"RENEW artefact 1\n"
 _DIGEST_SIZE = hashlib.sha256().digest_size
-_SUFFIX, _UNFINISHED = ".artefact", ".tmp"
-# What a killed run left unfinished; no artefact takes a day to write.
+_SUFFIX, _UNFINISHED_SUFFIX = ".artefact", ".tmp"
+# Age at which an unfinished file is removed, s: its run was killed, as no write takes a day.
 _LEFTOVER_AGE_S = 24 * 3600.0
 
 
 class Store:
-    """Artefacts under a folder, one file each.
+    """Artefacts in a folder, one file each.
 
-    They are pickles, for this machine's eyes: a store is as trusted as the program beside it.
+    They are pickles: a store must be as trusted as the program itself.
     """
 
     def __init__(self, root: Path) -> None:
         self.root = root
 
     def path(self, stage: str, key: str) -> Path:
-        """Where an artefact lies, or would."""
+        """Return the path of an artefact, whether it exists or not."""
         return self.root / stage / f"{key}{_SUFFIX}"
 
     def load(self, stage: str, key: str, kind: type[ValueT]) -> ValueT | None:
-        """Read an artefact; None where it is absent or damaged."""
-        return load(self.path(stage, key), kind)
+        """Load an artefact; None where it is absent or damaged."""
+        return load_artefact(self.path(stage, key), kind)
 
     def save(self, stage: str, key: str, value: object) -> Path:
-        """Write an artefact under its key, whole or not at all."""
+        """Save an artefact under its key, completely or not at all."""
         path = self.path(stage, key)
-        save(path, value)
+        save_artefact(path, value)
         return path
 
-    def made(self, stage: str, key: str, kind: type[ValueT], make: Callable[[], ValueT]) -> ValueT:
-        """Read an artefact, or make and keep it."""
+    def load_or_make(
+        self, stage: str, key: str, kind: type[ValueT], make: Callable[[], ValueT]
+    ) -> ValueT:
+        """Load an artefact, or make and save it."""
         found = self.load(stage, key, kind)
         if found is None:
             found = make()
@@ -80,15 +82,15 @@ class Store:
         return found
 
     def folder(self, name: str) -> Path:
-        """A folder of the store for files that a source keeps."""
+        """Return a folder of the store, created if needed, for files that a source caches."""
         path = self.root / name
         path.mkdir(parents=True, exist_ok=True)
         return path
 
 
 @contextlib.contextmanager
-def only_run(path: Path, name: str) -> Iterator[None]:
-    """Keep a second run of one scenario out until the first has ended.
+def exclusive_run(path: Path, name: str) -> Iterator[None]:
+    """Allow one run of a scenario at a time in an output folder.
 
     Raises
     ------
@@ -101,43 +103,43 @@ def only_run(path: Path, name: str) -> Iterator[None]:
         lock.acquire(timeout=0)
     except Timeout:
         raise StageError(
-            f"another run of {name!r} is at work in {path.parent.parent}: wait until it has ended, "
-            "or choose another place with --output"
+            f"another run of {name!r} is writing to {path.parent.parent}: wait until it has ended, "
+            "or choose another folder with --output"
         ) from None
     except OSError as error:
         raise StageError(
-            f"can't write in {path.parent}: {error.strerror or error}; choose another place with "
+            f"can't write in {path.parent}: {error.strerror or error}; choose another folder with "
             "--output"
         ) from error
     try:
-        sweep(path.parent)
+        remove_leftovers(path.parent)
         yield
     finally:
         lock.release()
 
 
-def sweep(root: Path) -> None:
-    """Remove what killed runs left unfinished, a day after."""
-    for leftover in root.glob(f"*/.*{_UNFINISHED}"):
+def remove_leftovers(root: Path) -> None:
+    """Remove unfinished files of killed runs that are more than a day old."""
+    for leftover in root.glob(f"*/.*{_UNFINISHED_SUFFIX}"):
         with contextlib.suppress(OSError):
             if time.time() - leftover.stat().st_mtime > _LEFTOVER_AGE_S:
                 leftover.unlink()
 
 
-def key(stage: str, *inputs: object) -> str:
-    """Name an artefact: stage, its code, the libraries, and its inputs."""
+def artefact_key(stage: str, *inputs: object) -> str:
+    """Return an artefact's key: a token of stage, code, libraries and inputs."""
     from dask.base import tokenize
 
-    token = tokenize(stage, code_hash(stage), libraries(), inputs, ensure_deterministic=True)
+    token = tokenize(stage, code_hash(stage), library_versions(), inputs, ensure_deterministic=True)
     return str(token)
 
 
-def save(path: Path, value: object) -> None:
-    """Write a value to a temporary name with its hash, and rename it."""
+def save_artefact(path: Path, value: object) -> None:
+    """Write a value with its hash under a temporary name, and rename it."""
     content = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_name(f".{path.stem[:16]}.{secrets.token_hex(4)}{_UNFINISHED}")
+        fresh = path.with_name(f".{path.stem[:16]}.{secrets.token_hex(4)}{_UNFINISHED_SUFFIX}")
         try:
             with fresh.open("xb") as file:
                 file.write(_MAGIC + hashlib.sha256(content).digest() + content)
@@ -148,13 +150,13 @@ def save(path: Path, value: object) -> None:
             fresh.unlink(missing_ok=True)
     except OSError as error:
         raise StageError(
-            f"can't keep {path.name} in {path.parent}: {error.strerror or error}; make room or "
-            "choose another place with --output"
+            f"can't write {path.name} in {path.parent}: {error.strerror or error}; free some "
+            "space, or choose another folder with --output"
         ) from error
 
 
-def load(path: Path, kind: type[ValueT]) -> ValueT | None:
-    """Read a value; None where the file is absent, damaged, or holds something else."""
+def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
+    """Load a value; None where the file is absent, damaged, or holds another type."""
     try:
         stored = path.read_bytes()
     except OSError:
@@ -163,13 +165,13 @@ def load(path: Path, kind: type[ValueT]) -> ValueT | None:
     content = stored[begin:]
     if stored[:begin] != _MAGIC + hashlib.sha256(content).digest():
         return None
-    value = pickle.loads(content)  # noqa: S301 - written by `save` above; the hash says whole
+    value = pickle.loads(content)  # noqa: S301 - written by `save_artefact`; its hash agrees
     return value if isinstance(value, kind) else None
 
 
 @cache
-def libraries() -> tuple[str, ...]:
-    """Releases of the libraries that figures depend on."""
+def library_versions() -> tuple[str, ...]:
+    """Return the installed versions of the libraries that results depend on."""
     found = []
     for name in _LIBRARIES:
         with contextlib.suppress(PackageNotFoundError):
@@ -178,6 +180,6 @@ def libraries() -> tuple[str, ...]:
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal."""
+    """Return the SHA-256 of a file, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

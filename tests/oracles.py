@@ -1,11 +1,11 @@
-"""Independent yardsticks for the planner: a dense grid Dijkstra with a wide stencil.
+"""An independent oracle for the planner: Dijkstra's algorithm on a dense grid, wide stencil.
 
-Nothing here shares code with the planner but the inputs: a chart, a current and a vessel. Every
-edge is priced by its own quadrature of Eq. 4 and tested against the land exactly, so that the
-fuel found is that of a real path, never too low. How much it is too high: an edge's course is off
-the best one by at most half the stencil's widest gap (4.1 degrees with the 144 neighbours of
-radius 7, so 0.26 % and on average under 0.1 %), and corners of land lie up to a spacing beside
-the nodes. `tighten` takes most of that away.
+It shares only its inputs with the planner: a chart, a current and a vessel. It computes the time of
+each edge by its own quadrature of Eq. 4 and tests each edge exactly against land, so the fuel found
+is that of a real path and never too low. It may be too high: an edge's course differs from the best
+one by at most half the widest angle between neighbours (4.1 degrees for the 144 neighbours of
+radius 7, which costs at most 0.26 % and on average less than 0.1 %), and a corner of land lies up
+to one spacing from the nodes. `tighten` removes most of that error.
 """
 
 from __future__ import annotations
@@ -33,13 +33,18 @@ if TYPE_CHECKING:
     Field = Callable[[FloatArray], FloatArray]
 
 STENCIL_RADIUS = 7
-# Gauss-Legendre nodes a piece; pieces are at most this long, in spacings.
+"""Largest number of grid steps along an axis between two nodes that an edge joins."""
+
+# Gauss-Legendre nodes and weights for one piece of an edge.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-_LONGEST_PIECE = 4.0
-# Land shrinks by this share of the extent's width, so that edges may slide along it.
-_TOUCH = 1e-9
-# A quarter circle of a clearance is drawn with so many chords: inside it by 2e-5 of the radius.
+# Largest length of a piece, in grid spacings.
+_MAX_PIECE = 4.0
+# Share of the extent's width by which land is shrunk, so that edges may run along it.
+_SHRINK = 1e-9
+# Number of chords for a quarter circle of a clearance: they cut it by 2e-5 of the radius.
 _QUAD_SEGMENTS = 128
+# Number of candidate points on a transversal.
+_CANDIDATES = 13
 
 
 def grid_dijkstra(
@@ -56,17 +61,17 @@ def grid_dijkstra(
 ) -> tuple[float, FloatArray]:
     """Least fuel from start to goal over a grid's edges, and the path (n, 2) in metres.
 
-    The grid covers the chart's extent at `spacing` metres; nodes are joined by all coprime
-    offsets up to `radius` steps along either axis, start and goal to all nodes as near as that.
-    Returns inf and an empty path where no edges lead to the goal.
+    The grid covers the chart's extent, its nodes `spacing` metres apart. Edges join each node to
+    those at coprime offsets of up to `radius` steps along either axis, and the start and the goal
+    to every node within that range. Returns inf and an empty path if no edges lead to the goal.
     """
     water = _Water.of(chart, clearance)
     nodes, (columns, rows) = _grid(chart, spacing)
     count = len(nodes)
     index = np.arange(count).reshape(rows, columns)
     free = water.holds(nodes)
-    reach = spacing * math.hypot(radius, radius - 1)
-    near_land = water.near(nodes, reach)
+    max_edge = spacing * math.hypot(radius, radius - 1)
+    near_land = water.near(nodes, max_edge)
     tails: list[IntArray] = []
     heads: list[IntArray] = []
     for dx, dy in _offsets(radius):
@@ -76,18 +81,19 @@ def grid_dijkstra(
         tails.append(tail[keep])
         heads.append(head[keep])
     points = np.vstack([nodes, start, goal])
-    for end in (count, count + 1):
-        close = np.flatnonzero(free & (np.linalg.norm(nodes - points[end], axis=1) <= reach))
-        tails.append(np.full(len(close), end))
+    for endpoint in (count, count + 1):
+        distance = np.linalg.norm(nodes - points[endpoint], axis=1)
+        close = np.flatnonzero(free & (distance <= max_edge))
+        tails.append(np.full(len(close), endpoint))
         heads.append(close)
     tail, head = np.concatenate(tails), np.concatenate(heads)
-    doubtful = np.ones(len(tail), dtype=bool)
-    doubtful[tail < count] = near_land[tail[tail < count]]
-    clear = ~doubtful
-    clear[doubtful] = water.legs_clear(points[tail[doubtful]], points[head[doubtful]])
+    uncertain = np.ones(len(tail), dtype=bool)
+    uncertain[tail < count] = near_land[tail[tail < count]]
+    clear = ~uncertain
+    clear[uncertain] = water.legs_clear(points[tail[uncertain]], points[head[uncertain]])
     tail, head = tail[clear], head[clear]
     there, back = leg_times(
-        points[tail], points[head], current, vessel, drift, _LONGEST_PIECE * spacing
+        points[tail], points[head], current, vessel, drift, _MAX_PIECE * spacing
     )
     graph = csr_array(
         (
@@ -97,12 +103,12 @@ def grid_dijkstra(
         shape=(count + 2, count + 2),
     )
     graph.data[~np.isfinite(graph.data)] = np.inf
-    time, before = dijkstra(graph, indices=count, return_predecessors=True)
+    time, predecessor = dijkstra(graph, indices=count, return_predecessors=True)
     if not math.isfinite(time[count + 1]):
         return math.inf, np.empty((0, 2))
     row = [count + 1]
     while row[-1] != count:
-        row.append(int(before[row[-1]]))
+        row.append(int(predecessor[row[-1]]))
     return float(vessel.fuel_rate * time[count + 1]), points[row[::-1]]
 
 
@@ -118,16 +124,16 @@ def tighten(
     width: float = 6.0,
     rounds: int = 7,
 ) -> tuple[float, FloatArray]:
-    """Pull a path's string in Eq. 4: its fuel, and the path (n, 2), in the same water.
+    """Improve a path locally by Eq. 4: its fuel, and the path (n, 2), in the same water.
 
-    Rungs stand across the path every `spacing` metres, `width` metres to either side; the
-    cheapest row of one point a rung is found, and again on rungs half as wide around it.
-    Post-condition: the path found is never dearer than the one given, up to rounding.
+    Each round puts transversals across the path every `spacing` metres, `width` metres to either
+    side, and finds the quickest chain of one point on each; the next round halves the width.
+    Post-condition: the result needs no more fuel than the given path, up to rounding.
     """
     water = _Water.of(chart, clearance)
     best, best_time = path, _path_time(path, current, vessel, drift, spacing)
     for _ in range(rounds):
-        places = _rungs(best, spacing, width)
+        places = _transversals(best, spacing, width)
         shape = places.shape
         a = np.broadcast_to(places[:-1, :, None], (shape[0] - 1, shape[1], shape[1], 2))
         b = np.broadcast_to(places[1:, None], a.shape)
@@ -136,15 +142,15 @@ def tighten(
         )
         times[~water.legs_clear(a.reshape(-1, 2), b.reshape(-1, 2))] = np.inf
         layers = times.reshape(a.shape[:-1])
-        arrival, came = np.where(np.arange(shape[1]) == 0, 0.0, np.inf), []
+        arrival, came_from = np.where(np.arange(shape[1]) == 0, 0.0, np.inf), []
         for layer in layers:
             total = arrival[:, None] + layer
-            came.append(total.argmin(axis=0))
+            came_from.append(total.argmin(axis=0))
             arrival = total.min(axis=0)
         if arrival.min() < best_time:
             chain = [int(arrival.argmin())]
-            for back in reversed(came):
-                chain.append(int(back[chain[-1]]))
+            for previous in reversed(came_from):
+                chain.append(int(previous[chain[-1]]))
             best = places[np.arange(shape[0]), chain[::-1]]
             best_time = float(arrival.min())
         width /= 2
@@ -157,16 +163,16 @@ def leg_times(
     current: Field,
     vessel: renew.Vessel,
     drift: str,
-    longest_piece: float,
+    max_piece: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) over straight legs a -> b and b -> a (n, 2), s; inf where no way can be made.
+    """Times (n,) over straight legs a -> b and b -> a (n, 2), s; inf where a leg is impassable.
 
-    Water that outruns the vessel is no-go for it in either direction.
+    Water with a current as strong as the vessel is no-go, in whichever direction it is crossed.
     """
     leg = b - a
     length = np.hypot(leg[:, 0], leg[:, 1])
     unit = leg / np.where(length > 0, length, 1.0)[:, None]
-    pieces = max(1, math.ceil(float(length.max(initial=0.0)) / longest_piece))
+    pieces = max(1, math.ceil(float(length.max(initial=0.0)) / max_piece))
     there, back = np.zeros(len(a)), np.zeros(len(a))
     for piece, (node, weight) in itertools.product(
         range(pieces), zip(_NODES, _WEIGHTS, strict=True)
@@ -186,16 +192,9 @@ def leg_times(
     return there, back
 
 
-def turned(path: FloatArray) -> float:
-    """Sum of a path's course changes, rad: large where it tacks."""
-    legs = np.diff(path, axis=0)
-    course = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
-    return float(np.abs(np.diff(course)).sum())
-
-
 @dataclass(frozen=True)
 class _Water:
-    """Where legs may go: inside `extent`, outside the interior of `land`."""
+    """Where legs may run: inside `extent`, outside the interior of `land`."""
 
     extent: BaseGeometry
     land: BaseGeometry
@@ -203,12 +202,12 @@ class _Water:
     @classmethod
     def of(cls, chart: renew.Chart, clearance: float) -> _Water:
         """Water of a chart at a clearance (m)."""
-        touch = _TOUCH * float(np.ptp(np.asarray(chart.extent.exterior.coords), axis=0).max())
+        shrink = _SHRINK * float(np.ptp(np.asarray(chart.extent.exterior.coords), axis=0).max())
         land = shapely.union_all(np.array(chart.no_go, dtype=object))
         if clearance > 0:
             land = shapely.buffer(land, clearance, quad_segs=_QUAD_SEGMENTS)
-        land = shapely.buffer(land, -touch, join_style="mitre")
-        extent = shapely.buffer(chart.extent, touch, join_style="mitre")
+        land = shapely.buffer(land, -shrink, join_style="mitre")
+        extent = shapely.buffer(chart.extent, shrink, join_style="mitre")
         shapely.prepare(land)
         shapely.prepare(extent)
         return cls(extent, land)
@@ -242,7 +241,7 @@ def _is_box(extent: BaseGeometry) -> bool:
 
 
 def _grid(chart: renew.Chart, spacing: float) -> tuple[FloatArray, tuple[int, int]]:
-    """Nodes (n, 2) over the extent, row by row, and how many columns and rows."""
+    """Nodes (n, 2) over the extent, row by row, and the numbers of columns and rows."""
     xmin, ymin, xmax, ymax = chart.extent.bounds
     x = np.arange(xmin, xmax + spacing * 1e-6, spacing)
     y = np.arange(ymin, ymax + spacing * 1e-6, spacing)
@@ -250,7 +249,7 @@ def _grid(chart: renew.Chart, spacing: float) -> tuple[FloatArray, tuple[int, in
 
 
 def _offsets(radius: int) -> list[tuple[int, int]]:
-    """Coprime offsets (dx, dy) in the upper half plane; the other half are their reverses."""
+    """Coprime offsets (dx, dy) in the upper half plane; the others are their opposites."""
     return [
         (dx, dy)
         for dy in range(radius + 1)
@@ -259,11 +258,11 @@ def _offsets(radius: int) -> list[tuple[int, int]]:
     ]
 
 
-def _rungs(path: FloatArray, spacing: float, width: float) -> FloatArray:
-    """Points (rungs, m, 2) across a path; the ends are single points, repeated."""
+def _transversals(path: FloatArray, spacing: float, width: float) -> FloatArray:
+    """Points (t, m, 2) on lines across a path; the first and the last are one point, repeated."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     count = max(2, math.ceil(along[-1] / spacing))
-    # The path's own vertices stay, so that it is among the rows to choose from.
+    # The path's own vertices are among the points, so that the path itself can be chosen again.
     stations = np.unique(np.concatenate([along, np.linspace(0.0, along[-1], count + 1)]))
     stations = stations[np.concatenate([[True], np.diff(stations) > spacing * 1e-3])]
     stations[-1] = along[-1]
@@ -271,11 +270,11 @@ def _rungs(path: FloatArray, spacing: float, width: float) -> FloatArray:
     tangent = np.gradient(points, stations, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    offsets = np.linspace(-width, width, 13)
+    offsets = np.linspace(-width, width, _CANDIDATES)
     offsets = np.concatenate([[0.0], offsets[offsets != 0]])
-    rungs = points[:, None] + offsets[:, None] * normal[:, None]
-    rungs[[0, -1]] = points[[0, -1], None]
-    return np.asarray(rungs)
+    across = points[:, None] + offsets[:, None] * normal[:, None]
+    across[[0, -1]] = points[[0, -1], None]
+    return np.asarray(across)
 
 
 def _path_time(

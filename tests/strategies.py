@@ -1,4 +1,4 @@
-"""Shared hypothesis strategies and scenes: islands, currents and vessels in planar metres."""
+"""Shared test scenes and hypothesis strategies: islands, currents, vessels; planar metres."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SINGLE_GYRE_ISLANDS = (
     ((51, 67.5), (55, 67), (55, 72), (52, 72)),
     ((39, 43), (43.5, 47.5), (64, 50), (64.5, 24), (61, 25)),
 )
-"""Obstacles of the published single gyre, read off its picture (m)."""
+"""Obstacles of the published single gyre, m; read off its figure."""
 
 PAPER_VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 
@@ -37,7 +37,7 @@ def single_gyre() -> tuple[renew.Chart, renew.GyreCurrent]:
 
 
 def random_islands(seed: int, count: int = 7) -> list[Polygon]:
-    """Convex islands in the random scene, clear of its corners' neighbourhoods."""
+    """Convex islands of a random scene, at least 10 m from its edge."""
     rng = np.random.default_rng(seed)
     islands: list[Polygon] = []
     while len(islands) < count:
@@ -63,7 +63,7 @@ class StreamFunctionCurrent(renew.CurrentField):
         self._scale = peak / float(speeds.max())
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2): the stream function's gradient turned by a right angle."""
+        """Velocity (..., 2), m/s: the gradient of the stream function, rotated by 90 degrees."""
         slope = np.cos(points @ self._wave.T + self._phase)
         return self._scale * np.stack(
             [slope @ self._wave[:, 1], -(slope @ self._wave[:, 0])], axis=-1

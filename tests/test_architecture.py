@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import subprocess
 import sys
@@ -43,6 +44,13 @@ def project(root: Path) -> dict[str, Any]:
     return table
 
 
+def _declared(project: dict[str, Any]) -> set[str]:
+    """Names of the distributions that are needed, and of those that an extra adds."""
+    extras: dict[str, list[str]] = project["optional-dependencies"]
+    requirements = itertools.chain(project["dependencies"], *extras.values())
+    return {_canonical(requirement) for requirement in requirements}
+
+
 def test_imports_keep_to_the_walls(
     root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,7 +68,7 @@ def test_what_is_imported_is_declared_and_the_other_way_round(project: dict[str,
         for module in outside - sys.stdlib_module_names
         for distribution in distributions[module.partition(".")[0]]
     }
-    declared = {_canonical(requirement) for requirement in project["dependencies"]}
+    declared = _declared(project)
     declared |= {name for name, bringer in COMES_WITH.items() if bringer in declared}
 
     assert imported - declared == set(), "imported, and not declared in pyproject.toml"
@@ -74,8 +82,23 @@ def test_the_lock_pins_what_is_declared_and_names_no_host(
     lock = (root / "requirements.lock").read_text("utf-8")
     pinned = {_canonical(line) for line in lock.splitlines() if re.match(r"[A-Za-z0-9]", line)}
 
-    assert {_canonical(requirement) for requirement in project["dependencies"]} <= pinned
+    assert _declared(project) <= pinned
     assert re.findall(r"\S*(?:://|--index|--find-links| @ )\S*", lock) == []
+
+
+def test_what_forbids_commercial_use_is_an_extra(project: dict[str, Any]) -> None:
+    assert "triangle" not in map(_canonical, project["dependencies"])
+    extra = project["optional-dependencies"]["triangle"]
+    assert [_canonical(requirement) for requirement in extra] == ["triangle"]
+
+
+def test_the_citation_names_this_version(root: Path, project: dict[str, Any]) -> None:
+    # CFF is YAML; what is read here is one `key: value` a line at its top level.
+    citation = (root / "CITATION.cff").read_text("utf-8")
+    stated = dict(re.findall(r"^([a-z-]+): *\"?([^\"\n]+?)\"?$", citation, re.MULTILINE))
+    assert stated["cff-version"] == "1.2.0"
+    assert stated["version"] == project["version"]
+    assert stated["license"] == project["license"]
 
 
 def test_the_wheel_holds_every_module_and_the_catalogue(root: Path, tmp_path: Path) -> None:
@@ -89,7 +112,7 @@ def test_the_wheel_holds_every_module_and_the_catalogue(root: Path, tmp_path: Pa
         path.relative_to(root).as_posix()
         for package in ("renew", "pipeline")
         for path in (root / package).rglob("*")
-        if path.is_file() and path.parent.name != "__pycache__"
+        if path.is_file() and "__pycache__" not in path.parts
     }
     data = {
         f"pipeline/{path.relative_to(root).as_posix()}"

@@ -1,7 +1,8 @@
 """The command line: `renew run|plot|list|show|check`.
 
-Exit 0: done. 1: a route or a season failed, the rest is written. 2: the request is wrong, nothing
-is written. Results go to standard output; progress, notes and errors to standard error.
+Exit code 0: done. 1: a season failed, the others are written; or a stage failed. 2: the request is
+wrong, nothing is written. Results go to standard output; progress, notes and errors to standard
+error.
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ ScenarioArgument = Annotated[
 ]
 
 OutputOption = Annotated[
-    Path, typer.Option(help="Folder of the results; each scenario has its own in it.")
+    Path, typer.Option(help="Folder of all results; each scenario has its own folder in it.")
 ]
 OfflineOption = Annotated[
-    bool, typer.Option("--offline", help="Ask no source that needs the network.")
+    bool, typer.Option("--offline", help="Use no source that needs the network.")
 ]
 ChartsOption = Annotated[
     Path | None,
-    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart."),
+    typer.Option(help="A vector file or a folder of S-57 cells, in place of the scenario's chart."),
 ]
 CurrentsOption = Annotated[
     list[Path] | None,
     typer.Option(
-        help="A NetCDF file or Zarr store of currents, in place of the scenario's; say it "
-        "again for each of several that belong together, or quote a pattern: 'daily/*.nc'."
+        help="A NetCDF file or Zarr store of currents, in place of the scenario's; may be repeated "
+        "for files that belong together, or given as a quoted pattern: 'daily/*.nc'."
     ),
 ]
 
@@ -57,8 +58,8 @@ def main() -> None:
 
 
 @contextlib.contextmanager
-def _told() -> Iterator[None]:
-    """Turn what this package raises on purpose into lines on standard error and an exit code."""
+def _reported_errors() -> Iterator[None]:
+    """Turn expected errors into lines on standard error and an exit code."""
     try:
         yield
     except PipelineError as error:
@@ -66,18 +67,15 @@ def _told() -> Iterator[None]:
             typer.echo(f"error: {line}", err=True)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        typer.echo("stopped; what was done is kept, run again to go on", err=True)
+        typer.echo("stopped; finished stages are kept, run again to continue", err=True)
         raise typer.Exit(130) from None
 
 
 def _version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
-        from importlib.metadata import PackageNotFoundError, version
+        from pipeline.cli.version import program_version
 
-        try:
-            typer.echo(f"renew {version('renew-planner')}")
-        except PackageNotFoundError:
-            typer.echo("renew (a checkout that is not installed; `make setup` does)")
+        typer.echo(f"renew {program_version()}")
         raise typer.Exit
 
 
@@ -85,7 +83,7 @@ def _version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the opt
 def options(
     *,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     """Vessel routes that are safe and cheap in ocean currents."""
@@ -105,18 +103,24 @@ def run(
     ] = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
-    with _told():
+    with _reported_errors():
         from pipeline.loading import load_scenario
 
-        # Before the heavy imports: a wrong request is told at once.
-        wanted = load_scenario(scenario, charts=charts, currents=currents or ())
-        from pipeline.cli.progress import listening
+        # Before the heavy imports, so that a wrong request is reported at once.
+        notes: list[str] = []
+        wanted = load_scenario(
+            scenario, charts=charts, currents=currents or (), on_note=notes.append
+        )
+        from pipeline.cli.progress import progress
         from pipeline.cli.summary import season_table
+        from pipeline.run import Event
         from pipeline.run import run as run_scenario
 
-        with listening(wanted.name, len(wanted.seasons)) as listen:
+        with progress(wanted.name, len(wanted.seasons)) as on_event:
+            for note in notes:
+                on_event(Event("fetch", "note", detail=note))
             outcome = run_scenario(
-                wanted, output, offline=offline, scheduler=scheduler, listen=listen
+                wanted, output, offline=offline, scheduler=scheduler, on_event=on_event
             )
         typer.echo(season_table(outcome))
         verb = "Written to" if outcome.fresh else "Unchanged in"
@@ -131,12 +135,13 @@ def plot(
     scenario: ScenarioArgument,
     *,
     season: Annotated[
-        list[str] | None, typer.Option(help="A season; say it again for another. All if left out.")
+        list[str] | None, typer.Option(help="A season; may be repeated. All seasons if left out.")
     ] = None,
     figure: Annotated[
-        list[Kind] | None, typer.Option(help="What to draw; say it again for another.")
+        list[Kind] | None,
+        typer.Option(help="What to draw; may be repeated. Everything if left out."),
     ] = None,
-    form: Annotated[Form, typer.Option("--format", help="The form of the files.")] = Form.PNG,
+    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
     output: OutputOption = Path("outputs"),
     offline: OfflineOption = False,
     charts: ChartsOption = None,
@@ -144,16 +149,22 @@ def plot(
 ) -> None:
     """Draw a scenario's figures to OUTPUT/<scenario>/figures/.
 
-    They are those of an earlier run; what no run has planned yet is planned first.
+    They show the results of an earlier run; what has not been planned yet is planned first.
     """
-    with _told():
+    with _reported_errors():
         from pipeline.loading import load_scenario
 
-        wanted = load_scenario(scenario, charts=charts, currents=currents or ())
+        notes: list[str] = []
+        wanted = load_scenario(
+            scenario, charts=charts, currents=currents or (), on_note=notes.append
+        )
         from pipeline.cli.plot import plot as plot_scenario
-        from pipeline.cli.progress import listening
+        from pipeline.cli.progress import progress
+        from pipeline.run import Event
 
-        with listening(wanted.name, len(wanted.seasons)) as listen:
+        with progress(wanted.name, len(wanted.seasons)) as on_event:
+            for note in notes:
+                on_event(Event("fetch", "note", detail=note))
             drawn = plot_scenario(
                 wanted,
                 output,
@@ -161,7 +172,7 @@ def plot(
                 kinds=figure or (),
                 form=form,
                 offline=offline,
-                listen=listen,
+                on_event=on_event,
             )
         for file in drawn.files:
             typer.echo(_short(file))
@@ -173,7 +184,7 @@ def plot(
 @app.command("list")
 def list_entries() -> None:
     """List the catalogue: scenarios, vessels, sources."""
-    with _told():
+    with _reported_errors():
         from pipeline.scenario import catalogue
 
         for section in catalogue.SECTIONS:
@@ -186,8 +197,8 @@ def list_entries() -> None:
 def show(
     name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
 ) -> None:
-    """Print an entry of the catalogue as TOML, to read or to begin a new one from."""
-    with _told():
+    """Print an entry of the catalogue as TOML, to read or to start a new one from."""
+    with _reported_errors():
         from pipeline.scenario import catalogue
 
         path = catalogue.entry_path(name)
@@ -199,19 +210,19 @@ def show(
 def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
-    """Say everything wrong with what a scenario says; a run also holds it against its chart."""
-    with _told():
+    """List all faults of a scenario's file; only a run also checks it against its chart."""
+    with _reported_errors():
         from pipeline.loading import load_scenario
 
-        found = load_scenario(file)
+        found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(
-            f"{found.name}: sound ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"
+            f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"
         )
 
 
 def _short(path: Path) -> str:
-    """The path as one would type it here."""
+    """Return the path as it would be typed in this folder."""
     try:
         return str(path.relative_to(Path.cwd()))
     except ValueError:

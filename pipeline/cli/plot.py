@@ -1,6 +1,6 @@
-"""Figures of a scenario to files: `renew plot`.
+"""Draw a scenario's figures to files: `renew plot`.
 
-They are drawn from what an earlier run left in the store; what is not there is planned first.
+They show the results in the store of an earlier run; what is not in it is planned first.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, figure
-from pipeline.run import planned
+from pipeline.run import plan_scenario
 from pipeline.stages.write import output_directory, safe_name
 
 if TYPE_CHECKING:
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pipeline.run import Listener
+    from pipeline.run import EventHandler
     from pipeline.scenario.model import Scenario
 
 FOLDER = "figures"
+# Resolution of PNG files, dots per inch.
 _DPI = 200
-# No times: the same figure is the same file.
+# Without dates, so that the same figure is the same file.
 _METADATA: dict[str, dict[str, None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
@@ -35,7 +36,7 @@ _METADATA: dict[str, dict[str, None]] = {
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """The files that were written, and what could not be drawn, a line each."""
+    """The files that were written, and one line for each season that could not be drawn."""
 
     directory: Path
     files: tuple[Path, ...]
@@ -50,20 +51,20 @@ def plot(
     kinds: Sequence[Kind] = (),
     form: Form = Form.PNG,
     offline: bool = False,
-    listen: Listener | None = None,
+    on_event: EventHandler | None = None,
 ) -> Drawn:
     """Draw a scenario's figures to `output/<scenario>/figures/<season>-<figure>.<form>`.
 
     Parameters
     ----------
     output
-        Folder of all results, with the artefacts of earlier runs.
+        Folder of all results, and of the store.
     seasons
-        Names of seasons; all of them if none is named.
+        Names of seasons; all if empty.
     kinds, form
-        Which figures, all of them if none is named; and the form of their files.
-    offline, listen
-        As for a run.
+        Which figures, all if empty; and the format of their files.
+    offline, on_event
+        As for `run`.
 
     Raises
     ------
@@ -80,7 +81,7 @@ def plot(
     ]
     if faults:
         raise RequestError(faults)
-    result = planned(scenario, output, offline=offline, listen=listen)
+    result = plan_scenario(scenario, output, offline=offline, on_event=on_event)
     chosen = [name for name in known if not seasons or name in seasons]
     failures = {
         entry.season: f"season {entry.season!r}: {entry.failure}"
@@ -94,13 +95,13 @@ def plot(
         )
         for name in chosen
         if name not in failures
-        for kind in Kind.asked(tuple(kinds))
+        for kind in Kind.selected(tuple(kinds))
     ]
     return Drawn(directory, tuple(files), tuple(failures.values()))
 
 
 def _save(drawing: Figure, path: Path) -> Path:
-    """Write a figure under a temporary name, and rename it once it is whole."""
+    """Write a figure under a temporary name, and rename it once it is complete."""
     import matplotlib as mpl
 
     form = path.suffix[1:]
@@ -108,7 +109,7 @@ def _save(drawing: Figure, path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         fresh = path.with_name(f".{secrets.token_hex(4)}.{form}")
         try:
-            # Text that a journal can edit, and ids that don't change when the figure doesn't.
+            # Text stays text in PDF files, and ids in SVG files depend on the figure only.
             with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"}):
                 drawing.savefig(fresh, dpi=_DPI, metadata=_METADATA[form])
             fresh.replace(path)
@@ -116,7 +117,7 @@ def _save(drawing: Figure, path: Path) -> Path:
             fresh.unlink(missing_ok=True)
     except OSError as error:
         raise StageError(
-            f"plot: cannot write {path.name} to {path.parent}: {error.strerror or error}; make "
-            "room or choose another place with --output"
+            f"plot: cannot write {path.name} to {path.parent}: {error.strerror or error}; free "
+            "some space, or choose another folder with --output"
         ) from error
     return path

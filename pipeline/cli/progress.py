@@ -1,4 +1,4 @@
-"""Tells how a run goes: a bar on a terminal, one JSON object a line elsewhere."""
+"""Report the progress of a run: a bar on a terminal, one JSON object per line elsewhere."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import TextIO
 
-    from pipeline.run import Listener
+    from pipeline.run import EventHandler
 
-_WORDS = {
+_DESCRIPTIONS = {
     "fetch": "Fetching land and currents",
     "simplify": "Simplifying the coast",
     "project": "Projecting",
-    "plan": "Planning and proving",
+    "plan": "Planning and verifying",
     "write": "Writing",
 }
 
 
 @contextlib.contextmanager
-def listening(scenario: str, seasons: int) -> Iterator[Listener]:
-    """Give the listener that suits standard error."""
+def progress(scenario: str, seasons: int) -> Iterator[EventHandler]:
+    """Provide the event handler that suits standard error."""
     stream = sys.stderr
     if stream.isatty():
-        with _bar(scenario, seasons, stream) as listener:
-            yield listener
+        with _bar(scenario, seasons, stream) as on_event:
+            yield on_event
     else:
         yield _lines(scenario, stream)
 
 
 @contextlib.contextmanager
-def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[Listener]:
-    """Show a bar: a step for each stage, and one for each season."""
+def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[EventHandler]:
+    """Show a bar with a step for each stage and each season."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -48,22 +48,22 @@ def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[Listener]:
         TextColumn("{task.description}", markup=False),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("Starting", total=len(STAGES) + seasons, scenario=scenario)
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("Starting", total=len(STAGES) + seasons, scenario=scenario)
 
-        def listen(event: Event) -> None:
+        def on_event(event: Event) -> None:
             if event.status == "begun":
-                progress.update(task, description=_WORDS[event.stage])
+                bar.update(task, description=_DESCRIPTIONS[event.stage])
             elif event.status == "note":
                 console.print(f"note: {event.detail}", markup=False, highlight=False)
             else:
-                progress.advance(task)
+                bar.advance(task)
 
-        yield listen
+        yield on_event
 
 
-def _lines(scenario: str, stream: TextIO) -> Listener:
-    """Write each event as a line of JSON."""
+def _lines(scenario: str, stream: TextIO) -> EventHandler:
+    """Return a handler that writes each event as a line of JSON."""
     import structlog
 
     log = structlog.wrap_logger(
@@ -75,7 +75,7 @@ def _lines(scenario: str, stream: TextIO) -> Listener:
         ],
     ).bind(scenario=scenario)
 
-    def listen(event: Event) -> None:
+    def on_event(event: Event) -> None:
         fields: dict[str, object] = {"stage": event.stage}
         if event.season:
             fields["season"] = event.season
@@ -86,4 +86,4 @@ def _lines(scenario: str, stream: TextIO) -> Listener:
         level = {"failed": log.error, "note": log.warning}.get(event.status, log.info)
         level(event.status, **fields)
 
-    return listen
+    return on_event

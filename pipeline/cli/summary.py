@@ -1,4 +1,4 @@
-"""The season table that a run ends in, as plain text: it reads the same in a pipe."""
+"""The table of seasons that a run prints at its end: plain text, also in a pipe."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ _HEAD = (
     "gap",
     "turns",
 )
-_LEFT = 3
+# Number of columns that are aligned left.
+_LEFT_ALIGNED = 3
+# Length of the longest route below which lengths are in metres, not kilometres.
 _SHORT_M = 10_000.0
 
 
 def season_table(outcome: Outcome) -> str:
-    """The best route of each season, and of every other side that it has a route for."""
-    # A plane of a hundred metres wants its metres.
+    """Return the table: for each season, the best route on each side of the largest island."""
     lengths = [row.length_m for row in outcome.evaluation.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(name.format(unit=unit) for name in _HEAD)
     rows: list[tuple[str, ...]] = [head]
     for plan in outcome.plans:
         if plan.plan is None:
-            rows.append((plan.season, "-", "not planned", *("",) * (len(_HEAD) - _LEFT)))
+            rows.append((plan.season, "-", "not planned", *("",) * (len(_HEAD) - _LEFT_ALIGNED)))
             continue
         seen: set[str] = set()
         for row in outcome.evaluation.routes:
@@ -46,21 +47,22 @@ def season_table(outcome: Outcome) -> str:
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = [
         "  ".join(
-            cell.ljust(width) if i < _LEFT else cell.rjust(width)
+            cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows
     ]
-    fallen = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
+    rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     lines.append(
-        f"\nThe best of each side. {len(outcome.evaluation.routes)} routes in all, and {fallen} "
-        "classes that fell away, with their reasons, are in report.html."
+        "\nThe best route on each side. All "
+        f"{len(outcome.evaluation.routes)} routes, and {rejected} rejected classes with their "
+        "reasons, are in report.html."
     )
     return "\n".join(lines)
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
-    """One route's figures; `turns` is hard-over turns that met land of all flown."""
+    """Return one route's figures; `turns` are hard-over turns that met land, of all simulated."""
     clearance = "-" if math.isinf(row.clearance_m) else f"{row.clearance_m / unit_m:.2f}"
     return (
         row.season,

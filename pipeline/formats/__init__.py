@@ -1,1 +1,1 @@
-"""What a run writes: one module a format, each a function of the finished run and a path."""
+"""Output formats: one module each, with a function that writes a finished run to a path."""

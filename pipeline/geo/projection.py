@@ -1,9 +1,9 @@
-"""The one way from lon/lat to the planner's plane: conformal, centred on the region.
+"""The projection between lon/lat and the planner's plane: conformal, centred on the region.
 
-In a conformal plane a turning circle stays a circle and a heading is off by one angle only, the
-meridian convergence. The form follows the region's shape (Snyder, *Map Projections: A Working
-Manual*, USGS PP 1395, 1987): distortion grows away from a line or point of the plane, which lies
-in the region's middle.
+In a conformal plane a turning circle remains a circle, and headings differ from true ones by one
+angle only, the meridian convergence. The projection depends on the region's shape (Snyder, *Map
+Projections: A Working Manual*, USGS PP 1395, 1987), so that the line or point without distortion
+lies in the region's middle.
 
 | region | projection |
 |---|---|
@@ -12,9 +12,9 @@ in the region's middle.
 | wide, centred within 10 degrees of the equator | Mercator |
 | wide, elsewhere | Lambert conformal conic, parallels at 1/6 and 5/6 of its height |
 
-The scale factor is balanced, so that lengths are as much too short somewhere as they are too long
-elsewhere. Regions across 180 degrees are given in continuous longitudes (170 to 190); whatever
-comes back is continuous too, within 180 degrees of the region's centre.
+The scale factor is balanced: lengths are as much too short in one place of the region as they are
+too long in another. Regions across 180 degrees have continuous longitudes (170 to 190); results are
+continuous too, within 180 degrees of the region's centre.
 """
 
 from __future__ import annotations
@@ -37,28 +37,29 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# A geometry, or an array of them: comes back as what it was.
+# A geometry or an array of geometries: functions return the type that they are given.
 GeometryT = TypeVar("GeometryT", bound="BaseGeometry | npt.NDArray[np.object_]")
 
 _GEOD = pyproj.Geod(ellps="WGS84")
 _LONLAT = "OGC:CRS84"
 
-# Latitudes (degrees) and width (metres) at which the table above turns from one row to the next.
+# Latitudes (degrees) and width (metres) at which the rows of the table above begin.
 _POLAR_REACH_DEG = 85.0
 _POLAR_CENTRE_DEG = 75.0
 _EQUATORIAL_CENTRE_DEG = 10.0
 _SMALL_WIDTH_M = 1_000_000.0
-_METRES_PER_DEGREE = math.pi / 180 * _GEOD.a
+# Length of a degree of the equator, m.
+_EQUATOR_DEGREE_M = math.pi / 180 * _GEOD.a
 
-# Half a step of the central difference: 11 m, where rounding (1e-10 of it) and curvature (1e-11)
-# are both far below what a heading needs.
+# Half of the step of the central difference, degrees: 11 m, where rounding (1e-10 of it) and
+# curvature (1e-11) are both far below what a heading needs.
 _STEP_DEG = 1e-4
-# Lengths are taken geodesic by geodesic of this length: between its ends a straight line of the
-# plane is longer by (κs)²/24, 1e-7 of it where the plane bends geodesics by as much as the earth.
-_LONGEST_LEG_M = 10_000.0
-# A CRS that turns some angle by more than this is refused: directions are promised to 0.1 degrees.
-_LARGEST_ANGULAR_DISTORTION_DEG = 0.1
-# Points per side of the region at which scale and distortion are looked at.
+# Maximum length of the geodesics whose sum is a path's length, m: a straight line of the plane is
+# longer than such a geodesic by (κs)²/24, 1e-7 of it where their curvature κ is that of the earth.
+_MAX_LEG_M = 10_000.0
+# Maximum angular distortion of a CRS, degrees: directions are to be right to 0.1 degrees.
+_MAX_ANGULAR_DISTORTION_DEG = 0.1
+# Number of points per side of the region at which scale and distortion are computed.
 _SAMPLES = 9
 
 
@@ -69,11 +70,11 @@ class Projection:
     Attributes
     ----------
     crs
-        What pyproj makes the plane from: a PROJ string, WKT or authority code.
+        The plane's CRS for pyproj: a PROJ string, WKT or authority code.
     scale
-        True metres to a planar unit: 1 is the true scale, 1000 is 1:1000.
+        True metres per planar metre: 1 is the true scale, 1000 is 1:1000.
     central_longitude
-        Longitudes come back within 180 degrees of it.
+        Resulting longitudes are within 180 degrees of it.
     """
 
     crs: str
@@ -94,20 +95,20 @@ class Projection:
         region
             Lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
         scale
-            True metres to a planar metre.
+            True metres per planar metre.
         crs
-            Any conformal projected CRS in place of the chosen one (an EPSG code, PROJ string, WKT).
+            A conformal projected CRS to use instead (an EPSG code, PROJ string or WKT).
 
         Raises
         ------
         RequestError
-            A region that is not on the globe; a CRS that is unknown, not a plane, or not conformal.
+            The region is not on the globe; the CRS is unknown, not projected, or not conformal.
         """
         west, south, east, north = region.bounds
         if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):
             fault = (
                 f"region ({west:g} to {east:g} E, {south:g} to {north:g} N) is not on the globe: "
-                "keep latitudes in -90 to 90 and longitudes within one turn"
+                "keep latitudes in -90 to 90 and longitudes within one turn of 360"
             )
             raise RequestError([fault])
         centre = (west + east) / 2
@@ -118,7 +119,7 @@ class Projection:
         elif _is_narrow(region):
             chosen = cls._balanced("tmerc", centre, (south + north) / 2, 0.0, region, scale)
         elif abs(south + north) / 2 < _EQUATORIAL_CENTRE_DEG:
-            # Mercator has no latitude of origin: the northing of the centre is taken off.
+            # Mercator has no latitude of origin: the centre's northing is subtracted.
             plain = cls(_proj4("merc", centre, 0.0))
             northing = float(plain.to_plane(np.array([centre, (south + north) / 2]))[1])
             chosen = cls._balanced("merc", centre, 0.0, -northing, region, scale)
@@ -131,7 +132,7 @@ class Projection:
 
     @classmethod
     def at(cls, longitude: float, latitude: float, scale: float = 1.0) -> Projection:
-        """A plane whose origin is the given point (degrees), true to scale there."""
+        """Return a plane whose origin is the given point (degrees), true to scale there."""
         return cls(_proj4("tmerc", longitude, latitude), scale, longitude)
 
     @classmethod
@@ -158,90 +159,90 @@ class Projection:
         if not np.isfinite(planar).all():
             bad = points[~np.isfinite(planar).all(axis=-1)].reshape(-1, 2)[0]
             fault = (
-                f"point {bad[0]:g} E {bad[1]:g} N has no place in the projection {self.crs!r}: "
-                "give coordinates in degrees, and a region that holds them"
+                f"point {bad[0]:g} E {bad[1]:g} N can't be projected by {self.crs!r}: "
+                "give coordinates in degrees, and a region that contains them"
             )
             raise RequestError([fault])
         return planar
 
     def to_lonlat(self, xy: npt.ArrayLike) -> FloatArray:
-        """Take scaled planar metres (..., 2) back to lon/lat degrees (..., 2)."""
+        """Convert scaled planar metres (..., 2) to lon/lat degrees (..., 2)."""
         points = np.asarray(xy, dtype=np.float64) * (self.scale / _unit_m(self.crs))
         lon, lat = _transformer(self.crs).transform(
             points[..., 0], points[..., 1], direction="INVERSE"
         )
-        # Continuous across 180 degrees: a route must not jump from end to end of the map.
+        # Continuous across 180 degrees: a route must not jump across the map.
         turns = np.round((np.asarray(lon) - self.central_longitude) / 360)
         return np.stack([lon - 360 * turns, lat], axis=-1)
 
     def geometry_to_plane(self, geometry: GeometryT, densify_m: float = 0.0) -> GeometryT:
         """Project a geometry or an array of them, z dropped.
 
-        With `densify_m` an edge longer than that (true metres, about) is cut first: a long line
-        that is straight in lon/lat is bent in the plane.
+        With `densify_m`, edges longer than about that (true metres) are divided first: a long line
+        that is straight in lon/lat is curved in the plane.
         """
         if densify_m > 0:
-            longest_deg = densify_m / _METRES_PER_DEGREE
+            longest_deg = densify_m / _EQUATOR_DEGREE_M
             geometry = cast("GeometryT", shapely.segmentize(geometry, longest_deg))
         return cast("GeometryT", shapely.transform(geometry, self.to_plane))
 
     def geometry_to_lonlat(self, geometry: GeometryT, densify_m: float = 0.0) -> GeometryT:
-        """Take planar geometries to lon/lat degrees; edges over `densify_m` true metres are cut."""
+        """Convert planar geometries to lon/lat; edges over `densify_m` true metres are divided."""
         if densify_m > 0:
             geometry = cast("GeometryT", shapely.segmentize(geometry, densify_m / self.scale))
         return cast("GeometryT", shapely.transform(geometry, self.to_lonlat))
 
     def rotate_to_plane(self, lonlat: npt.ArrayLike, uv: npt.ArrayLike) -> FloatArray:
-        """Turn (east, north) vectors (..., 2) at lon/lat into the plane's axes; speeds are kept."""
+        """Rotate (east, north) vectors (..., 2) at lon/lat to the plane's axes; speeds stay."""
         return _rotate(np.asarray(uv, dtype=np.float64), self._turn_rad(lonlat))
 
     def rotate_to_lonlat(self, lonlat: npt.ArrayLike, xy: npt.ArrayLike) -> FloatArray:
-        """Turn vectors along the plane's axes (..., 2) at lon/lat into (east, north)."""
+        """Rotate vectors (..., 2) along the plane's axes at lon/lat to (east, north)."""
         return _rotate(np.asarray(xy, dtype=np.float64), -self._turn_rad(lonlat))
 
     def convergence(self, lonlat: npt.ArrayLike) -> FloatArray:
-        """Meridian convergence (...) in degrees: the plane's y axis clockwise of true north."""
+        """Return the meridian convergence (...), degrees: y axis clockwise from true north."""
         return np.degrees(self._turn_rad(lonlat))
 
     def point_scale(self, lonlat: npt.ArrayLike) -> FloatArray:
-        """Planar metres (before `scale`) to a true metre at lon/lat (...)."""
+        """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
         jacobian = self._jacobian(lonlat)
         scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
         return scale
 
     def geodesic_length_m(self, xy: npt.ArrayLike) -> float:
-        """Length of a planar path (n, 2) in true metres.
+        """Return the length of a planar path (n, 2) in true metres.
 
-        Legs are straight in the plane; where they are long, that is not the shortest way on earth.
+        Legs are straight in the plane; long ones are not the shortest way on earth.
         """
         path = np.asarray(xy, dtype=np.float64)
-        lonlat = self.to_lonlat(in_pieces(path, _LONGEST_LEG_M / self.scale))
+        lonlat = self.to_lonlat(densified(path, _MAX_LEG_M / self.scale))
         return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
 
     def angular_distortion(self, lonlat: npt.ArrayLike) -> FloatArray:
-        """Largest turn (...) in degrees that the plane gives to any angle; 0 where conformal."""
+        """Return the largest change (...) of any angle, degrees; 0 where conformal."""
         singular = np.linalg.svd(self._jacobian(lonlat), compute_uv=False)
         large, small = singular[..., 0], singular[..., 1]
         distortion: FloatArray = np.degrees(2 * np.arcsin((large - small) / (large + small)))
         return distortion
 
     def __dask_tokenize__(self) -> tuple[str, str, float, float]:
-        """What the artefact store names a projection by."""
+        """Return what identifies a projection in the keys of the store."""
         return type(self).__name__, self.crs, self.scale, self.central_longitude
 
     def _turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:
-        """Angle (...) by which the plane turns directions, anticlockwise, in radians."""
+        """Return the angle (...) by which directions turn in the plane, anticlockwise, radians."""
         jacobian = self._jacobian(lonlat)
-        # The mean of what east and north are turned by; one and the same where conformal.
+        # The mean angle of east and of north, which are equal where the plane is conformal.
         across = jacobian[..., 1, 0] - jacobian[..., 0, 1]
         along = jacobian[..., 0, 0] + jacobian[..., 1, 1]
         turn: FloatArray = np.arctan2(across, along)
         return turn
 
     def _jacobian(self, lonlat: npt.ArrayLike) -> FloatArray:
-        """Planar metres (before `scale`) to a true metre: (..., 2, 2), columns east and north."""
+        """Return planar metres (before `scale`) per true metre: (..., 2, 2), of east and north."""
         points = np.asarray(lonlat, dtype=np.float64)
-        # At a pole east has no meaning: its neighbourhood gives that of the central meridian.
+        # At a pole, where east is undefined, use a point beside it on the same meridian.
         limit = 90 - 2 * _STEP_DEG
         latitude = np.clip(points[..., 1], -limit, limit)
         points = np.stack([points[..., 0], latitude], axis=-1)
@@ -258,10 +259,10 @@ class Projection:
         return np.stack([east, north], axis=-1)
 
 
-def in_pieces(path: FloatArray, longest: float) -> FloatArray:
-    """Return a path (n, 2) with points added, so that no leg is longer than so many metres."""
+def densified(path: FloatArray, max_length: float) -> FloatArray:
+    """Return a path (n, 2) with points added, so that no leg is longer than `max_length`."""
     legs = np.diff(path, axis=0)
-    pieces = np.maximum(1, np.ceil(np.linalg.norm(legs, axis=1) / longest)).astype(np.int64)
+    pieces = np.maximum(1, np.ceil(np.linalg.norm(legs, axis=1) / max_length)).astype(np.int64)
     leg = np.repeat(np.arange(len(legs)), pieces)
     share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
     return np.vstack([path[leg] + share[:, None] * legs[leg], path[-1:]])
@@ -274,7 +275,7 @@ def _proj4(name: str, longitude: float, latitude: float) -> str:
 
 
 def _polar_latitude(region: Polygon) -> float | None:
-    """Latitude of the pole to centre on (degrees), or None where no polar plane is wanted."""
+    """Return the latitude of the pole to centre on, degrees; None for other projections."""
     _, south, _, north = region.bounds
     centre = (south + north) / 2
     reaches = max(abs(south), abs(north)) > _POLAR_REACH_DEG
@@ -286,19 +287,19 @@ def _polar_latitude(region: Polygon) -> float | None:
 def _is_narrow(region: Polygon) -> bool:
     """Say whether the region is taller than wide, or narrower than 1000 km."""
     west, south, east, north = region.bounds
-    width = (east - west) * math.cos(math.radians((south + north) / 2)) * _METRES_PER_DEGREE
-    return bool(width <= max(_SMALL_WIDTH_M, (north - south) * _METRES_PER_DEGREE))
+    width = (east - west) * math.cos(math.radians((south + north) / 2)) * _EQUATOR_DEGREE_M
+    return bool(width <= max(_SMALL_WIDTH_M, (north - south) * _EQUATOR_DEGREE_M))
 
 
 def _samples(region: Polygon) -> FloatArray:
-    """Lon/lat points (n, 2) over the region's bounds, edges included."""
+    """Return lon/lat points (n, 2) over the region's bounds, edges included."""
     west, south, east, north = region.bounds
     grid = np.meshgrid(np.linspace(west, east, _SAMPLES), np.linspace(south, north, _SAMPLES))
     return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
 def _checked(crs: str, region: Polygon) -> str:
-    """Return `crs` where it is a conformal plane for the region; else refuse it."""
+    """Return `crs` if it is projected and conformal in the region; refuse it otherwise."""
     try:
         parsed = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError as error:
@@ -307,13 +308,13 @@ def _checked(crs: str, region: Polygon) -> str:
         ) from error
     if not parsed.is_projected:
         raise RequestError(
-            [f"crs {crs!r} ({parsed.name}) is not a plane; leave it out to have one chosen"]
+            [f"crs {crs!r} ({parsed.name}) is not a projected CRS; leave it out to have one chosen"]
         )
     distortion = float(Projection(crs).angular_distortion(_samples(region)).max())
-    if distortion > _LARGEST_ANGULAR_DISTORTION_DEG:
+    if distortion > _MAX_ANGULAR_DISTORTION_DEG:
         fault = (
-            f"crs {crs!r} ({parsed.name}) turns angles by up to {distortion:.2g} degrees in the "
-            f"region, more than {_LARGEST_ANGULAR_DISTORTION_DEG:g}: turning circles need a "
+            f"crs {crs!r} ({parsed.name}) distorts angles by up to {distortion:.2g} degrees in "
+            f"the region, more than {_MAX_ANGULAR_DISTORTION_DEG:g}: turning circles need a "
             "conformal one (leave crs out to have one chosen)"
         )
         raise RequestError([fault])
@@ -328,15 +329,15 @@ def _rotate(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=-1)
 
 
-# pyproj's Transformer keeps one context a thread, so that sharing it among threads is safe; making
-# one takes some 10 ms, and it is no part of a Projection's value (equality, hash, pickle).
+# pyproj's Transformer has one context per thread, so that threads may share it. Making one takes
+# about 10 ms, and it is not part of a Projection's value (equality, hash, pickle).
 @lru_cache(maxsize=32)
 def _transformer(crs: str) -> pyproj.Transformer:
-    """Lon/lat to the plane of `crs` in its own units."""
+    """Return the transformer from lon/lat to the plane of `crs` in its own units."""
     return pyproj.Transformer.from_crs(_LONLAT, crs, always_xy=True)
 
 
 @lru_cache(maxsize=32)
 def _unit_m(crs: str) -> float:
-    """Metres to one unit of the plane's axes."""
+    """Return the metres per unit of the plane's axes."""
     return float(pyproj.CRS.from_user_input(crs).axis_info[0].unit_conversion_factor)

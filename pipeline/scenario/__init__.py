@@ -1,1 +1,1 @@
-"""Scenarios and the catalogue as strict models, and messages about what is wrong in them."""
+"""Scenarios and the catalogue as strict models, messages about faults in them, and reference."""

@@ -1,4 +1,4 @@
-"""What can be run, as data: scenarios, vessels, sources and tables of the catalogue."""
+"""Access to the catalogue: scenarios, vessels, sources and tables of currents, as data."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
 from pipeline.scenario.messages import model_faults, near_miss, shown
-from pipeline.scenario.model import VesselSpec
-from pipeline.scenario.strict import Latitude, Name, NotNegative, Positive, Strictly, Whole
+from pipeline.scenario.strict import Integer, Latitude, Name, NonNegative, Positive, StrictModel
+from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
 Section = Literal["scenarios", "vessels", "sources"]
-EXAMPLE = "`renew show palawan-season` prints one to begin from"
+EXAMPLE = "`renew show palawan-season` prints one to start from"
 SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 
 
-class Licence(Strictly):
-    """The line a licence asks for, and where the data came from."""
+class Licence(StrictModel):
+    """Credit line, licence and origin of data."""
 
     credit: str
     licence: str
     url: str = ""
 
 
-class SourceBase(Strictly):
-    """What every source's entry says."""
+class SourceBase(StrictModel):
+    """The keys of every source's entry."""
 
     schema_version: Literal[1]
     name: Name
@@ -39,13 +39,13 @@ class SourceBase(Strictly):
 
 
 class OsmLandSpec(SourceBase):
-    """Land polygons of OpenStreetMap out of the `roaring-landmask` package."""
+    """Land polygons of OpenStreetMap from the package `roaring-landmask`."""
 
     adapter: Literal["osm-land"]
 
 
 class S57Spec(SourceBase):
-    """S-57 cells in a folder that the user names; they say themselves whose they are."""
+    """S-57 cells in a folder that the user names; they state their own producer."""
 
     adapter: Literal["s57"]
 
@@ -58,13 +58,13 @@ class VectorSpec(SourceBase, Licence):
 
 
 class TableSeason(Licence):
-    """One season of an embedded table: its key in the `season` column, and its time."""
+    """A season of an embedded table: the credit, and the time that it is valid for."""
 
     valid: str
 
 
 class EmbeddedTableSpec(SourceBase):
-    """A table of currents in `catalog/currents`: season, lon, lat, u, v."""
+    """A table of currents in `catalog/currents` with the columns season, lon, lat, u, v."""
 
     adapter: Literal["embedded-table"]
     table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
@@ -78,9 +78,9 @@ StepKind = Literal["mean", "instant", "climatology"]
 class CopernicusSpec(SourceBase, Licence):
     """A dataset of the Copernicus Marine Service.
 
-    Without a `version` the newest is asked for. `covers` says for people what `first_day` and
-    `days_ahead` (the last day counted from today) say for the program; both are generous, as the
-    service itself knows best. Figures may still change until `settles_after_days`.
+    Without a `version` the newest is used. `covers` tells readers what `first_day` and `days_ahead`
+    (the last day, counted from today) tell the program; both are generous, as only the service
+    knows exactly. Data may still change until they are `settles_after_days` old.
     """
 
     adapter: Literal["copernicus"]
@@ -93,18 +93,18 @@ class CopernicusSpec(SourceBase, Licence):
     cell_deg: Positive
     latitudes: tuple[Latitude, Latitude] = (-80.0, 90.0)
     across_180: bool = True
-    depth_m: NotNegative | None = None
+    depth_m: NonNegative | None = None
     step: StepLength
     kind: StepKind
     covers: str
     first_day: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$")
-    days_ahead: Whole = 0
-    settles_after_days: NotNegative = 0.0
+    days_ahead: Integer = 0
+    settles_after_days: NonNegative = 0.0
     gaps_vary: bool = False
     speed_limit_m_s: Positive
     deadline_s: Positive = 900.0
     attempts: Annotated[int, Field(ge=1)] = 3
-    pause_s: NotNegative = 20.0
+    pause_s: NonNegative = 20.0
 
 
 ChartEntry = OsmLandSpec | S57Spec | VectorSpec
@@ -115,33 +115,33 @@ _SOURCE: TypeAdapter[ChartEntry | CurrentEntry] = TypeAdapter(SourceSpec)
 
 @cache
 def root() -> Path:
-    """Find the catalogue: inside the installed package, or beside it in a checkout."""
+    """Return the catalogue's folder: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parents[1]
     for place in (package / "catalog", package.parent / "catalog"):
         if (place / "scenarios").is_dir():
             return place
     raise RequestError(
-        [f"no catalogue in {package} or beside it: the installation is incomplete; repeat it"]
+        [f"no catalogue in {package} or beside it: the installation is incomplete; install again"]
     )
 
 
 def names(section: Section) -> tuple[str, ...]:
-    """Names of a section's entries, sorted."""
+    """Return the names of a section's entries, sorted."""
     return tuple(sorted(path.stem for path in (root() / section).glob("*.toml")))
 
 
 def entry(section: Section, name: str) -> dict[str, Any]:
-    """Read an entry as it stands."""
+    """Read an entry without checking it."""
     return read_toml(root() / section / f"{name}.toml")
 
 
 def table(name: str) -> Path:
-    """Path of an embedded current table."""
+    """Return the path of an embedded table of currents."""
     return root() / "currents" / name
 
 
 def source(name: str) -> ChartEntry | CurrentEntry:
-    """Read a source's entry."""
+    """Read and check a source's entry."""
     if name not in names("sources"):
         raise RequestError([f"unknown source {name!r}: {near_miss(name, names('sources'))}"])
     data = entry("sources", name)
@@ -153,7 +153,7 @@ def source(name: str) -> ChartEntry | CurrentEntry:
 
 
 def vessel(name: str) -> VesselSpec:
-    """Read a vessel's entry."""
+    """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
     data = vessel_table(name)
@@ -165,19 +165,19 @@ def vessel(name: str) -> VesselSpec:
 
 
 def vessel_table(name: str) -> dict[str, Any]:
-    """Read a vessel's entry as a scenario would give it inline."""
+    """Read a vessel's entry as a scenario's [vessel] table."""
     data = entry("vessels", name)
     data.pop("schema_version", None)
     return data
 
 
 def scenario_path(asked: str) -> Path:
-    """Find the file of a scenario: a path that exists, else a name in the catalogue.
+    """Return the file of a scenario: a name in the catalogue, or a path that exists.
 
     Raises
     ------
     RequestError
-        Neither; a directory; the message says what may have been meant.
+        Neither, or a directory; the message suggests what may have been meant.
     """
     path = Path(asked).expanduser()
     named = root() / "scenarios" / f"{asked}.toml"
@@ -189,14 +189,14 @@ def scenario_path(asked: str) -> Path:
         )
     if path.is_file():
         return path
-    what = "no file of that name" if path.suffix or len(path.parts) > 1 else "no file, and no entry"
+    reason = "no such file" if path.suffix or len(path.parts) > 1 else "no such file or entry"
     raise RequestError(
-        [f"no scenario {asked!r} ({what}): {near_miss(Path(asked).stem, names('scenarios'))}"]
+        [f"no scenario {asked!r} ({reason}): {near_miss(Path(asked).stem, names('scenarios'))}"]
     )
 
 
 def entry_path(asked: str) -> Path:
-    """Find the file of any entry, scenarios first, or of a scenario by its path."""
+    """Return the file of any entry, scenarios first, or of a scenario by its path."""
     for section in SECTIONS:
         if asked in names(section):
             return root() / section / f"{asked}.toml"
@@ -207,7 +207,7 @@ def entry_path(asked: str) -> Path:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; whatever else it is, is refused in one line."""
+    """Read a TOML file; anything else is refused with a one-line error."""
     try:
         text = path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
@@ -223,5 +223,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:
-    """Say that a name stands for nothing in the catalogue."""
-    return f"{key} = {shown(value)} is no {kind} of the catalogue: {near_miss(str(value), known)}"
+    """Return the fault that a name is not in the catalogue."""
+    return (
+        f"{key} = {shown(value)} is not a {kind} of the catalogue: {near_miss(str(value), known)}"
+    )

@@ -1,4 +1,4 @@
-"""From what pydantic finds wrong to lines that say the value, the limit and the remedy."""
+"""Turn pydantic's errors into lines that state the value, the limit and the remedy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
 
-_LONGEST_VALUE = 60
+# Maximum length of a value in a message, in characters.
+_MAX_VALUE = 60
 _LIMITS = {
     "greater_than": ("gt", "is not above"),
     "greater_than_equal": ("ge", "is below"),
@@ -25,24 +26,24 @@ _LIMITS = {
     "less_than_equal": ("le", "is above"),
 }
 _KINDS = {
-    "float_type": "is no number",
-    "int_type": "is no whole number",
-    "int_from_float": "is no whole number",
-    "string_type": "is no text",
+    "float_type": "is not a number",
+    "int_type": "is not a whole number",
+    "int_from_float": "is not a whole number",
+    "string_type": "is not a text",
     "bool_type": "is neither true nor false",
-    "tuple_type": "is no list",
-    "list_type": "is no list",
+    "tuple_type": "is not a list",
+    "list_type": "is not a list",
     "finite_number": "is not finite",
-    "model_type": "is no table",
-    "model_attributes_type": "is no table",
-    "dict_type": "is no table",
-    "string_pattern_mismatch": "does not fit",
-    "literal_error": "is not known here",
+    "model_type": "is not a table",
+    "model_attributes_type": "is not a table",
+    "dict_type": "is not a table",
+    "string_pattern_mismatch": "does not have the required form",
+    "literal_error": "is not one of the possible values",
 }
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Say which known name was probably meant, or which there are."""
+    """Suggest the known name that was probably meant, or list all of them."""
     names = sorted(known)
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:
@@ -51,19 +52,19 @@ def near_miss(name: str, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Spell a value as TOML would, cut where it is long."""
+    """Spell a value as in TOML, shortened where it is long."""
     text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
+    return text if len(text) <= _MAX_VALUE else text[: _MAX_VALUE - 1] + "…"
 
 
 def model_faults(
     error: ValidationError, model: type[BaseModel], data: object, prefix: str = ""
 ) -> list[str]:
-    """One line for each fault of a model, in the order found; members of a union count as one."""
+    """Return one line per fault of a model, in the order found; a union's members count as one."""
     lines: dict[str, str] = {}
     found = error.errors(include_url=False)
     for details in found:
-        # pydantic counts only the sound items of a list: one that is not is told already.
+        # pydantic counts only the valid items of a list: an invalid one has a line of its own.
         depth = len(details["loc"])
         if details["type"] == "too_short" and any(
             len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
@@ -71,7 +72,7 @@ def model_faults(
             continue
         path = _path_in(data, details)
         for line in _lines(details, model, path, prefix):
-            # A value that fits no member of a union is told once for each: keep the first.
+            # A value that fits no member of a union has an error for each: keep the first.
             key = line if details["type"] == "value_error" else _spelled(path, prefix)
             lines.setdefault(key, line)
     return list(lines.values())
@@ -83,11 +84,11 @@ def _lines(
     path: Sequence[str | int],
     prefix: str,
 ) -> list[str]:
-    """Lines for one of pydantic's errors."""
+    """Return the lines for one of pydantic's errors."""
     key, kind, given = _spelled(path, prefix), details["type"], details["input"]
     context = details.get("ctx", {})
     field = _field(model, path)
-    remedy = f"; {field.description}" if field is not None and field.description else ""
+    remedy = f"; {remedy_of(field.description)}" if field is not None and field.description else ""
     if kind == "extra_forbidden":
         owner = _model(model, path[:-1])
         known = owner.model_fields if owner is not None else ()
@@ -100,18 +101,24 @@ def _lines(
             for reason in str(context["error"]).split(FAULT_SEPARATOR)
         ]
     if kind in _LIMITS:
-        bound, words = _LIMITS[kind]
-        said = f"{words} {context[bound]:g}"
+        bound, relation = _LIMITS[kind]
+        fault = f"{relation} {context[bound]:g}"
     elif kind in {"too_short", "too_long"}:
         limit = context.get("min_length", context.get("max_length"))
-        said = f"has {context['actual_length']} items, not {limit}"
+        fault = f"has {context['actual_length']} items, not {limit}"
     else:
-        said = _KINDS.get(kind, details["msg"].lower())
-    return [f"{key} = {shown(given)} {said}{remedy}"]
+        fault = _KINDS.get(kind, details["msg"].lower())
+    return [f"{key} = {shown(given)} {fault}{remedy}"]
+
+
+def remedy_of(description: str) -> str:
+    """Return the last sentence of a key's description, for the end of a message."""
+    sentence = description.removesuffix(".").rpartition(". ")[2]
+    return sentence[:1].lower() + sentence[1:]
 
 
 def _path_in(data: object, details: ErrorDetails) -> list[str | int]:
-    """Keep of pydantic's location what leads through the data: it adds names of union members."""
+    """Return the path through the data: pydantic's location without names of union members."""
     path: list[str | int] = []
     here: Any = data
     for step in details["loc"]:
@@ -136,7 +143,7 @@ def _spelled(path: Sequence[str | int], prefix: str) -> str:
 
 
 def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | None:
-    """Find the field that a path ends in, or passes last."""
+    """Return the last field on a path, or None."""
     names = [step for step in path if isinstance(step, str)]
     if not names:
         return None
@@ -146,19 +153,19 @@ def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | Non
 
 
 def _model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:
-    """Find the model that a path leads to."""
+    """Return the model that a path leads to, or None."""
     here: type[BaseModel] | None = model
     for step in path:
         if isinstance(step, int):
             continue
         field = here.model_fields.get(step) if here is not None else None
-        here = _model_in(field.annotation) if field is not None else None
+        here = model_in(field.annotation) if field is not None else None
     return here
 
 
-def _model_in(annotation: object) -> type[BaseModel] | None:
-    """Find the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
+def model_in(annotation: object) -> type[BaseModel] | None:
+    """Return the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_model_in(part) for part in get_args(annotation))
+    found = (model_in(part) for part in get_args(annotation))
     return next((model for model in found if model is not None), None)

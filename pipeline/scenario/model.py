@@ -1,232 +1,237 @@
-"""The scenario: one frozen model of what can be asked for, and nothing else is accepted.
+"""The scenario: one frozen model of everything that a run can be asked for.
 
-Two kinds share it. A *chart* scenario has a `region` in lon/lat, takes its land and its currents
-from sources, and is planned at a `scale`. A *plane* scenario gives extent, obstacles and current
-as figures in metres.
+There are two kinds. A *chart* scenario has a `region` in lon/lat, takes land and currents from
+sources, and is planned at a `scale`. A *plane* scenario gives extent, obstacles and current as
+numbers in metres and m/s.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from pipeline.scenario.period import Period, period
 from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.season import Season  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.strict import (
     FAULT_SEPARATOR,
+    Integer,
     Name,
-    NotNegative,
+    NonNegative,
     Number,
     Point,
     Positive,
-    Strictly,
-    Whole,
-    looks_like_path,
+    StrictModel,
 )
+from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
-    import renew
 
+class PlannerOptions(StrictModel):
+    """The arguments of `renew.plan`; its metres are planar ones, true metres divided by `scale`."""
 
-class VesselSpec(Strictly):
-    """A vessel's figures, and where they come from."""
-
-    name: Name = "vessel"
-    title: str = ""
-    origin: str = ""
-    length_m: Positive = Field(description="give the length overall in metres")
-    draught_m: Positive | None = Field(
-        default=None, description="give the metres it reaches below the water line"
-    )
-    speed_m_s: Positive = Field(description="give the speed through water in m/s")
-    turn_rate_deg_s: Positive = Field(description="give the hard-over turn rate in degrees/s")
-    fuel_coefficient: Positive = Field(
-        default=1.0, description="fuel a second is this × speed^exponent"
-    )
-    fuel_exponent: Positive = Field(
-        default=2.0, description="fuel a second is coefficient × speed^this"
-    )
-
-    def vessel(self) -> renew.Vessel:
-        """Build the planner's own vessel."""
-        import math
-
-        import renew
-
-        return renew.Vessel(
-            speed=self.speed_m_s,
-            turn_rate=math.radians(self.turn_rate_deg_s),
-            length=self.length_m,
-            fuel_coefficient=self.fuel_coefficient,
-            fuel_exponent=self.fuel_exponent,
-        )
-
-
-class Gyre(Strictly):
-    """Gyres that fill a plane scenario's extent; see `renew.GyreCurrent`."""
-
-    amplitude: Number = Field(description="give the strongest current in m/s")
-    columns: Whole = Field(default=1, ge=1, description="give the number of gyres along x")
-    rows: Whole = Field(default=1, ge=1, description="give the number of gyres along y")
-
-
-class Uniform(Strictly):
-    """One current everywhere in a plane scenario, m/s along x and y."""
-
-    u: Number = 0.0
-    v: Number = 0.0
-
-
-def _a_period(valid: str) -> str:
-    """Refuse what is no time; nothing is one where the current is given as figures."""
-    try:
-        if valid:
-            period(valid)
-    except ValueError as error:
-        raise ValueError(f"= {error}") from None
-    return valid
-
-
-def _as_files(given: object) -> object:
-    """Take a text that looks like a path for a file of currents by itself."""
-    return (given,) if isinstance(given, str) and looks_like_path(given) else given
-
-
-Valid = Annotated[str, AfterValidator(_a_period)]
-# A source of the catalogue by its name; or files that belong together, by paths and patterns.
-Files = Annotated[tuple[str, ...], Field(min_length=1)]
-Currents = Annotated[str | Files, BeforeValidator(_as_files)]
-
-
-class Season(Strictly):
-    """One set of currents to plan in: from sources in order of preference, or as figures."""
-
-    name: Name
-    title: str = ""
-    valid: Valid = Field(default="", description="give a month as 'YYYY-MM', or a day")
-    time: Literal["mean", "nearest", "linear"] | None = Field(
-        default=None,
-        description="give 'mean', 'nearest' or 'linear', or leave it out: the mean of a month or a "
-        "day, the field nearest to an instant",
-    )
-    currents: tuple[Currents, ...] = Field(
-        default=(), description="give sources' names (`renew list`), and paths of files"
-    )
-    gyre: Gyre | None = None
-    uniform: Uniform | None = None
-    departure: AwareDatetime | None = Field(
-        default=None,
-        description="give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out",
-    )
-
-    @model_validator(mode="after")
-    def _one_current(self) -> Self:
-        given = [bool(self.currents), self.gyre is not None, self.uniform is not None]
-        if sum(given) != 1:
-            raise ValueError(
-                f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
-                "'currents', 'gyre' and 'uniform'"
-            )
-        if self.currents and not self.valid:
-            raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
-        return self
-
-    @property
-    def period(self) -> Period:
-        """The time that its figures are to stand for."""
-        return period(self.valid)
-
-    @property
-    def how(self) -> Literal["mean", "nearest", "linear"]:
-        """How a source's time steps become the one field of the period."""
-        return self.time or ("nearest" if self.period.is_instant else "mean")
-
-
-class PlannerOptions(Strictly):
-    """What `renew.plan` is told; metres are the planner's own (scaled)."""
-
-    classes: Whole = Field(
-        default=16, ge=1, description="give the number of route classes to examine, such as 16"
+    classes: Integer = Field(
+        default=16,
+        ge=1,
+        description="Number of homotopy classes, ways round the islands, to find a route for; "
+        "which ones, 'order' says. Give a whole number, 1 or more, such as 16.",
     )
     risk: Number = Field(
         default=0.05,
         gt=0,
         lt=1,
-        description="give the share of turns that may exceed the padding, such as 0.05",
+        description="Share of sampled hard-over turns that may reach beyond the adaptive padding: "
+        "smaller keeps routes further off land. Give a share between 0 and 1, such as 0.05.",
     )
-    padding: Literal["adaptive", "none"] | NotNegative = Field(
-        default="adaptive", description="give 'adaptive', 'none' or metres"
+    padding: Literal["adaptive", "none"] | NonNegative = Field(
+        default="adaptive",
+        description="Width of the soft no-go zone around land: adaptive to the current, none, or "
+        "the same number of planar metres everywhere. Give 'adaptive', 'none' or metres.",
+        json_schema_extra={"unit": "planar m"},
     )
-    clearance: NotNegative = Field(
-        default=0.0, description="give the least padding in metres, or 0"
+    clearance: NonNegative = Field(
+        default=0.0,
+        description="Minimum padding, planar metres. Give metres, 0 or more.",
+        json_schema_extra={"unit": "planar m"},
     )
-    distinct_by: NotNegative = Field(
-        default=0.0, description="give the smallest island in metres that makes a choice, or 0"
+    distinct_by: NonNegative = Field(
+        default=0.0,
+        description="Size of an island below which passing it on one or the other side counts as "
+        "the same class, planar metres. Give metres, or 0 to count every island.",
+        json_schema_extra={"unit": "planar m"},
     )
     method: Literal["optimal", "sampled"] = Field(
-        default="optimal", description="give 'optimal' or 'sampled'"
+        default="optimal",
+        description="How the path inside a class is found: by dynamic programming, or as the best "
+        "of random chains as in the paper. Give 'optimal' or 'sampled'.",
     )
-    samples: Whole = Field(default=500, ge=1, description="give the chains a class, such as 500")
+    samples: Integer = Field(
+        default=500,
+        ge=1,
+        description="Number of random chains per class with method 'sampled'. Give a whole "
+        "number, 1 or more, such as 500.",
+    )
     drift: Literal["projected", "crab"] = Field(
-        default="projected", description="give 'projected' or 'crab'"
+        default="projected",
+        description="Drift model of the fuel law: the current projected on the course, as in the "
+        "paper, or a vessel that crabs to hold its course. Give 'projected' or 'crab'.",
     )
-    seed: Whole = Field(default=0, ge=0, description="give a whole number, 0 or more")
+    seed: Integer = Field(
+        default=0,
+        ge=0,
+        description="Seed of all random numbers: the same seed gives the same plan. Give a whole "
+        "number, 0 or more.",
+    )
     order: Literal["fuel", "length", "depth-first"] = Field(
-        default="fuel", description="give 'fuel', 'length' or 'depth-first'"
+        default="fuel",
+        description="Which classes are planned: the cheapest, the shortest, or the first ones of "
+        "a depth-first search as in the paper. Give 'fuel', 'length' or 'depth-first'.",
     )
 
 
-class OutputOptions(Strictly):
-    """How the files are written."""
+class OutputOptions(StrictModel):
+    """Options of the output files."""
 
-    rtz: Literal["1.0", "1.1", "1.2"] = Field(
-        default="1.1", description="give '1.0', '1.1' or '1.2', whichever the chart plotter reads"
+    rtz_version: Literal["1.0", "1.1", "1.2"] = Field(
+        default="1.1",
+        description="Version of the RTZ files (IEC 61174). Give '1.0', '1.1' or '1.2', whichever "
+        "the chart plotter reads.",
     )
 
 
-class PublishedRow(Strictly):
-    """One published result, in the publication's own units."""
+class PublishedRow(StrictModel):
+    """One published route, in the publication's own units."""
 
-    label: str
-    season: str = ""
-    fuel: Positive | None = None
-    clearance: Positive | None = None
-    length: Positive | None = None
-    fuel_per_distance: Positive | None = None
-    side: str = ""
+    label: str = Field(description="Who planned it. Give any text.", examples=["RENEW"])
+    season: str = Field(
+        default="",
+        description="Season of this scenario that it belongs to. Give the season's name.",
+        examples=["summer"],
+    )
+    fuel: Positive | None = Field(
+        default=None,
+        description="Published fuel, in the publication's units. Give a number above 0.",
+        examples=[160.563],
+    )
+    clearance: Positive | None = Field(
+        default=None,
+        description="Published clearance from land, in metres of the publication's scale. Give a "
+        "number above 0.",
+        examples=[9.153],
+        json_schema_extra={"unit": "scaled m"},
+    )
+    length: Positive | None = Field(
+        default=None,
+        description="Published length, in metres of the publication's scale. Give a number above "
+        "0.",
+        examples=[164.586],
+        json_schema_extra={"unit": "scaled m"},
+    )
+    fuel_per_distance: Positive | None = Field(
+        default=None,
+        description="Published F/D; left out, fuel divided by length. Give a number above 0.",
+        examples=[0.976],
+    )
+    side: str = Field(
+        default="",
+        description="Compass side on which it passes the largest island. Give 'north', 'east', "
+        "'south' or 'west'.",
+        examples=["west"],
+    )
 
 
-class Published(Strictly):
-    """Published figures that the report sets beside ours; `scale` is the publication's own."""
+class Published(StrictModel):
+    """Published figures that the report compares with this run's."""
 
-    origin: str
-    scale: Positive = 1.0
-    rows: tuple[PublishedRow, ...]
-
-
-class Scenario(Strictly):
-    """What `renew run` runs; read it with :func:`pipeline.scenario.catalogue.load_scenario`."""
-
-    schema_version: Literal[1] = Field(description="write schema_version = 1")
-    name: Name
-    title: str = ""
-    description: str = ""
-    region: Region | None = None
-    plane: Plane | None = None
-    chart: ChartSpec = ChartSpec()
-    vessel: VesselSpec
+    origin: str = Field(
+        description="The publication. Give any text.", examples=["RENEW (AAAI 2026), Palawan"]
+    )
     scale: Positive = Field(
-        default=1.0, description="give true metres to a planar metre: 1 is the true scale"
+        default=1.0,
+        description="The publication's scale: true metres per published metre. Give a number "
+        "above 0: 1 is the true scale.",
     )
-    start: Point = Field(description="give [lon, lat] in degrees, or [x, y] in metres in a plane")
-    goal: Point = Field(description="give [lon, lat] in degrees, or [x, y] in metres in a plane")
-    seasons: tuple[Season, ...] = Field(min_length=1, description="add a [[seasons]] table")
-    planner: PlannerOptions = PlannerOptions()
-    outputs: OutputOptions = OutputOptions()
-    published: Published | None = None
+    rows: tuple[PublishedRow, ...] = Field(
+        description="The published routes. Add a [[published.rows]] table for each."
+    )
+
+
+class Scenario(StrictModel):
+    """What `renew run` plans: from where to where, with which vessel, in which currents."""
+
+    schema_version: Literal[1] = Field(
+        description="Version of this format. Write schema_version = 1.", examples=[1]
+    )
+    name: Name = Field(
+        description="Name of the scenario, and of its folder of results. Use up to 64 lower-case "
+        "letters, digits, '-' and '_'.",
+        examples=["my-strait"],
+    )
+    title: str = Field(
+        default="",
+        description="Title of the report. Give any text.",
+        examples=["Through my strait"],
+    )
+    description: str = Field(
+        default="",
+        description="What the scenario is about, printed in the report. Give any text.",
+        examples=["North or south of the island?"],
+    )
+    region: Region | None = Field(
+        default=None,
+        description="The region of a chart scenario. Add a [region] table, or a [plane].",
+    )
+    plane: Plane | None = Field(
+        default=None,
+        description="The area of a plane scenario. Add a [plane] table, or a [region].",
+    )
+    chart: ChartSpec = Field(
+        default=ChartSpec(),
+        description="The land of a chart scenario. Add a [chart] table, or leave it out.",
+    )
+    # `pipeline.loading` replaces a vessel's name by its entry before a scenario is validated.
+    vessel: Annotated[
+        VesselSpec, BeforeValidator(lambda given: given, json_schema_input_type=str | VesselSpec)
+    ] = Field(
+        description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
+        examples=["usv-7m"],
+    )
+    scale: Positive = Field(
+        default=1.0,
+        description="True metres per planar metre: routes are planned in a plane shrunk by this, "
+        "with speeds unchanged. Give true metres to a planar metre: 1 is the true scale.",
+        json_schema_extra={"unit": "true m per planar m"},
+    )
+    start: Point = Field(
+        description="Where the routes start, in water. Give [lon, lat] in degrees, or [x, y] in "
+        "metres in a plane.",
+        examples=[[120.3, 12.8]],
+        json_schema_extra={"unit": "degrees, or m in a plane"},
+    )
+    goal: Point = Field(
+        description="Where the routes end, in water. Give [lon, lat] in degrees, or [x, y] in "
+        "metres in a plane.",
+        examples=[[116.8, 7.7]],
+        json_schema_extra={"unit": "degrees, or m in a plane"},
+    )
+    seasons: tuple[Season, ...] = Field(
+        min_length=1,
+        description="The currents to plan in, each by itself. Add a [[seasons]] table for each.",
+    )
+    planner: PlannerOptions = Field(
+        default=PlannerOptions(),
+        description="Options of the planner. Add a [planner] table, or leave it out.",
+    )
+    outputs: OutputOptions = Field(
+        default=OutputOptions(),
+        description="Options of the output files. Add an [outputs] table, or leave it out.",
+    )
+    published: Published | None = Field(
+        default=None,
+        description="Published figures to compare with. Add a [published] table, or leave it out.",
+    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
@@ -242,8 +247,8 @@ class Scenario(Strictly):
         for season in self.seasons:
             if self.region is not None and not season.currents:
                 faults.append(
-                    f"season {season.name!r} gives its current as figures, which belong to a "
-                    "[plane]; name sources in 'currents'"
+                    f"season {season.name!r} gives its current as numbers, which need a [plane]; "
+                    "name sources in 'currents'"
                 )
             if self.plane is not None and season.currents:
                 faults.append(
@@ -261,13 +266,13 @@ class Scenario(Strictly):
 
     @property
     def is_planar(self) -> bool:
-        """Whether the waters are given in metres."""
+        """Whether positions are in metres of a plane, not in degrees."""
         return self.plane is not None
 
     @property
-    def waters(self) -> Polygon:
-        """Region in lon/lat degrees, or extent in metres."""
+    def area(self) -> Polygon:
+        """The region in lon/lat degrees, or the plane's extent in metres."""
         place = self.region if self.region is not None else self.plane
-        if place is None:  # the validator saw to it
+        if place is None:  # the validator has refused it
             raise ValueError("scenario without region and plane")
         return place.shape

@@ -1,4 +1,4 @@
-"""Which time a season's figures are to stand for: a month, a day or an instant, always UTC."""
+"""The period that a season's current is valid for: a month, a day or an instant, always UTC."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-# As a season's `valid` may be written; what the numbers mean is left to the calendar.
+# Forms of a season's `valid`; whether the date exists is checked by `datetime`.
 _INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
@@ -14,19 +14,19 @@ _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """From `begin` to before `end`, aware UTC datetimes; an instant where they are the same."""
+    """The time from `begin` up to `end`, aware UTC datetimes; an instant where they are equal."""
 
     begin: datetime
     end: datetime
 
     @property
     def is_instant(self) -> bool:
-        """Whether it is one moment and lasts no time."""
+        """Whether it is a single moment, without duration."""
         return self.begin == self.end
 
 
 def period(valid: str) -> Period:
-    """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; ValueError says what to write."""
+    """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; else ValueError with the remedy."""
     try:
         if _INSTANT.fullmatch(valid):
             moment = datetime.strptime(valid, "%Y-%m-%dT%H:%MZ").replace(tzinfo=UTC)
@@ -41,6 +41,6 @@ def period(valid: str) -> Period:
     except (ValueError, OverflowError) as error:
         reason = str(error)
     raise ValueError(
-        f"{valid!r} is no time ({reason}): give a month 'YYYY-MM', a day 'YYYY-MM-DD' or an "
+        f"{valid!r} is not a time ({reason}): give a month 'YYYY-MM', a day 'YYYY-MM-DD' or an "
         "instant 'YYYY-MM-DDTHH:MMZ', in UTC"
     )

@@ -1,4 +1,4 @@
-"""Where a scenario lies: its waters, and the chart that says what of them is land."""
+"""Where a scenario takes place: its region or plane, and the chart that says what is land."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scenario.strict import (
     Corners,
+    Integer,
     Latitude,
     Longitude,
     LonLat,
-    NotNegative,
+    NonNegative,
     Number,
     Positive,
-    Strictly,
-    Whole,
-    WholeRing,
+    SimpleRing,
+    StrictModel,
     looks_like_path,
 )
 
@@ -24,20 +24,30 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
 
-class Region(Strictly):
-    """The waters of a chart scenario, lon/lat degrees: a box, or a polygon.
+class Region(StrictModel):
+    """The region of a chart scenario in lon/lat degrees: either a box or a polygon.
 
-    Across 180 degrees longitudes go on (170 to 190).
+    Across 180 degrees, longitudes continue (170 to 190).
     """
 
     bbox: tuple[Longitude, Latitude, Longitude, Latitude] | None = Field(
-        default=None, description="give [west, south, east, north] in degrees"
+        default=None,
+        description="Limits of the region, degrees. Give [west, south, east, north], or a polygon.",
+        examples=[[115.5, 7.0, 122.0, 13.5]],
+        json_schema_extra={"unit": "degrees"},
     )
-    polygon: Annotated[tuple[LonLat, ...], Field(min_length=3), WholeRing] | None = Field(
-        default=None, description="list its corners in their order round the edge"
+    polygon: Annotated[tuple[LonLat, ...], Field(min_length=3), SimpleRing] | None = Field(
+        default=None,
+        description="Corners [lon, lat] of the region, degrees, in place of bbox. List them in "
+        "their order round the edge.",
+        examples=[[[115.5, 7.0], [122.0, 7.0], [122.0, 13.5]]],
+        json_schema_extra={"unit": "degrees"},
     )
     crs: str | None = Field(
-        default=None, description="leave it out to have a conformal plane chosen"
+        default=None,
+        description="Conformal projected CRS to plan in, as pyproj knows it. Leave it out to have "
+        "one chosen that fits the region.",
+        examples=["EPSG:32651"],
     )
 
     @model_validator(mode="after")
@@ -49,7 +59,7 @@ class Region(Strictly):
             if not (west < east and south < north):
                 raise ValueError(
                     f"has bbox {list(self.bbox)}, which is empty: west must be below east and "
-                    "south below north; across 180 degrees go on counting (170 to 190)"
+                    "south below north; across 180 degrees continue longitudes (170 to 190)"
                 )
         return self
 
@@ -63,16 +73,25 @@ class Region(Strictly):
         return shapely.Polygon(self.polygon)
 
 
-class Plane(Strictly):
-    """The waters of a plane scenario, in metres, and where its figures come from."""
+class Plane(StrictModel):
+    """The area of a plane scenario in metres, in place of region and chart."""
 
     extent: tuple[Number, Number, Number, Number] = Field(
-        description="give [xmin, ymin, xmax, ymax] in metres"
+        description="Limits of the plane, metres. Give [xmin, ymin, xmax, ymax].",
+        examples=[[0, 0, 100, 100]],
+        json_schema_extra={"unit": "m"},
     )
     obstacles: tuple[Corners, ...] = Field(
-        default=(), description="list each obstacle's corners in their order round the edge"
+        default=(),
+        description="No-go polygons, each a list of its corners [x, y], metres. List the corners "
+        "in their order round the edge.",
+        examples=[[[[40, 30], [60, 30], [60, 70], [40, 70]]]],
+        json_schema_extra={"unit": "m"},
     )
-    credit: str = "Figures of the scenario"
+    credit: str = Field(
+        default="Figures of the scenario",
+        description="Credit line for the obstacles, printed with the results. Give any text.",
+    )
 
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
@@ -91,24 +110,59 @@ class Plane(Strictly):
         return shapely.box(*self.extent)
 
 
-class ChartSource(Strictly):
-    """One source of a chart: an entry of the catalogue, a file or folder of the user's, or both.
+class ChartSource(StrictModel):
+    """A source of land: an entry of the catalogue, a file or folder of the user's, or both.
 
-    An entry says whose data a path holds and how accurate they are; what is given here goes before.
+    An entry states the licence and accuracy of the data in the path; keys given here override it.
     """
 
-    name: str = Field(default="", description="`renew list` names the sources")
-    path: str = Field(default="", description="give a vector file, or a folder of S-57 cells")
-    layer: str = Field(default="", description="give the name of a layer of the file")
-    crs: str = Field(default="", description="give what pyproj knows, such as 'EPSG:4326'")
+    name: str = Field(
+        default="",
+        description="Source of land in the catalogue. Give a name that `renew list` shows under "
+        "sources, or a path.",
+        examples=["osm-land"],
+    )
+    path: str = Field(
+        default="",
+        description="File or folder with the data; relative paths start at the scenario's folder. "
+        "Give a vector file, or a folder of S-57 cells.",
+        examples=["./piers.gpkg"],
+    )
+    layer: str = Field(
+        default="",
+        description="Layer of the vector file, needed if it has several. Give the name of a layer "
+        "of the file.",
+        examples=["piers"],
+    )
+    crs: str = Field(
+        default="",
+        description="CRS of the vector file, in place of the one that it states itself; needed if "
+        "it states none. Give what pyproj knows, such as 'EPSG:4326'.",
+        examples=["EPSG:4326"],
+    )
     radius_m: Positive | None = Field(
-        default=None, description="give the metres around each point and line that are no-go"
+        default=None,
+        description="Radius of the no-go zone around each point and line of the file, metres; "
+        "needed if it has any. Give metres above 0.",
+        examples=[50],
     )
-    accuracy_m: NotNegative | None = Field(
-        default=None, description="give how far in metres the file's coast may be off"
+    accuracy_m: NonNegative | None = Field(
+        default=None,
+        description="How far the file's coast may lie from the true one, metres; left out, the "
+        "accuracy of the catalogue entry, or 50 m without one. Give metres, 0 or more.",
+        examples=[5],
     )
-    credit: str = ""
-    licence: str = ""
+    credit: str = Field(
+        default="",
+        description="Credit line for the data, printed with the results. Give the text that the "
+        "data's licence requires.",
+        examples=["© Harbour office"],
+    )
+    licence: str = Field(
+        default="",
+        description="Licence of the data. Give its name.",
+        examples=["CC BY 4.0"],
+    )
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -118,38 +172,53 @@ class ChartSource(Strictly):
 
 
 def _as_sources(given: object) -> object:
-    """Take one source for a list of one, and a text for a name, or for the path it looks like."""
+    """Turn one source into a list of one, and a text into a source by its name or path."""
     return [
         {"path" if looks_like_path(one) else "name": one} if isinstance(one, str) else one
         for one in (given if isinstance(given, (list, tuple)) else (given,))
     ]
 
 
-class ChartSpec(Strictly):
-    """Which land, and how it becomes the planner's no-go zone (true metres).
-
-    Several sources are laid on top of each other: what one of them forbids is no-go.
-    """
+class ChartSpec(StrictModel):
+    """The land of a chart scenario, and how the hard no-go zone is made from it."""
 
     source: Annotated[
-        tuple[ChartSource, ...], Field(min_length=1), BeforeValidator(_as_sources)
+        tuple[ChartSource, ...],
+        Field(min_length=1),
+        BeforeValidator(
+            _as_sources, json_schema_input_type=str | ChartSource | list[str | ChartSource]
+        ),
     ] = Field(
         default=(ChartSource(name="osm-land"),),
-        description="give a source's name (`renew list`), a path, or a list of them",
+        description="Sources of land: what one of them marks as no-go is no-go. Give a source's "
+        "name (`renew list`), a path, a table, or a list of them.",
+        examples=["osm-land", ["osm-land", {"path": "./piers.gpkg", "accuracy_m": 5}]],
     )
-    under_keel_clearance_m: NotNegative = Field(
-        default=1.0, description="give the metres of water to be left below the keel"
+    under_keel_clearance_m: NonNegative = Field(
+        default=1.0,
+        description="Under-keel clearance, metres: on charts with depths, water shallower than "
+        "the vessel's draught plus this is no-go. Give metres, 0 or more.",
     )
-    margin_m: NotNegative | None = Field(
+    margin_m: NonNegative | None = Field(
         default=None,
-        description="give the metres added to every coast, or leave it out: the chart's accuracy",
+        description="Margin added to every coast, metres; left out, the chart's accuracy, and "
+        "never less than that. Give metres, 0 or more.",
+        examples=[60],
     )
-    join_gap_m: NotNegative = Field(
-        default=0.0, description="give the widest gap in metres that is closed, or 0"
+    close_gaps_m: NonNegative = Field(
+        default=0.0,
+        description="Width below which gaps between land become land, metres; the widest passage "
+        "between start and goal stays open. Give metres, or 0 to close none.",
+        examples=[4000],
     )
-    tolerance_m: NotNegative = Field(
-        default=100.0, description="give the metres that the coast may be simplified by, or 0"
+    tolerance_m: NonNegative = Field(
+        default=100.0,
+        description="How far the simplified coast may lie off the land, metres, always on the "
+        "water's side; grows if the vertex budget requires it. Give metres, 0 or more.",
     )
-    vertex_budget: Whole = Field(
-        default=250, ge=8, description="give the number of vertices aimed at, some hundred"
+    vertex_budget: Integer = Field(
+        default=250,
+        ge=8,
+        description="Maximum number of vertices of the simplified land: more follow the coast "
+        "more closely and take longer. Give a whole number, 8 or more, usually some hundred.",
     )

@@ -1,4 +1,7 @@
-"""What entries of the catalogue are made of: strict tables, and numbers that say their limits."""
+"""Types of the catalogue's entries: strict tables, and numbers with limits.
+
+The last sentence of a key's description is the remedy: an error message about the key ends in it.
+"""
 
 from __future__ import annotations
 
@@ -6,48 +9,49 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
-# Several faults of one validator travel in one ValueError.
+# Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"
 
 
-class Strictly(BaseModel):
-    """Frozen; unknown keys are refused, and so are numbers that are not finite."""
+class StrictModel(BaseModel):
+    """A frozen table that refuses unknown keys and numbers that are not finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-# A name becomes a folder and a file's name: nothing that a file system or a shell could take amiss.
-# Each description is the remedy that a fault's line ends in.
+# A name becomes the name of folders and files: only characters that every file system and shell
+# accepts.
 Name = Annotated[
     str,
     Field(
         pattern=r"^[a-z0-9]([a-z0-9_-]{0,62}[a-z0-9])?$",
-        description="use up to 64 lower-case letters, digits, '-' and '_'",
+        description="Name in the catalogue, and of the files made from it. Use up to 64 "
+        "lower-case letters, digits, '-' and '_'.",
     ),
 ]
 Number = Annotated[float, Strict()]
-Whole = Annotated[int, Strict()]
+Integer = Annotated[int, Strict()]
 Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
 Longitude = Annotated[Number, Field(ge=-180, le=360)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 LonLat = tuple[Longitude, Latitude]
 Point = tuple[Number, Number]
 
 
-def _whole_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Refuse a ring that crosses itself or has no area."""
+def _simple_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Refuse a polygon that crosses itself or has no area."""
     import shapely
 
     ring = shapely.Polygon(corners)
     if not ring.is_valid or ring.area == 0:
         reason = shapely.is_valid_reason(ring) if not ring.is_valid else "it has no area"
-        raise ValueError(f"is no simple ring: {spoken_reason(reason)}")
+        raise ValueError(f"is not a simple polygon: {plain_reason(reason)}")
     return corners
 
 
-def spoken_reason(reason: str) -> str:
-    """Say a reason of GEOS in words: "Self-intersection[1 9]" is "it crosses itself at 1, 9"."""
+def plain_reason(reason: str) -> str:
+    """Spell GEOS's reason plainly: "Self-intersection[1 9]" as "it crosses itself at 1, 9"."""
     kind, _, where = reason.partition("[")
     place = ", ".join(f"{float(number):g}" for number in where.rstrip("]").split())
     words = "it crosses itself" if "intersection" in kind.lower() else kind
@@ -55,9 +59,9 @@ def spoken_reason(reason: str) -> str:
 
 
 def looks_like_path(text: str) -> bool:
-    """Whether a source is named by its path: names in the catalogue have none of these signs."""
+    """Whether a source is given by its path: catalogue names have none of these characters."""
     return bool(set(text) & set("/\\.~"))
 
 
-WholeRing = AfterValidator(_whole_polygon)
-Corners = Annotated[tuple[Point, ...], Field(min_length=3), WholeRing]
+SimpleRing = AfterValidator(_simple_polygon)
+Corners = Annotated[tuple[Point, ...], Field(min_length=3), SimpleRing]

@@ -1,1 +1,1 @@
-"""Where land and currents come from: adapters behind two small interfaces, chosen in `registry`."""
+"""Sources of land and currents: adapters behind two small interfaces, chosen in `registry`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -10,7 +10,11 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     from pipeline.model import CurrentGrid, Land
-    from pipeline.scenario.model import Season
+    from pipeline.scenario.season import Season
+
+TimeMethod = Literal["mean", "nearest", "linear"]
+"""How a season's field is made of time steps: the mean of those in its period, the step nearest to
+the middle of the period, or linear interpolation between the two around that middle."""
 
 
 class LandSource(Protocol):
@@ -18,41 +22,52 @@ class LandSource(Protocol):
 
     @property
     def identity(self) -> tuple[str, ...]:
-        """What its land depends on beside the region: releases, hashes."""
+        """What the land depends on besides the region: releases, file hashes."""
         ...
 
     def land(self, region: Polygon) -> Land:
-        """Land near a region (lon/lat degrees)."""
+        """Return the land near a region (lon/lat degrees)."""
         ...
 
 
 class CurrentSource(Protocol):
     """Surface currents for a region and a season."""
 
-    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Whether it would ask another machine, for all that it has kept in the folder."""
+    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+        """Whether `current` would download, given the files cached in the folder."""
         ...
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """What its figures depend on beside the region: dataset, release, month, hashes."""
+        """What the current depends on besides the region: dataset, release, time, file hashes."""
         ...
 
-    def unavailable(self) -> str:
-        """Say why it can't be asked now, with the remedy; empty when it can."""
+    def unavailable_reason(self) -> str:
+        """Say why the source can't be used now, with the remedy; empty when it can."""
         ...
 
-    def uncovered(self, region: Polygon, season: Season) -> str:
-        """Say what of the region or the season it lacks, with the remedy; empty when nothing."""
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+        """Say for which part of the region or season there are no data, with the remedy, or ""."""
         ...
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Fetch the current; `land` to judge gaps by, `folder` for files that it keeps.
+        """Return the current on the source's own grid.
+
+        Parameters
+        ----------
+        region
+            Lon/lat degrees.
+        season
+            The period, and how its field is made of time steps.
+        land
+            Land near the region, against which gaps in the data are checked.
+        folder
+            Where downloads are cached.
 
         Raises
         ------
         StageError
-            It could not be had, or what came was not sound.
+            The data could not be downloaded, or failed the acceptance check.
         RequestError
-            What the user gave is not sound.
+            The user's own file is invalid.
         """
         ...

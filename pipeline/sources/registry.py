@@ -1,7 +1,7 @@
 """The one place that chooses an adapter for a source.
 
-A new source is an adapter in `land` or `currents`, a spec in `pipeline.scenario.catalogue`, a line
-below, and an entry in `catalog/sources`.
+A new source is an adapter in `land` or `currents`, a spec in `pipeline.scenario.catalogue`, a
+branch below, and an entry in `catalog/sources`.
 """
 
 from __future__ import annotations
@@ -18,48 +18,49 @@ if TYPE_CHECKING:
 
 
 def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
-    """Return a scenario's sources of land as one; the draught is for charts that have depths."""
-    from pipeline.sources.land.overlay import Stack
+    """Return all of a scenario's land sources as one; charts with depths need the draught."""
+    from pipeline.sources.land.overlay import Overlay
 
-    return Stack(tuple(_one_land(asked, chart, draught_m) for asked in chart.source))
+    return Overlay(tuple(_single_source(source, chart, draught_m) for source in chart.source))
 
 
-def _one_land(asked: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
-    """Return one source of land: by its name in the catalogue, or by what lies at its path."""
-    entry = catalogue.source(asked.name) if asked.name else None
+def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
+    """Return one land source, by its name in the catalogue or by what lies at its path."""
+    entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
         from pipeline.sources.land.osm_adapter import OsmLand
 
         return OsmLand()
-    if not asked.path:
+    if not source.path:
         fault = (
-            f"chart.source {asked.name!r} is a kind of chart, not one: give its files with "
-            f'--charts PATH, or as {{ name = "{asked.name}", path = "…" }}'
+            f"chart.source {source.name!r} is a kind of chart and needs files: give them with "
+            f'--charts PATH, or as {{ name = "{source.name}", path = "…" }}'
         )
         raise RequestError([fault])
-    place = Path(asked.path)
-    is_s57 = place.suffix == ".000" or (place.is_dir() and place.suffix != ".gdb")
+    path = Path(source.path)
+    is_s57 = path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
     if entry is not None and is_s57 != (entry.adapter == "s57"):
+        found = "S-57 cells" if is_s57 else "a vector file"
         raise RequestError(
-            [f"chart.source: {place} does not hold what {asked.name!r} is; leave the name out"]
+            [f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"]
         )
     if is_s57:
         if draught_m is None:
             fault = (
-                "vessel.draught_m is missing, and the chart has depths: give the metres that the "
-                "vessel reaches below the water line"
+                "vessel.draught_m is missing, and the chart has depths: give the vessel's draught "
+                "in metres"
             )
             raise RequestError([fault])
         from pipeline.sources.land.s57_adapter import S57Chart
 
-        return S57Chart(place, draught_m + chart.under_keel_clearance_m)
+        return S57Chart(path, draught_m + chart.under_keel_clearance_m)
     from pipeline.sources.land.vector import VectorFile
 
-    return VectorFile(place, asked, entry if isinstance(entry, catalogue.VectorSpec) else None)
+    return VectorFile(path, source, entry if isinstance(entry, catalogue.VectorSpec) else None)
 
 
 def current_source(named: str | tuple[str, ...]) -> CurrentSource:
-    """Return the current source of a catalogue entry, or of files that belong together."""
+    """Return the source of currents that a catalogue entry names, or that files make together."""
     if not isinstance(named, str):
         from pipeline.sources.currents.cf.adapter import CfFiles
 

@@ -1,1 +1,1 @@
-"""The six stages, a file each: fetch, simplify, project, plan, evaluate, write."""
+"""The six stages, one file each: fetch, simplify, project, plan, evaluate, write."""

@@ -1,39 +1,40 @@
 """First stage: land and currents from the sources, with their credits.
 
-Each part is an artefact of its own. A season takes the first of its sources that can be asked,
-reaches over the region and answers; which were passed over, and why, travels on as notes.
+Each part is an artefact of its own. A season takes the first of its sources that is available,
+covers the region and returns data; the sources passed over for it, and why, stay with its current.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pipeline import store as artefact
 from pipeline.errors import RequestError, StageError
-from pipeline.model import CurrentGrid, Fetched, Land
+from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
 from pipeline.sources.land.osm_adapter import OsmLand
-from pipeline.sources.land.overlay import Stack
+from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
-from pipeline.stages import planar as plane
-from pipeline.stages.overpowering_current import outrun_note
+from pipeline.stages import planar
+from pipeline.stages.overpowering_current import overpowering_notes
+from pipeline.store import artefact_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pipeline.scenario.model import Scenario, Season
+    from pipeline.scenario.model import Scenario
     from pipeline.scenario.region import Region
+    from pipeline.scenario.season import Season
     from pipeline.sources.interfaces import CurrentSource, LandSource
     from pipeline.store import Store
 
-# Where in the store sources keep their files.
+# Folder of the store in which sources cache their downloads.
 DOWNLOADS = "downloads"
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
-    """What was fetched, the key of every part, and the seasons for which nothing was found."""
+class FetchedParts:
+    """The fetched data, the store's key of each part, and why a season has no current."""
 
     fetched: Fetched
     land_key: str
@@ -41,74 +42,61 @@ class Parts:
     failures: Mapping[str, str]
 
 
-def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Parts:
+def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> FetchedParts:
     """Fetch land and every season's current.
 
     Raises
     ------
     RequestError
-        No season has a source that could be asked.
+        No season has a source that is available and covers the region.
     StageError
-        Sources were asked, and none answered.
+        Sources were asked, and none returned data.
     """
     if scenario.region is None:
-        return _planar(scenario)
+        return _plane_parts(scenario)
     land = land_source(scenario.chart, scenario.vessel.draught_m)
     fetcher = _Fetcher(scenario.region, land, store, offline)
     found = {season.name: fetcher.current(season) for season in scenario.seasons}
-    grids = tuple(got.grid for got in found.values() if got.grid is not None)
+    grids = tuple(current.grid for current in found.values() if current.grid is not None)
     failures = {
-        name: f"no source of currents could be used: {'; '.join(got.passed_over)}"
-        for name, got in found.items()
-        if got.grid is None
+        name: "no source of currents could be used: "
+        + "; ".join(passed.reason for passed in current.passed_over)
+        for name, current in found.items()
+        if current.grid is None
     }
     if not grids:
         reasons = [f"season {name!r}: {why}" for name, why in failures.items()]
-        asked = any(got.asked for got in found.values())
+        asked = any(current.was_asked for current in found.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
     region, speed_m_s = scenario.region.shape, scenario.vessel.speed_m_s
-    outruns = [note for grid in grids for note in outrun_note(grid, region, speed_m_s)]
-    return Parts(
-        fetched=Fetched(fetcher.land, grids, (*fetcher.land.notes, *_notes(found), *outruns)),
+    overpowering = [note for grid in grids for note in overpowering_notes(grid, region, speed_m_s)]
+    notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
+    return FetchedParts(
+        fetched=Fetched(fetcher.land, grids, notes),
         land_key=fetcher.land_key,
-        current_keys={name: got.key for name, got in found.items() if got.grid is not None},
+        current_keys={
+            name: current.key for name, current in found.items() if current.grid is not None
+        },
         failures=failures,
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Got:
-    """A season's current and its key, or none; and why sources before it were passed over.
+class _SeasonCurrent:
+    """A season's current and its key in the store, or none; and the sources passed over.
 
-    `asked` says that a source was asked and failed, which is not the request's fault.
+    `was_asked` says that a source was asked and failed, which is not the request's fault.
     """
 
     grid: CurrentGrid | None
     key: str
-    passed_over: tuple[str, ...]
-    asked: bool
-
-
-def _notes(found: Mapping[str, _Got]) -> tuple[str, ...]:
-    """What a reader should know of the currents; each thing once.
-
-    Of those that are not the preferred ones, why.
-    """
-    told: dict[str, list[str]] = {}
-    for season, got in found.items():
-        for note in got.grid.notes if got.grid is not None else ():
-            told.setdefault(note, []).append(season)
-        if got.grid is not None and got.passed_over:
-            for reason in got.passed_over:
-                told.setdefault(reason, []).append(season)
-            used = f"planned on {got.grid.credit.name}, valid {got.grid.valid}"
-            told.setdefault(used, []).append(season)
-    return tuple(f"{', '.join(seasons)}: {what}" for what, seasons in told.items())
+    passed_over: tuple[PassedOver, ...]
+    was_asked: bool
 
 
 @dataclass(frozen=True)
 class _Fetcher:
-    """Asks the sources for one region."""
+    """Fetches land and currents of one region."""
 
     region: Region
     land_source: LandSource
@@ -117,69 +105,71 @@ class _Fetcher:
 
     @cached_property
     def land_key(self) -> str:
-        """Name of the land's artefact."""
-        return artefact.key("land", self.land_source.identity, self._outline)
+        """The land's key in the store."""
+        return artefact_key("land", self.land_source.identity, self._outline)
 
     @cached_property
     def land(self) -> Land:
-        """Land near the region; fetched once it is needed, as it takes seconds."""
-        return self._land(self.land_source)
+        """Land near the region; fetched when first needed, as it takes seconds."""
+        return self._stored_land(self.land_source)
 
     @cached_property
-    def ground(self) -> Land:
-        """Land proper: a chart's no-go is also shoals and what nobody charted."""
-        return self._land(Stack((OsmLand(),)))
+    def dry_land(self) -> Land:
+        """Land above water only: a chart's no-go also holds shoals and uncharted water."""
+        return self._stored_land(Overlay((OsmLand(),)))
 
-    def _land(self, source: LandSource) -> Land:
-        """Take a source's land from the store, or fetch it."""
-        key = artefact.key("land", source.identity, self._outline)
-        return self.store.made("land", key, Land, lambda: source.land(self.region.shape))
+    def _stored_land(self, source: LandSource) -> Land:
+        """Load a source's land from the store, or fetch it."""
+        key = artefact_key("land", source.identity, self._outline)
+        return self.store.load_or_make("land", key, Land, lambda: source.land(self.region.shape))
 
     @cached_property
     def _outline(self) -> str:
-        """The region as text that names it exactly."""
+        """The region as text that identifies it exactly."""
         return str(self.region.shape.wkt)
 
-    def current(self, season: Season) -> _Got:
-        """Take the first source that gives the season's current."""
-        passed_over: list[str] = []
-        asked = False
+    def current(self, season: Season) -> _SeasonCurrent:
+        """Fetch the season's current from the first of its sources that has it."""
+        passed_over: list[PassedOver] = []
+        was_asked = False
         for named in season.currents:
-            source = current_source(named)
-            key = artefact.key("current", source.identity(season), self._outline, season.name)
+            source, name = current_source(named), named if isinstance(named, str) else str(named)
+            key = artefact_key("current", source.identity(season), self._outline, season.name)
             # What was fetched before needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
             if grid is None and (refusal := self._refusal(source, named, season)):
-                passed_over.append(refusal)
+                passed_over.append(PassedOver(name, refusal))
                 continue
             if grid is None:
                 try:
                     folder = self.store.folder(DOWNLOADS)
-                    grid = source.current(self.region.shape, season, self.ground, folder)
+                    grid = source.current(self.region.shape, season, self.dry_land, folder)
                 except (StageError, RequestError) as error:
-                    asked = asked or isinstance(error, StageError)
-                    passed_over.append("; ".join(str(error).splitlines()))
+                    was_asked = was_asked or isinstance(error, StageError)
+                    passed_over.append(PassedOver(name, "; ".join(str(error).splitlines())))
                     continue
                 self.store.save("current", key, grid)
-            return _Got(grid, key, tuple(passed_over), asked)
-        return _Got(None, "", tuple(passed_over), asked)
+            # Not part of the artefact: another run may have a preferred source again.
+            grid = replace(grid, passed_over=tuple(passed_over))
+            return _SeasonCurrent(grid, key, grid.passed_over, was_asked)
+        return _SeasonCurrent(None, "", tuple(passed_over), was_asked)
 
     def _refusal(self, source: CurrentSource, named: str | tuple[str, ...], season: Season) -> str:
         """Say why a source can't be asked; empty when it can."""
         shape, folder = self.region.shape, self.store.root / DOWNLOADS
-        uncovered = source.uncovered(shape, season)
-        if uncovered or not source.asks_network(shape, season, folder):
+        uncovered = source.uncovered_reason(shape, season)
+        if uncovered or not source.needs_network(shape, season, folder):
             return uncovered
         if self.offline:
             return f"{named} needs the network; leave --offline out"
-        return source.unavailable()
+        return source.unavailable_reason()
 
 
-def _planar(scenario: Scenario) -> Parts:
-    """Figures of a plane scenario; its artefacts are named by them."""
+def _plane_parts(scenario: Scenario) -> FetchedParts:
+    """Parts of a plane scenario, whose land and currents are numbers in the scenario itself."""
     figures = scenario.model_dump(mode="json", include={"plane", "scale"})
     keys = {
-        season.name: artefact.key("current", season.model_dump(mode="json"), figures)
+        season.name: artefact_key("current", season.model_dump(mode="json"), figures)
         for season in scenario.seasons
     }
-    return Parts(plane.fetched(scenario), artefact.key("land", figures), keys, {})
+    return FetchedParts(planar.fetched_plane(scenario), artefact_key("land", figures), keys, {})

@@ -1,4 +1,4 @@
-"""Where the current outruns the vessel: no-go for it, whichever way the water flows."""
+"""Report the water whose current is as fast as the vessel: no route leads through it."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ if TYPE_CHECKING:
     from pipeline.model import CurrentGrid
 
 
-def outrun_note(grid: CurrentGrid, region: Polygon, speed_m_s: float) -> tuple[str, ...]:
-    """Say how much of a region's water outruns a vessel, and where most; nothing where none does.
+def overpowering_notes(grid: CurrentGrid, region: Polygon, speed_m_s: float) -> tuple[str, ...]:
+    """Note the share of a region's water with an overpowering current, and its maximum.
 
-    The region is in lon/lat degrees, the vessel's speed through water in m/s.
+    The region is in lon/lat degrees, the vessel's speed through water in m/s. Empty where the
+    current is slower than the vessel everywhere.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)
     strength = np.hypot(grid.u, grid.v)
-    there = np.isfinite(strength) & shapely.contains_xy(region, lon, lat)
-    strong = there & (strength >= speed_m_s)
-    if not strong.any():
+    is_water = np.isfinite(strength) & shapely.contains_xy(region, lon, lat)
+    overpowers = is_water & (strength >= speed_m_s)
+    if not overpowers.any():
         return ()
-    # Cells of a grid in degrees are as wide as the cosine of their latitude.
+    # A grid cell's width is proportional to the cosine of its latitude.
     area = np.cos(np.radians(lat))
-    share = area[strong].sum() / area[there].sum()
-    peak = np.unravel_index(np.argmax(np.where(there, strength, -1.0)), strength.shape)
-    told = (
+    share = area[overpowers].sum() / area[is_water].sum()
+    peak = np.unravel_index(np.argmax(np.where(is_water, strength, -1.0)), strength.shape)
+    note = (
         f"{grid.season}: in {share:.1%} of the water the current is as fast as the vessel "
         f"({speed_m_s:g} m/s) or faster, up to {strength[peak]:.2f} m/s at {lon[peak]:.2f} E "
         f"{lat[peak]:.2f} N: no route leads through it"
     )
-    return (told,)
+    return (note,)

@@ -1,4 +1,4 @@
-"""On which side of the great island a route passes: the first thing that a navigator asks."""
+"""On which side a route passes the largest island on its way: a navigator's first question."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 _COMPASS = ("north", "east", "south", "west")
 
 
-class Sides:
-    """Names the side on which routes from start to goal pass the largest island between them.
+class PassingSide:
+    """Names the side on which routes pass the largest island between start and goal.
 
-    That island lies whole inside the chart, so that both ways round it exist, and at least partly
-    between the lines through start and goal that are square to the line from one to the other.
+    Only islands that lie entirely inside the chart count, so that both ways round exist, and that
+    lie at least partly between the perpendiculars to the direct line through start and goal.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -31,41 +31,41 @@ class Sides:
         self._length = float(np.linalg.norm(axis))
         self._axis = axis / max(self._length, 1e-12)
         self._left = np.array([-self._axis[1], self._axis[0]])
-        self._mark = self._mark_in(scene)
+        self._reference = self._reference_point(scene)
         east_north = scene.projection.rotate_to_lonlat(
             scene.projection.to_lonlat((scene.start + scene.goal) / 2), self._left
         )
         bearing = float(np.degrees(np.arctan2(east_north[0], east_north[1])))
         self._names = [_COMPASS[round((bearing + turn) / 90) % 4] for turn in (0, 180)]
 
-    def side(self, path: FloatArray) -> str:
+    def name(self, path: FloatArray) -> str:
         """Compass point of the side that a planar path (n, 2) takes; empty without an island.
 
-        Every route crosses the line through the island that is square to the way, an odd number of
-        times in all: so it passes on the left just where it crosses left of the mark an odd
-        number of times.
+        Every route crosses the perpendicular through the reference point an odd number of times in
+        all. It passes on the left if and only if it crosses left of that point an odd number of
+        times.
         """
-        if self._mark is None:
+        if self._reference is None:
             return ""
-        along = (path - self._mark) @ self._axis
-        across = (path - self._mark) @ self._left
+        along = (path - self._reference) @ self._axis
+        across = (path - self._reference) @ self._left
         before, after = along[:-1], along[1:]
         crosses = (before < 0) != (after < 0)
         share = before[crosses] / (before[crosses] - after[crosses])
         offset = across[:-1][crosses] * (1 - share) + across[1:][crosses] * share
         return self._names[0 if np.count_nonzero(offset > 0) % 2 else 1]
 
-    def _mark_in(self, scene: Scene) -> FloatArray | None:
-        """A point on the largest island between start and goal."""
+    def _reference_point(self, scene: Scene) -> FloatArray | None:
+        """Return a point (2,) on the largest island between start and goal."""
         for island in _islands(scene):
             between = shapely.intersection(island, self._strip(scene))
             if not between.is_empty and between.area > 0:
-                mark: FloatArray = shapely.get_coordinates(between.representative_point())[0]
-                return mark
+                point: FloatArray = shapely.get_coordinates(between.representative_point())[0]
+                return point
         return None
 
     def _strip(self, scene: Scene) -> Polygon:
-        """The part of the plane between start and goal, as wide as the chart."""
+        """Return the part of the plane between start and goal, as wide as the chart."""
         xmin, ymin, xmax, ymax = scene.chart.bounds
         wide = self._left * 2 * float(np.hypot(xmax - xmin, ymax - ymin))
         goal = self._start + self._axis * self._length
@@ -73,7 +73,7 @@ class Sides:
 
 
 def _islands(scene: Scene) -> list[Polygon]:
-    """Original land that lies whole inside the chart, holes left out, the largest first."""
+    """Return the original land entirely inside the chart, without holes, the largest first."""
     extent = scene.chart.extent
     shapely.prepare(extent)
     land = np.array(scene.land, dtype=object)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from typing import TYPE_CHECKING
 
@@ -15,12 +14,8 @@ if TYPE_CHECKING:
 
 
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
-    """Plan one season; why it can't be planned, where it can't, is the result's `failure`.
-
-    The plan's routes stand in the order of their rank: the one to take first (for the sampled
-    method the choice is not always the least fuel), the others by fuel.
-    """
-    begun = time.perf_counter()
+    """Plan one season; where that is impossible, the result's `failure` says why."""
+    started = time.perf_counter()
     try:
         plan = renew.plan(
             scene.chart,
@@ -31,7 +26,5 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             **options.model_dump(),
         )
     except renew.PlanningError as error:
-        return SeasonPlan(season, None, " ".join(str(error).split()), time.perf_counter() - begun)
-    others = [route for i, route in enumerate(plan.routes) if i != plan.chosen]
-    ranked = dataclasses.replace(plan, routes=(plan.best, *others), chosen=0)
-    return SeasonPlan(season, ranked, "", time.perf_counter() - begun)
+        return SeasonPlan(season, None, " ".join(str(error).split()), time.perf_counter() - started)
+    return SeasonPlan(season, plan, "", time.perf_counter() - started)

@@ -1,6 +1,6 @@
-"""Plane scenarios: extent, obstacles and current are figures in metres, placed at 0 N 0 E.
+"""Plane scenarios: extent, obstacles and current are given in metres, and placed at 0 N 0 E.
 
-They pass through the same artefacts as a chart does, so that every output works for them too.
+They become the same dataclasses as a chart scenario, so that every output format works for them.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Fetched, Land, Scene, Simplified
+from pipeline.stages.endpoints import check_endpoints
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     from pipeline.model import Current
-    from pipeline.scenario.model import Scenario, Season
+    from pipeline.scenario.model import Scenario
     from pipeline.scenario.region import Plane
+    from pipeline.scenario.season import Season
 
 
-def fetched(scenario: Scenario) -> Fetched:
-    """Obstacles as land; the current stays with the scenario."""
+def fetched_plane(scenario: Scenario) -> Fetched:
+    """Return the obstacles as land; the current is read from the scenario itself."""
     projection = _projection(scenario)
     credit = Credit(
         name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""
@@ -34,30 +36,28 @@ def fetched(scenario: Scenario) -> Fetched:
 
 
 def unsimplified(land: Land) -> Simplified:
-    """Take the obstacles as they are."""
+    """Return the obstacles as they are: the planner takes them without simplification."""
     vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
     return Simplified(
         polygons=land.polygons,
         original_vertices=vertices,
         vertices=vertices,
         tolerance_m=0.0,
-        joined_gap_m=0.0,
+        closed_gap_m=0.0,
         margin_m=0.0,
     )
 
 
-def scene(scenario: Scenario) -> Scene:
-    """Build the planner's world from the figures as given: a way to lon/lat and back blurs them."""
-    from pipeline.stages.endpoints import check_ends
-
+def plane_scene(scenario: Scenario) -> Scene:
+    """Build the planner's input from the given metres: by way of lon/lat they would be rounded."""
     obstacles = _obstacles(scenario)
-    chart = renew.Chart(scenario.waters, obstacles)
+    chart = renew.Chart(scenario.area, obstacles)
     projection = _projection(scenario)
-    check_ends(scenario, chart, projection)
+    check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
         land=obstacles,
-        currents={season.name: _current(season, scenario.waters) for season in scenario.seasons},
+        currents={season.name: _current(season, scenario.area) for season in scenario.seasons},
         start=np.asarray(scenario.start, dtype=float),
         goal=np.asarray(scenario.goal, dtype=float),
         projection=projection,
@@ -66,24 +66,24 @@ def scene(scenario: Scenario) -> Scene:
 
 
 def _plane(scenario: Scenario) -> Plane:
-    """The scenario's plane."""
+    """Return the scenario's plane."""
     if scenario.plane is None:
         raise RequestError(["the scenario has neither region nor plane; give one of the two"])
     return scenario.plane
 
 
 def _obstacles(scenario: Scenario) -> tuple[Polygon, ...]:
-    """Obstacles in metres."""
+    """Return the obstacles as polygons in metres."""
     return tuple(shapely.Polygon(corners) for corners in _plane(scenario).obstacles)
 
 
 def _projection(scenario: Scenario) -> Projection:
-    """Where the plane lies on the globe: its origin at 0 N 0 E."""
+    """Place the plane on the globe, with its origin at 0 N 0 E."""
     return Projection.at(0.0, 0.0, scenario.scale)
 
 
 def _current(season: Season, extent: Polygon) -> Current:
-    """A season's current that is given as figures."""
+    """Return a season's current, given by its parameters in m/s."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds
         return renew.GyreCurrent(

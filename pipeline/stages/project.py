@@ -1,7 +1,7 @@
-"""Third stage: everything into the planner's plane, in metres divided by the scenario's scale.
+"""Third stage: project everything into the planner's plane, in metres divided by the scale.
 
-Speeds are not scaled. Current vectors turn with the meridian convergence; gaps in a current are
-filled from the water around them, for land says nothing about the water beside it.
+Speeds are not scaled. Current vectors are rotated by the meridian convergence; gaps in a current
+are filled from the water around them, as a value on land says nothing about the water beside it.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
+from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
-from pipeline.stages import planar as plane
-from pipeline.stages.endpoints import check_ends
+from pipeline.stages import planar
+from pipeline.stages.endpoints import check_endpoints
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -28,42 +29,42 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# The region's straight edges in degrees are bent in the plane. Their corners become vertices of the
-# triangulation, so an edge is cut only where it departs by more than this share of the diagonal,
-# and into 8 parts at most.
-_LARGEST_SAG = 2e-3
-_MOST_HALVINGS = 3
-# Nodes of the planner's current a cell of the source: linear between them either way.
+# Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
+# curved in the plane. An edge is halved until it sags less, at most _MAX_HALVINGS times, and no
+# further, as each corner becomes a vertex of the triangulation.
+_MAX_SAG = 2e-3
+_MAX_HALVINGS = 3
+# Nodes of the planner's current per cell of the source, along each axis; see `planar_current`.
 _NODES_PER_CELL = 2
-# Nodes stand no closer than cells of this share of their height would want them.
-_NARROWEST = 4
-_METRES_PER_DEGREE = 111_195.0
+# Maximum ratio of a cell's height to its width that counts for the spacing of nodes: near a pole
+# cells become too narrow to follow.
+_MAX_ASPECT = 4
 
 
 def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Scene:
-    """Build the planner's world.
+    """Build the planner's input.
 
     Raises
     ------
     RequestError
-        Start or goal on land, or in different basins; all such faults at once.
+        Start or goal on land, or in different bodies of water; all such faults at once.
     renew.GeometryError
         The no-go zone leaves no water.
     """
     if scenario.region is None:
-        return plane.scene(scenario)
+        return planar.plane_scene(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
     chart = renew.Chart(
         extent_polygon(region, projection),
         [projection.geometry_to_plane(polygon) for polygon in simplified.polygons],
     )
-    check_ends(scenario, chart, projection)
+    check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
         land=tuple(projection.geometry_to_plane(np.array(fetched.land.polygons, dtype=object))),
         currents={
-            grid.season: gridded(grid, projection, chart.bounds) for grid in fetched.currents
+            grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
         },
         start=projection.to_plane(scenario.start),
         goal=projection.to_plane(scenario.goal),
@@ -73,37 +74,38 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
 
 
 def extent_polygon(region: Polygon, projection: Projection) -> Polygon:
-    """Project a region, its edges cut where they bend: few vertices, each one needed."""
+    """Project a region; its edges are divided only where they would sag too much."""
     corners = shapely.get_coordinates(region.exterior)
     planar = projection.to_plane(corners)
-    allowed = _LARGEST_SAG * float(np.hypot(*(planar.max(axis=0) - planar.min(axis=0))))
+    allowed = _MAX_SAG * float(np.hypot(*(planar.max(axis=0) - planar.min(axis=0))))
     ring: list[FloatArray] = []
     for begin, end in itertools.pairwise(corners):
         parts = 1
-        while parts < 2**_MOST_HALVINGS and _sag(begin, end, parts, projection) > allowed:
+        while parts < 2**_MAX_HALVINGS and _sag(begin, end, parts, projection) > allowed:
             parts *= 2
         ring.append(projection.to_plane(_between(begin, end, parts)[:-1]))
     return shapely.Polygon(np.concatenate(ring))
 
 
 def _between(begin: FloatArray, end: FloatArray, parts: int) -> FloatArray:
-    """Points (parts + 1, 2) evenly from begin to end."""
+    """Return points (parts + 1, 2), evenly spaced from begin to end."""
     return begin + np.linspace(0, 1, parts + 1)[:, None] * (end - begin)
 
 
 def _sag(begin: FloatArray, end: FloatArray, parts: int, projection: Projection) -> float:
-    """Largest distance in the plane between an edge's parts' middles and their chords."""
+    """Return the largest distance in the plane from the middle of an edge's part to its chord."""
     points = projection.to_plane(_between(begin, end, 2 * parts))
     return float(np.linalg.norm(points[1::2] - (points[:-1:2] + points[2::2]) / 2, axis=1).max())
 
 
-def gridded(
+def planar_current(
     grid: CurrentGrid, projection: Projection, bounds: tuple[float, float, float, float]
 ) -> renew.GriddedCurrent:
-    """Put a lon/lat current on a planar grid over bounds (xmin, ymin, xmax, ymax), planar metres.
+    """Resample a lon/lat current to a planar grid over bounds (xmin, ymin, xmax, ymax), metres.
 
-    Vectors (m/s) are turned into the plane's axes. Nodes stand at half the source's cell: so a
-    triangle's spread is that of the source's cells in it, within a tenth on real fields.
+    Vectors (m/s) are rotated to the plane's axes. Nodes are half a cell of the source apart: the
+    spread of the current in a triangle then equals that of the source's cells in it, to within 10 %
+    on real fields.
     """
     xmin, ymin, xmax, ymax = bounds
     step = _cell_m(grid) / _NODES_PER_CELL / projection.scale
@@ -115,33 +117,33 @@ def gridded(
 
 
 def bilinear(grid: CurrentGrid, lonlat: FloatArray) -> FloatArray:
-    """East and north velocity (..., 2) in m/s at lon/lat (..., 2): the source's own at its nodes.
+    """East and north velocity (..., 2), m/s, at lon/lat (..., 2), by bilinear interpolation.
 
-    Gaps are filled first; beyond the grid's ends its figures are held constant.
+    Gaps are filled first; beyond the grid the values at its edge are held constant.
     """
     from scipy.interpolate import RegularGridInterpolator
 
-    field = filled(np.stack([grid.u, grid.v], axis=-1))
+    field = fill_gaps(np.stack([grid.u, grid.v], axis=-1))
     at = [np.clip(lonlat[..., i], axis[0], axis[-1]) for i, axis in ((1, grid.lat), (0, grid.lon))]
     return np.asarray(RegularGridInterpolator((grid.lat, grid.lon), field)(np.stack(at, axis=-1)))
 
 
 def _cell_m(grid: CurrentGrid) -> float:
-    """The shorter side of a source's cell, in true metres; near a pole cells grow too narrow."""
+    """Return the shorter side of a source's cell, in true metres."""
     up = float(np.diff(grid.lat).min())
     across = float(np.diff(grid.lon).min() * np.cos(np.radians(grid.lat.mean())))
-    return max(min(up, across), up / _NARROWEST) * _METRES_PER_DEGREE
+    return max(min(up, across), up / _MAX_ASPECT) * METRES_PER_DEGREE
 
 
-def filled(field: FloatArray) -> FloatArray:
-    """Fill NaN of a field (ny, nx, 2) outward from its figures, ring by ring.
+def fill_gaps(field: FloatArray) -> FloatArray:
+    """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
 
-    Each ring is the mean of what is known among its eight neighbours; known figures stay.
+    A filled cell is the mean of its eight neighbours that were known before; values stay as given.
     """
     field = np.array(field, dtype=float)
     known = np.isfinite(field).all(axis=-1)
     if not known.any():
-        raise RequestError(["the current has no figures at all; name another source in 'currents'"])
+        raise RequestError(["the current has no values at all; name another source in 'currents'"])
     field[~known] = 0.0
     while not known.all():
         padded = np.pad(field, ((1, 1), (1, 1), (0, 0)))

@@ -1,41 +1,38 @@
-"""The last stage: all files of a run appear together, or the earlier ones stay as they were.
+"""Last stage: all files of a run appear together, or the earlier ones stay unchanged.
 
-Everything is written into a hidden folder beside the target, on the same disk. Only when all of
-it is complete do the files take their places, one atomic rename each, the manifest last; should
-one rename fail, those before it are taken back.
+Everything is written to a folder of its own, which then takes the place of the earlier one whole
+(:mod:`pipeline.result_folder`).
 """
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import hashlib
 import json
 import os
 import re
-import shutil
-import tempfile
-import time
 import unicodedata
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
+from pipeline.result_folder import replacing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.model import OutputOptions, Season
+    from pipeline.scenario.model import OutputOptions
+    from pipeline.scenario.season import Season
 
     Format = Callable[[RunResult, Path], None]
 
 MANIFEST = "manifest.json"
-_LONGEST_NAME = 80
+# Maximum length of a file name that is made of a text, in characters.
+_MAX_NAME = 80
+# Names that Windows reserves for devices.
 _DEVICES = r"con|prn|aux|nul|com\d|lpt\d"
-# A folder of a run that was killed; no run takes a day to write.
-_LEFTOVER_AGE_S = 24 * 3600.0
-_ELSEWHERE = "or choose another place with --output"
+_ELSEWHERE = "or choose another folder with --output"
 _REMEDIES = {
     errno.ENOSPC: "the disk is full: free some space",
     errno.EDQUOT: "the disk quota is used up: free some space",
@@ -43,23 +40,23 @@ _REMEDIES = {
     errno.EACCES: "no permission: change the folder's owner or mode",
     errno.EPERM: "no permission: change the folder's owner or mode",
     errno.EROFS: "the file system is read-only: mount it for writing",
-    errno.EEXIST: "a file stands where a folder should: move it away",
-    errno.ENOTDIR: "a file stands where a folder should: move it away",
-    errno.EISDIR: "a folder stands where a file should: move it away",
+    errno.EEXIST: "a file is in the place of a folder: move it away",
+    errno.ENOTDIR: "a file is in the place of a folder: move it away",
+    errno.EISDIR: "a folder is in the place of a file: move it away",
     errno.ENAMETOOLONG: "the path is too long: choose a shorter one",
 }
 
 
 def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
-    """Write all output files of a run into `directory`, which is made where it is missing.
+    """Write all output files of a run into `directory`, which is created if needed.
 
-    Files that the manifest of an earlier run names, and this one doesn't write, are taken away:
-    nobody should sail a route that is no longer planned.
+    Files that the manifest of an earlier run names and this run does not write are removed: nobody
+    should sail a route that is no longer planned.
 
     Parameters
     ----------
     result
-        The run, planned and evaluated.
+        The planned and evaluated run.
     directory
         The run's own folder; see `output_directory`.
 
@@ -71,44 +68,41 @@ def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
     Raises
     ------
     StageError
-        The files can't be written; the message names the place and the remedy, and the earlier
-        files are whole.
+        The files can't be written; the message names the folder and the remedy. Earlier files
+        are unchanged.
     """
     from pipeline.formats.tables.manifest import write_manifest
 
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        _refuse_open_database(directory)
-        _sweep(directory)
-        with _workshop(directory) as workshop:
-            fresh = []
-            for name, writer in _formats(result).items():
-                writer(result, workshop / name)
-                fresh.append(workshop / name)
-            write_manifest(result, workshop / MANIFEST, fresh)
-            fresh.append(workshop / MANIFEST)
-            _put_in_place(fresh, directory, workshop)
+        formats = formats_of(result)
+        _check_target(directory, [*formats, MANIFEST])
+        with replacing(directory, lambda: _earlier_results(directory)) as staging:
+            written = []
+            for name, writer in formats.items():
+                writer(result, staging / name)
+                written.append(staging / name)
+            write_manifest(result, staging / MANIFEST, written)
     except OSError as error:
-        remedy = _REMEDIES.get(error.errno or 0) or f"{error.strerror or error}: see to it"
+        remedy = _REMEDIES.get(error.errno or 0) or f"{error.strerror or error}: resolve this"
         raise StageError(
             f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
         ) from error
-    return tuple(directory / path.name for path in fresh)
+    return (*(directory / path.name for path in written), directory / MANIFEST)
 
 
 def output_directory(root: Path, name: str) -> Path:
-    """Where the files of the scenario called `name` belong: one folder straight below `root`."""
+    """Return the folder, directly below `root`, for the files of the scenario called `name`."""
     return root / safe_name(name)
 
 
 def safe_name(name: str) -> str:
-    """Turn any text into a file name that every system takes, different for different texts.
+    """Turn any text into a file name that every system accepts, different for different texts.
 
-    Letters, digits, `.`, `_` and `-` stay, of any script; what had to change, or names a device on
-    Windows, is told apart by a short hash. The result is at most 80 characters and 240 bytes.
+    Letters and digits of any script, `.`, `_` and `-` stay. A text that had to be changed, or that
+    Windows reserves for a device, gets a short hash. At most 80 characters and 240 bytes.
     """
     normal = unicodedata.normalize("NFC", name)
-    plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
+    plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_MAX_NAME]
     is_device = re.fullmatch(_DEVICES, plain.partition(".")[0], re.IGNORECASE)
     if plain and plain == name and len(plain.encode()) <= 240 and not is_device:
         return plain
@@ -119,8 +113,8 @@ def safe_name(name: str) -> str:
     return f"{short}-{digest}" if short else digest
 
 
-def _formats(result: RunResult) -> dict[str, Format]:
-    """The files of a run by name; what a format needs is imported only now."""
+def formats_of(result: RunResult) -> dict[str, Format]:
+    """Return a run's files by name, and the function that writes each."""
     from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.report.page import write_report
@@ -142,12 +136,12 @@ def _formats(result: RunResult) -> dict[str, Format]:
 
 
 def _season_formats(season: Season, options: OutputOptions) -> dict[str, Format]:
-    """The files of a season that has routes, for chart plotters and the like."""
+    """Return the files of a season that has routes, for navigation devices."""
     from pipeline.formats.exchange.geojson import write_geojson
     from pipeline.formats.exchange.gpx import write_gpx
     from pipeline.formats.exchange.rtz import write_rtz
 
-    name, departure, version = season.name, season.departure, options.rtz
+    name, departure, version = season.name, season.departure, options.rtz_version
 
     def rtz(result: RunResult, path: Path) -> None:
         write_rtz(result, name, path, version=version, departure=departure)
@@ -162,92 +156,30 @@ def _season_formats(season: Season, options: OutputOptions) -> dict[str, Format]
     return {f"{stem}.rtz": rtz, f"{stem}.gpx": gpx, f"{stem}.geojson": geojson}
 
 
-def _refuse_open_database(directory: Path) -> None:
-    """Refuse to slip a new GeoPackage under another program's journal.
+def _check_target(directory: Path, names: Sequence[str]) -> None:
+    """Refuse a target that can't be replaced: no folder, folders in it, a GeoPackage in use.
 
-    QGIS keeps changes beside the file until it closes it; SQLite would play them back into the
-    new one.
+    QGIS writes its changes to a journal beside the file until it closes it; SQLite would apply them
+    to the new file.
     """
+    if directory.exists() and not directory.is_dir():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(directory))
+    for name in names:
+        if (directory / name).is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(directory / name))
     for journal in directory.glob("*.gpkg-wal"):
         if journal.stat().st_size:
             package = directory / journal.name.removesuffix("-wal")
             raise StageError(
                 f"write: {package} is open in another program ({journal.name} lies beside it): "
-                "close it there, or choose another place with --output"
+                f"close it there, {_ELSEWHERE}"
             )
 
 
-def _sweep(directory: Path) -> None:
-    """Remove what killed runs left behind, a day after."""
-    for leftover in directory.parent.glob(f".{directory.name}.*.partial"):
-        with contextlib.suppress(OSError):
-            if time.time() - leftover.stat().st_mtime > _LEFTOVER_AGE_S:
-                shutil.rmtree(leftover)
-
-
-@contextlib.contextmanager
-def _workshop(directory: Path) -> Iterator[Path]:
-    """Make a hidden folder beside the target, on the same disk; it is gone at the end."""
-    place = tempfile.mkdtemp(prefix=f".{directory.name}.", suffix=".partial", dir=directory.parent)
-    try:
-        yield Path(place)
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
-
-
-def _put_in_place(fresh: Sequence[Path], directory: Path, workshop: Path) -> None:
-    """Move complete files into the directory, and stale ones out; on failure put back what was."""
-    for path in fresh:
-        _flush(path)
-    kept = workshop / "earlier"
-    kept.mkdir()
-    stale = _stale({path.name for path in fresh}, directory)
-    for name in [*(path.name for path in fresh), *stale]:
-        if (directory / name).exists():
-            _keep(directory / name, kept / name)
-    changed: list[str] = []
-    try:
-        for path in fresh:
-            path.replace(directory / path.name)
-            changed.append(path.name)
-        for name in stale:
-            (directory / name).unlink()
-            changed.append(name)
-    except BaseException:
-        for name in changed:
-            if (kept / name).exists():
-                (kept / name).replace(directory / name)
-            else:
-                (directory / name).unlink()
-        raise
-
-
-def _stale(fresh: set[str], directory: Path) -> list[str]:
-    """Files in the directory that its manifest names as a run's own, and that have no successor."""
+def _earlier_results(directory: Path) -> set[str]:
+    """Return the names of an earlier run's files, by its manifest."""
     try:
         named = json.loads((directory / MANIFEST).read_bytes())["outputs"]
     except (OSError, ValueError, KeyError, TypeError):
-        return []
-    return [
-        path.name
-        for path in directory.iterdir()
-        if path.name in named and path.name not in fresh and path.is_file()
-    ]
-
-
-def _keep(earlier: Path, copy: Path) -> None:
-    """Give an earlier file a second name, so that its first is never without a file."""
-    try:
-        os.link(earlier, copy)
-    except OSError as error:
-        if earlier.is_dir():
-            raise IsADirectoryError(
-                errno.EISDIR, os.strerror(errno.EISDIR), str(earlier)
-            ) from error
-        shutil.copy2(earlier, copy)
-
-
-def _flush(path: Path) -> None:
-    """Wait until a file is on the disk, so that its new name can't outlive its content."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+        named = ()
+    return {MANIFEST, *named}

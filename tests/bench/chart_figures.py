@@ -160,7 +160,7 @@ def _check(
     return Checked(
         tuple(
             _measured(scene, land, np.asarray(route.path), row.clearance_m)
-            for route, row in zip(plan.plan.routes, rows, strict=True)
+            for route, row in zip(plan.ranked_routes, rows, strict=True)
         ),
         "",
     )
@@ -177,7 +177,7 @@ def _scenario(
             "schema_version": 1,
             "name": "pair",
             "region": {"bbox": bounds},
-            "chart": {"join_gap_m": 300.0, "tolerance_m": 150.0, "vertex_budget": 250},
+            "chart": {"close_gaps_m": 300.0, "tolerance_m": 150.0, "vertex_budget": 250},
             "vessel": {"length_m": 7.0, "speed_m_s": 5.0, "turn_rate_deg_s": 16.5},
             "start": start,
             "goal": goal,
@@ -204,10 +204,10 @@ def _scene(scenario: Scenario, land: Land) -> Scene:
         region,
         margin_m=chart.margin_m,
         accuracy_m=land.accuracy_m,
-        join_gap_m=chart.join_gap_m,
+        close_gaps_m=chart.close_gaps_m,
         tolerance_m=chart.tolerance_m,
         vertex_budget=chart.vertex_budget,
-        keep_water=(scenario.start, scenario.goal),
+        endpoints=(scenario.start, scenario.goal),
     )
     return project(scenario, Fetched(land, (current,)), simplified.simplified)
 

@@ -23,10 +23,10 @@ def figures() -> Iterator[Figure]:
             outcome = inject(row, Path(folder))
         wrong += outcome.is_wrong(row)
         hung += outcome.is_hung
-        littered += outcome.is_littered
-        unseen += (outcome.wrong_by_m_s or 0.0) > world.TOLERANCE_M_S
-        became = outcome.reason or f"accepted, off by {outcome.wrong_by_m_s:.1g} m/s at most"
-        good = not (outcome.is_wrong(row) or outcome.is_hung or outcome.is_littered)
+        littered += outcome.has_leftovers
+        unseen += (outcome.error_m_s or 0.0) > world.TOLERANCE_M_S
+        became = outcome.reason or f"accepted, off by {outcome.error_m_s:.1g} m/s at most"
+        good = not (outcome.is_wrong(row) or outcome.is_hung or outcome.has_leftovers)
         yield Figure(f"fault: {row.name}", "", f"{outcome.seconds:.1f} s: {became[:70]}", good)
     name = f"fault table, {len(ROWS)} rows"
     yield at_most(f"{name}: wrong fields accepted", wrong, 0, digits=0)

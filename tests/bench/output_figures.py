@@ -12,7 +12,7 @@ from lxml import etree
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario
 from tests.pipeline.formats.report.big_page import measure, write_big_page
-from tests.referees import axe_faults, chromium, geopackage_faults, rtz_faults
+from tests.validators import axe_faults, chromium, geopackage_faults, rtz_faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

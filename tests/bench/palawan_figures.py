@@ -153,10 +153,10 @@ def _scene(scenario: Scenario, fetched: Fetched, clearance: float) -> Scene:
         fetched.land.polygons,
         region.shape,
         margin_m=scenario.chart.margin_m,
-        join_gap_m=2 * clearance,
+        close_gaps_m=2 * clearance,
         tolerance_m=TOLERANCE_M,
         vertex_budget=VERTICES,
-        keep_water=(scenario.start, scenario.goal),
+        endpoints=(scenario.start, scenario.goal),
         projection=Projection.for_region(region.shape, 1.0, region.crs),
     ).simplified
     return project(scenario, fetched, simplified)

@@ -1,8 +1,8 @@
 """Datasets of the loopback store: their catalogue pages (STAC) and their chunks (zarr v2).
 
-The layout is that of the service: `<product>/<dataset>_<version>/dataset.stac.json` with one asset
-a way of chunking, and zarr arrays over time, elevation (negative, ascending), latitude and
-longitude. Nothing is stored: a chunk is computed when it is asked for.
+The layout is that of the service: `<product>/<dataset>_<version>/dataset.stac.json` with an asset
+for each chunking, and zarr arrays over time, elevation (negative, ascending), latitude and
+longitude. Nothing is stored: a chunk is computed when it is requested.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ ROOT = "http://mds.invalid"
 _EPOCH = datetime(1950, 1, 1, tzinfo=UTC)
 CODEC = Blosc(cname="lz4", clevel=5, shuffle=Blosc.SHUFFLE)
 _FILL = float(np.float32(9.96921e36))
-# As GLORYS12 packs its currents; the others are float32 as they are.
+# Packing of GLORYS12's currents; other datasets are in float32.
 _SCALE, _PACKED_FILL = 0.0006103701889514923, -32767
-# Chunks along time, elevation, latitude, longitude: small, so that a region needs several; beyond
-# fifty of them the client plans in tasks, one a chunk of the globe.
-_CHUNKS = {"timeChunked": (1, 1, 32, 32), "geoChunked": (64, 1, 32, 32)}
+# Chunk sizes along time, elevation, latitude, longitude: small, so that a region needs several, but
+# fewer than fifty, from which on the client makes a task for each chunk of the globe.
+_CHUNK_SIZES = {"timeChunked": (1, 1, 32, 32), "geoChunked": (64, 1, 32, 32)}
 _CHUNK = re.compile(r"(?P<name>\w+)/(?P<index>\d+(\.\d+)*)")
 _STANDARD_NAMES = {
     "uo": "eastward_sea_water_velocity",
@@ -49,9 +49,9 @@ _STANDARD_NAMES = {
 
 @dataclass(frozen=True)
 class Dataset:
-    """One dataset: its name and release, its axes (degrees, metres down, UTC) and its variables.
+    """A dataset: its name and release, its axes (degrees, metres down, UTC) and its variables.
 
-    `stored` are the times that the data have, where they are not those that the catalogue lists.
+    `times` are those in the service's catalogue, `stored_times` those of the data if they differ.
     """
 
     name: str
@@ -64,18 +64,18 @@ class Dataset:
     north: float = 90.0
     packed: bool = False
     updating_from: str = ""
-    stored: tuple[datetime, ...] | None = None
+    stored_times: tuple[datetime, ...] | None = None
 
     @cached_property
     def axes(self) -> dict[str, FloatArray]:
-        """Values of the four axes; latitudes from 80 S where the grid has points on the poles."""
+        """Values of the four axes; a grid with nodes at the poles starts at 80 S."""
         cells = round(360 / self.cell_deg)
-        # A grid of 1/12 degree has a point at 180 W; one of 1/4 degree has its cells' centres.
+        # A grid of 1/12 degree has a node at 180 W; one of 1/4 degree has a cell's edge there.
         offset = 0.0 if self.cell_deg < 0.2 else self.cell_deg / 2
         south = -80.0 if offset == 0 else -90 + offset
         rows = round((self.north - offset - south) / self.cell_deg) + 1
         return {
-            "time": np.array([(time - _EPOCH) / timedelta(hours=1) for time in self._stamps]),
+            "time": np.array([(time - _EPOCH) / timedelta(hours=1) for time in self._data_times]),
             "elevation": -np.array(self.depths[::-1]),
             "latitude": south + self.cell_deg * np.arange(rows),
             "longitude": -180 + offset + self.cell_deg * np.arange(cells),
@@ -83,16 +83,16 @@ class Dataset:
 
     @property
     def folder(self) -> str:
-        """Its place below the product: with the version."""
+        """Name of its folder below the product's: with the version."""
         return f"{self.name}_{self.version}"
 
     @property
-    def _stamps(self) -> tuple[datetime, ...]:
-        """The times that the data have."""
-        return self.times if self.stored is None else self.stored
+    def _data_times(self) -> tuple[datetime, ...]:
+        """The times of the data."""
+        return self.times if self.stored_times is None else self.stored_times
 
-    def page(self) -> dict[str, object]:
-        """The dataset's STAC item."""
+    def stac_item(self) -> dict[str, object]:
+        """Return the dataset's catalogue page."""
         return {
             "type": "Feature",
             "stac_version": "1.0.0",
@@ -116,26 +116,26 @@ class Dataset:
                 },
                 **({"admp_updating_start_date": self.updating_from} if self.updating_from else {}),
             },
-            "assets": {way: self._asset(way) for way in _CHUNKS},
+            "assets": {chunking: self._asset(chunking) for chunking in _CHUNK_SIZES},
         }
 
-    def _asset(self, way: str) -> dict[str, object]:
-        """One way of chunking, with its axes as the client reads them."""
+    def _asset(self, chunking: str) -> dict[str, object]:
+        """The asset of a chunking, with the axes as the client reads them."""
         return {
-            "href": f"{ROOT}/arco/{self.product}/{self.folder}/{way}.zarr",
+            "href": f"{ROOT}/arco/{self.product}/{self.folder}/{chunking}.zarr",
             "type": "application/vnd+zarr",
             "viewDims": {
                 name: {
                     "units": _UNITS[name],
-                    "chunkLen": _CHUNKS[way][place],
+                    "chunkLen": _CHUNK_SIZES[chunking][index],
                     "coords": self._coords(name),
                 }
-                for place, name in enumerate(_AXES)
+                for index, name in enumerate(_AXES)
             },
         }
 
     def _coords(self, name: str) -> dict[str, object]:
-        """Limits and step of an axis, or its values where the steps are unequal; times in ms."""
+        """Limits and step of an axis, or its values where the steps differ; times in ms."""
         if name == "time":
             stamps = [int(time.timestamp() * 1000) for time in self.times]
             steps = set(np.diff(stamps).tolist())
@@ -147,12 +147,12 @@ class Dataset:
             return {"values": values.tolist()}
         return {"min": values[0], "max": values[-1], "step": self.cell_deg}
 
-    def part(self, ocean: Ocean, path: str) -> bytes | None:
-        """A file of its zarr stores: `<way>.zarr/...`; None where there is none."""
-        way, _, key = path.partition(".zarr/")
-        if way not in _CHUNKS:
+    def file(self, ocean: Ocean, path: str) -> bytes | None:
+        """Return a file of its zarr stores, `<chunking>.zarr/...`; None where there is none."""
+        chunking, _, key = path.partition(".zarr/")
+        if chunking not in _CHUNK_SIZES:
             return None
-        entries = self._metadata(way)
+        entries = self._metadata(chunking)
         if key == ".zmetadata":
             return json.dumps({"metadata": entries, "zarr_consolidated_format": 1}).encode()
         if key in entries:
@@ -160,17 +160,17 @@ class Dataset:
         found = _CHUNK.fullmatch(key)
         if found is None:
             return None
-        index = tuple(int(place) for place in found["index"].split("."))
+        index = tuple(int(number) for number in found["index"].split("."))
         if found["name"] in self.axes:
             return bytes(CODEC.encode(self._axis_values(found["name"])))
-        return self._chunk(ocean, way, found["name"], index)
+        return self._chunk(ocean, chunking, found["name"], index)
 
     def _axis_values(self, name: str) -> npt.NDArray[np.generic]:
-        """An axis as it is stored."""
+        """Values of an axis in the type in which they are stored."""
         return self.axes[name].astype("<f8" if name == "time" else "<f4")
 
-    def _metadata(self, way: str) -> dict[str, object]:
-        """The metadata of one store: the content of each file by its name."""
+    def _metadata(self, chunking: str) -> dict[str, object]:
+        """The metadata files of one store: content by name."""
         entries: dict[str, object] = {".zgroup": {"zarr_format": 2}, ".zattrs": {}}
         for name in _AXES:
             values = self._axis_values(name)
@@ -182,7 +182,7 @@ class Dataset:
         shape = tuple(self.axes[name].size for name in _AXES)
         for name in self.variables:
             kind, fill = ("<i2", _PACKED_FILL) if self.packed else ("<f4", _FILL)
-            entries[f"{name}/.zarray"] = _array(shape, _CHUNKS[way], kind, fill)
+            entries[f"{name}/.zarray"] = _array(shape, _CHUNK_SIZES[chunking], kind, fill)
             entries[f"{name}/.zattrs"] = {
                 "_ARRAY_DIMENSIONS": list(_AXES),
                 "standard_name": _STANDARD_NAMES[name],
@@ -191,24 +191,26 @@ class Dataset:
             }
         return entries
 
-    def _chunk(self, ocean: Ocean, way: str, name: str, index: tuple[int, ...]) -> bytes | None:
-        """A chunk of a variable, filled up beyond the axes' ends; None where it is all land."""
-        lengths = dict(zip(_AXES, _CHUNKS[way], strict=True))
-        place = dict(zip(_AXES, index, strict=True))
+    def _chunk(
+        self, ocean: Ocean, chunking: str, name: str, index: tuple[int, ...]
+    ) -> bytes | None:
+        """A chunk of a variable, padded beyond the axes' ends; None where it is all land."""
+        lengths = dict(zip(_AXES, _CHUNK_SIZES[chunking], strict=True))
+        number = dict(zip(_AXES, index, strict=True))
         inside = {
-            axis: np.arange(place[axis] * length, (place[axis] + 1) * length)
+            axis: np.arange(number[axis] * length, (number[axis] + 1) * length)
             for axis, length in lengths.items()
         }
         inside = {axis: cells[cells < self.axes[axis].size] for axis, cells in inside.items()}
         lon, lat = (self.axes[axis][inside[axis]] for axis in ("longitude", "latitude"))
         values = np.full(tuple(lengths.values()), np.nan)
         for row, time in enumerate(inside["time"]):
-            field = ocean.value(name, self._stamps[time], lon, lat)
-            # Elevations ascend: the last is the surface, and deeper water goes slower.
+            field = ocean.value(name, self._data_times[time], lon, lat)
+            # Elevations ascend: the last is the surface, and deeper water is slower.
             for level, height in enumerate(inside["elevation"]):
                 slower = 0.5 ** (len(self.depths) - 1 - height)
                 values[row, level, : lat.size, : lon.size] = field * slower
-        # The service keeps no chunk without a figure.
+        # The service stores no chunk without data.
         if not np.isfinite(values).any():
             return None
         if self.packed:
@@ -229,7 +231,7 @@ _UNITS = {
 def _array(
     shape: tuple[int, ...], chunks: tuple[int, ...], kind: str, fill: float | None
 ) -> dict[str, object]:
-    """A `.zarray`."""
+    """Return the content of a `.zarray`."""
     return {
         "zarr_format": 2,
         "shape": list(shape),
@@ -245,8 +247,8 @@ def _array(
 Step = Literal["month", "day", "6 hours", "hour"]
 
 
-def times(first: datetime, last: datetime, step: Step) -> tuple[datetime, ...]:
-    """Stamps of all steps from `first` to `last`, both included."""
+def step_times(first: datetime, last: datetime, step: Step) -> tuple[datetime, ...]:
+    """Return the times of all steps from `first` to `last`, both included."""
     if step == "month":
         months = range((last.year - first.year) * 12 + last.month - first.month + 1)
         count = [first.month - 1 + month for month in months]
@@ -255,4 +257,4 @@ def times(first: datetime, last: datetime, step: Step) -> tuple[datetime, ...]:
         )
     hours = {"day": 24, "6 hours": 6, "hour": 1}[step]
     steps = math.floor((last - first) / timedelta(hours=hours)) + 1
-    return tuple(first + timedelta(hours=hours * place) for place in range(steps))
+    return tuple(first + timedelta(hours=hours * step) for step in range(steps))

@@ -1,4 +1,4 @@
-"""Every way in which the service and its client were seen to fail, injected one by one."""
+"""The fault table: each way in which the service and its client were seen to fail, injected."""
 
 from __future__ import annotations
 
@@ -21,71 +21,71 @@ if TYPE_CHECKING:
     from tests.loopback_store.rows import Row
     from tests.loopback_store.server import LoopbackStore
 
-# What starting and ending a process may take beside its deadline.
+# Time for starting and ending a process, added to its deadline, s.
 _MARGIN_S = 8.0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a row."""
+    """The result of a row."""
 
-    wrong_by_m_s: float | None
+    error_m_s: float | None
     reason: str
     seconds: float
-    longest_s: float
+    limit_s: float
     leftovers: tuple[str, ...]
     clients: int
     written: str
 
     def is_wrong(self, row: Row) -> bool:
         """Whether a wrong field was accepted."""
-        return self.wrong_by_m_s is not None and self.wrong_by_m_s > row.at_most_m_s
+        return self.error_m_s is not None and self.error_m_s > row.tolerance_m_s
 
     @property
     def is_hung(self) -> bool:
         """Whether it took longer than its deadlines allow."""
-        return self.seconds > self.longest_s
+        return self.seconds > self.limit_s
 
     @property
-    def is_littered(self) -> bool:
-        """Whether a file or a process is left behind."""
+    def has_leftovers(self) -> bool:
+        """Whether a file or a process was left behind."""
         return bool(self.leftovers) or self.clients > 0
 
 
 def inject(row: Row, folder: Path) -> Outcome:
-    """Let a row's fault happen to a download into a folder."""
+    """Inject a row's fault into a download into a folder."""
     entry = row.entry()
     source, season = Copernicus(entry), world.season(row.valid)
-    store = world.store(row.source, **row.service)
+    store = world.store(row.source, **row.dataset)
     store.faults.extend(replace(fault) for fault in row.faults)
     downloads, home = folder / "downloads", folder / "home"
     downloads.mkdir(parents=True)
     if row.prepare is not None:
         row.prepare(downloads)
     before = {path: path.read_bytes() for path in downloads.iterdir() if path.is_file()}
-    pauses = sum(entry.pause_s * 3**place for place in range(entry.attempts - 1))
-    longest = entry.attempts * (entry.deadline_s + _MARGIN_S) + pauses
-    reason, wrong_by = "", None
+    pauses = sum(entry.pause_s * 3**attempt for attempt in range(entry.attempts - 1))
+    limit = entry.attempts * (entry.deadline_s + _MARGIN_S) + pauses
+    reason, error_m_s = "", None
     with world.connected(store, home, row.environment):
         begun = time.monotonic()
         with _killing(store, row.kill):
             try:
                 grid = source.current(world.REGION, season, world.LAND, downloads)
-            except StageError as error:
-                reason = str(error)
+            except StageError as raised:
+                reason = str(raised)
             else:
-                moments = source._selection(season).begins
-                wrong_by = world.wrong_by(grid, entry.eastward, entry.northward, *moments)
+                moments = source.select_steps(season).starts
+                error_m_s = world.max_error_m_s(grid, entry.eastward, entry.northward, *moments)
         seconds = time.monotonic() - begun
         clients = len(clients_of(store))
-    left = [path for path in downloads.rglob("*") if path.is_dir() or not _is_kept(path, before)]
+    left = [path for path in downloads.rglob("*") if path.is_dir() or not _belongs(path, before)]
     if reason:
         left += [path for path in downloads.iterdir() if path not in before]
     return Outcome(
-        wrong_by_m_s=wrong_by,
+        error_m_s=error_m_s,
         reason=reason,
         seconds=seconds,
-        longest_s=longest,
+        limit_s=limit,
         leftovers=tuple(sorted({path.name for path in left})),
         clients=clients,
         written="\n".join(
@@ -94,8 +94,8 @@ def inject(row: Row, folder: Path) -> Outcome:
     )
 
 
-def _is_kept(path: Path, before: dict[Path, bytes]) -> bool:
-    """Whether a file belongs here: it was there before, or is a field or its sidecar."""
+def _belongs(path: Path, before: dict[Path, bytes]) -> bool:
+    """Whether a file was there before, or is a field or its sidecar."""
     return path in before or path.suffix in {".nc", ".json"}
 
 
@@ -106,7 +106,7 @@ def _killing(store: LoopbackStore, by: signal.Signals | None) -> Iterator[None]:
 
     def watch() -> None:
         while not ended.wait(0.05):
-            if any("/uo/" in path for _, path, _ in store.heard):
+            if any("/uo/" in path for _, path, _ in store.requests):
                 for process in clients_of(store):
                     os.kill(process, by or signal.SIGKILL)
                 return
@@ -123,11 +123,11 @@ def _killing(store: LoopbackStore, by: signal.Signals | None) -> Iterator[None]:
 
 
 def clients_of(store: LoopbackStore) -> list[int]:
-    """Processes that have this store for their proxy, beside this one."""
+    """Return the other processes that have this store as their proxy."""
     mark = f"HTTP_PROXY=http://127.0.0.1:{store.server.server_address[1]}\0".encode()
     found = []
-    for place in Path("/proc").glob("[0-9]*"):
+    for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            if int(place.name) != os.getpid() and mark in (place / "environ").read_bytes():
-                found.append(int(place.name))
+            if int(folder.name) != os.getpid() and mark in (folder / "environ").read_bytes():
+                found.append(int(folder.name))
     return found

@@ -1,4 +1,4 @@
-"""The ocean that the loopback store serves: currents by formula, gaps on its islands."""
+"""The ocean that the loopback store serves: currents by a formula, gaps on its islands."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# A tide of two knots at most, with the period of M2; Stokes drift under a steady trade wind.
+# Period of the tide M2, h; its strength, m/s.
 _M2_HOURS = 12.4206
 _TIDE_M_S = 0.35
+# Stokes drift under a steady trade wind, m/s east and north.
 _STOKES_M_S = (-0.06, -0.03)
 
 
 @dataclass(frozen=True)
 class Ocean:
-    """Eddies of some 300 km that drift west, tide and Stokes drift; islands in lon/lat degrees."""
+    """Eddies of about 300 km that drift west, tide, Stokes drift; islands in lon/lat degrees."""
 
     islands: tuple[Polygon, ...] = ()
 
     def value(
         self, variable: str, moment: datetime, lon: FloatArray, lat: FloatArray
     ) -> FloatArray:
-        """A component (ny, nx) at UTC `moment`, m/s, on axes in degrees; NaN on the islands."""
+        """Return a component (ny, nx) in m/s at a moment, on axes in degrees; NaN on islands."""
         x, y = np.meshgrid(lon, lat)
         hours = moment.timestamp() / 3600
         parts = _PARTS[variable]
@@ -42,7 +43,7 @@ class Ocean:
         return value
 
     def is_land(self, lon: FloatArray, lat: FloatArray) -> npt.NDArray[np.bool_]:
-        """Which cells' centres lie on an island: (ny, nx)."""
+        """Which cells have their centre on an island: (ny, nx)."""
         x, y = np.meshgrid((lon + 180) % 360 - 180, lat)
         is_land = np.zeros(x.shape, dtype=bool)
         for island in self.islands:
@@ -53,13 +54,13 @@ class Ocean:
 
 
 def _eddies_u(x: FloatArray, y: FloatArray, hours: float) -> FloatArray:
-    """Eastward component: that of a stream function, so that no water is made or lost."""
+    """Eastward component of the eddies: of a stream function, so that it does not diverge."""
     phase = np.radians(x) * 60 + hours / 240
     return np.asarray(0.1 + 0.4 * np.sin(phase) * np.cos(np.radians(y) * 60))
 
 
 def _eddies_v(x: FloatArray, y: FloatArray, hours: float) -> FloatArray:
-    """Northward component of the same."""
+    """Northward component of the eddies."""
     phase = np.radians(x) * 60 + hours / 240
     return np.asarray(-0.4 * np.cos(phase) * np.sin(np.radians(y) * 60))
 
@@ -70,7 +71,7 @@ def _tide_u(x: FloatArray, y: FloatArray, hours: float) -> FloatArray:
 
 
 def _tide_v(x: FloatArray, y: FloatArray, hours: float) -> FloatArray:
-    """Northward tide, a quarter of a period behind: its ellipse turns."""
+    """Northward tide, a quarter of a period later: the current turns along an ellipse."""
     return 0.5 * _TIDE_M_S * np.sin(2 * np.pi * hours / _M2_HOURS + np.radians(x + y))
 
 

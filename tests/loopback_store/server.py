@@ -1,7 +1,7 @@
-"""The store's HTTP server: a proxy that answers every address itself, and fails when told to.
+"""The store's HTTP server: a proxy that answers every address itself, and fails as requested.
 
-The client drops the port from the addresses of data, so it is sent here as to a proxy: plain HTTP
-by absolute address, the login by CONNECT and TLS with a certificate made for the test.
+The client drops the port from the addresses of data, so this server is its proxy: plain HTTP by
+absolute address, the login by CONNECT and TLS with a certificate made for the test.
 """
 
 from __future__ import annotations
@@ -37,33 +37,33 @@ _CONFIG = "/meta/clientsConfigV1.json"
 
 @dataclass
 class Fault:
-    """How answers to paths like `where` (a pattern of the shell) fail, the first `times` of them.
+    """How answers to paths that match `pattern` (of the shell) fail: `times` of them, `after` some.
 
     A number is an HTTP status. "cut" breaks off in the middle of a body, "reset" before it,
     "stall" never answers, "gone" ends the server; "short", "empty", "garbage", "flipped" and
-    "value" are whole answers with a wrong body: a `bit` of it is flipped, or of the figures in it.
+    "value" are complete answers with a wrong body: a `bit` of it is flipped, or of its values.
     """
 
-    where: str
-    how: (
+    pattern: str
+    kind: (
         int
         | Literal["cut", "reset", "stall", "gone", "short", "empty", "garbage", "flipped", "value"]
     )
     times: float = float("inf")
     after: int = 0
     bit: int = 0
-    met: int = 0
+    matches: int = 0
 
 
 @dataclass
 class LoopbackStore:
-    """A running store; `heard` lists (method, path, status) of what was asked."""
+    """A store; `requests` lists (method, path, status) of what was requested."""
 
     ocean: Ocean
     datasets: tuple[Dataset, ...]
     authority: trustme.CA
     faults: list[Fault] = field(default_factory=list)
-    heard: list[tuple[str, str, int]] = field(default_factory=list)
+    requests: list[tuple[str, str, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.lock = threading.Lock()
@@ -73,7 +73,7 @@ class LoopbackStore:
 
     @contextlib.contextmanager
     def running(self) -> Iterator[LoopbackStore]:
-        """Serve until the block ends; whoever still waits for an answer is let go."""
+        """Serve until the block ends, then break the connections that still wait."""
         thread = threading.Thread(target=self.server.serve_forever, args=(0.05,), daemon=True)
         thread.start()
         try:
@@ -83,13 +83,13 @@ class LoopbackStore:
             thread.join(10)
 
     def stop(self) -> None:
-        """Close the door: no more connections, and those that are open break."""
+        """Accept no more connections, and break those that are open."""
         self.server.is_gone.set()
         self.server.shutdown()
         self.server.server_close()
 
     def environment(self, folder: Path) -> dict[str, str]:
-        """Variables by which the client finds this store; `folder` keeps the certificate."""
+        """Return the variables by which the client finds this store; the certificate is a file."""
         certificate = folder / "loopback-ca.pem"
         self.authority.cert_pem.write_to_path(str(certificate))
         address = f"http://127.0.0.1:{self.server.server_address[1]}"
@@ -102,26 +102,26 @@ class LoopbackStore:
         }
 
     def fault(self, path: str) -> Fault | None:
-        """The fault that this answer meets, if any; it counts."""
+        """Return the fault of this answer, if any, and count it."""
         with self.lock:
             for fault in self.faults:
-                if fnmatch(path, fault.where):
-                    fault.met += 1
-                    if fault.after < fault.met <= fault.after + fault.times:
+                if fnmatch(path, fault.pattern):
+                    fault.matches += 1
+                    if fault.after < fault.matches <= fault.after + fault.times:
                         return fault
         return None
 
     def page(self, path: str) -> bytes | None:
-        """What stands at a path; None where nothing does."""
+        """Return the content of a path; None where there is none."""
         for data in self.datasets:
-            here = f"/arco/{data.product}/{data.folder}/"
-            if path.startswith(here):
-                return data.part(self.ocean, path.removeprefix(here))
+            root = f"/arco/{data.product}/{data.folder}/"
+            if path.startswith(root):
+                return data.file(self.ocean, path.removeprefix(root))
         page = self._pages().get(path)
         return None if page is None else json.dumps(page).encode()
 
     def _pages(self) -> dict[str, object]:
-        """The catalogue: every page by its path."""
+        """The catalogue's pages by their paths."""
         return {
             _CONFIG: self._configuration(),
             "/meta/idMapping.json": {data.name: data.product for data in self.datasets},
@@ -131,13 +131,13 @@ class LoopbackStore:
                 for data in self.datasets
             },
             **{
-                f"/meta/{data.product}/{data.folder}/dataset.stac.json": data.page()
+                f"/meta/{data.product}/{data.folder}/dataset.stac.json": data.stac_item()
                 for data in self.datasets
             },
         }
 
     def _configuration(self) -> dict[str, object]:
-        """Where the client finds what, and which versions of it may ask."""
+        """Where the client finds the catalogue, and which versions of it are allowed."""
         services = ("mds", "mds/serverlessArco/meta", "mds/serverlessArco", "mds/serverlessNative")
         return {
             "clientVersions": dict.fromkeys(services, ">=1.0.0"),
@@ -185,7 +185,7 @@ class LoopbackStore:
 
 
 class _Server(ThreadingHTTPServer):
-    """Threads that die with the process, and a way to tell them that the store is gone."""
+    """A server whose threads end with the process, with an event for the end of the store."""
 
     daemon_threads = True
     block_on_close = False
@@ -196,7 +196,7 @@ class _Server(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401 - as the base has it
-        """A client that was killed hangs up; that is no news."""
+        """Ignore clients that were killed."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -206,19 +206,19 @@ class _Handler(BaseHTTPRequestHandler):
 
     @property
     def store(self) -> LoopbackStore:
-        """The store that it belongs to."""
+        """The store that the connection belongs to."""
         return cast("_Server", self.server).store
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - as the base has it
-        """Say nothing: `heard` keeps the record."""
+        """Print nothing: `requests` has the record."""
 
     def finish(self) -> None:
-        """Close what `do_CONNECT` has put in the place of the server's own connection, too."""
+        """Close the connection by which `do_CONNECT` replaced the server's own, too."""
         super().finish()
         self.connection.close()
 
     def do_CONNECT(self) -> None:
-        """Become the login host: answer on, in TLS."""
+        """Become the login host: continue in TLS."""
         if (fault := self.store.fault(f"CONNECT {self.path}")) is not None:
             self._fail(fault, b"")
             return
@@ -237,86 +237,86 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Log in."""
         form = parse_qs(self.rfile.read(int(self.headers.get("Content-Length", 0))).decode())
-        right = (form.get("username"), form.get("password")) == ([USERNAME], [PASSWORD])
-        if right:
+        is_valid = (form.get("username"), form.get("password")) == ([USERNAME], [PASSWORD])
+        if is_valid:
             self._answer(200, json.dumps({"access_token": _TOKEN}).encode())
         else:
             self._answer(400, b'{"error": "invalid_grant"}')
 
     def do_GET(self) -> None:
-        """A page, a chunk, or who has logged in."""
+        """Answer with a page, a chunk, or the name of who has logged in."""
         path = urlsplit(self.path).path
         if path.endswith("/userinfo"):
-            known = self.headers.get("Authorization") == f"Bearer {_TOKEN}"
+            is_known = self.headers.get("Authorization") == f"Bearer {_TOKEN}"
             self._answer(
-                200 if known else 401, json.dumps({"preferred_username": USERNAME}).encode()
+                200 if is_known else 401, json.dumps({"preferred_username": USERNAME}).encode()
             )
             return
         body = self.store.page(path)
-        # As the real one has it for a key that does not exist.
+        # The real store answers 403 for a key that does not exist.
         self._answer(200 if body is not None else 403, body or b"")
 
     def _answer(self, status: int, body: bytes) -> None:
-        """Send an answer, or fail in the way that was asked for."""
+        """Send an answer, or fail as requested."""
         path = urlsplit(self.path).path
         fault = self.store.fault(path)
-        self.store.heard.append((self.command, path, status))
+        self.store.requests.append((self.command, path, status))
         if fault is not None:
             self._fail(fault, body)
             return
         self._send(status, body)
 
     def _send(self, status: int, body: bytes) -> None:
-        """Send a whole answer."""
+        """Send a complete answer."""
         self.send_response(status)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         self.wfile.write(body)
 
     def _fail(self, fault: Fault, body: bytes) -> None:
-        """Fail."""
+        """Fail in a fault's way."""
         server = cast("_Server", self.server)
-        if isinstance(fault.how, int):
-            self._send(fault.how, b"")
-        elif fault.how == "stall":
+        if isinstance(fault.kind, int):
+            self._send(fault.kind, b"")
+        elif fault.kind == "stall":
             server.is_gone.wait()
-            self._hang_up()
-        elif fault.how == "reset":
-            self._hang_up()
-        elif fault.how == "gone":
+            self._break_connection()
+        elif fault.kind == "reset":
+            self._break_connection()
+        elif fault.kind == "gone":
             threading.Thread(target=self.store.stop, daemon=True).start()
             server.is_gone.wait()
             time.sleep(0.2)
-            self._hang_up()
-        elif fault.how == "cut":
+            self._break_connection()
+        elif fault.kind == "cut":
             self.send_response(200)
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
             self.wfile.write(body[: len(body) // 2])
-            self._hang_up()
+            self._break_connection()
         else:
-            self._send(200, _spoilt(fault, body))
+            self._send(200, _damaged(fault, body))
 
-    def _hang_up(self) -> None:
+    def _break_connection(self) -> None:
         """Break the connection."""
         self.close_connection = True
         with contextlib.suppress(OSError):
             self.connection.shutdown(socket.SHUT_RDWR)
 
 
-def _spoilt(fault: Fault, body: bytes) -> bytes:
-    """A wrong body in place of the right one."""
-    if fault.how == "flipped":
-        return _flipped(body, fault.bit)
-    if fault.how == "value":
-        return bytes(CODEC.encode(_flipped(bytes(CODEC.decode(body)), fault.bit)))
+def _damaged(fault: Fault, body: bytes) -> bytes:
+    """Return a wrong body in place of the right one."""
+    if fault.kind == "flipped":
+        return _with_bit_flipped(body, fault.bit)
+    if fault.kind == "value":
+        return bytes(CODEC.encode(_with_bit_flipped(bytes(CODEC.decode(body)), fault.bit)))
     wrong = {"short": body[: len(body) // 2], "empty": b"", "garbage": b"\x5a" * len(body)}
-    return wrong[str(fault.how)]
+    return wrong[str(fault.kind)]
 
 
-def _flipped(body: bytes, bit: int) -> bytes:
-    """The same with one bit the other way."""
-    place = bit % (8 * len(body))
-    spoilt = bytearray(body)
-    spoilt[place // 8] ^= 1 << place % 8
-    return bytes(spoilt)
+def _with_bit_flipped(body: bytes, bit: int) -> bytes:
+    """Flip one bit."""
+    number = bit % (8 * len(body))
+    damaged = bytearray(body)
+    damaged[number // 8] ^= 1 << number % 8
+    return bytes(damaged)

@@ -1,6 +1,6 @@
-"""What the tests ask the loopback store for: a sea with one island, and every dataset known here.
+"""The setting of the loopback tests: a sea with one island, and the catalogue's datasets.
 
-The island is as large as a chunk of the store, so that one chunk holds no figure at all.
+The island is as large as a chunk of the store, so that one chunk has no data at all.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import trustme
 from pipeline.model import Credit, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.scenario.model import Season
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.copernicus.account import PASSWORD as PASSWORD_VARIABLE
 from pipeline.sources.currents.copernicus.account import USERNAME as USERNAME_VARIABLE
-from tests.loopback_store.datasets import Dataset, times
+from tests.loopback_store.datasets import Dataset, step_times
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import PASSWORD, USERNAME, LoopbackStore
 
@@ -37,26 +37,27 @@ REGION = shapely.box(116.2, 6.2, 121.34, 12.4)
 ISLAND = shapely.box(118.62, 7.96, 121.28, 10.62)
 LAND = Land((ISLAND,), (Credit("an island", "land", "", ""),), 0.0)
 OCEAN = Ocean((ISLAND,))
-# Half a step of the packed datasets, and what a coordinate in float32 moves the formula by.
+# Largest error of a correct field, m/s: half a step of the packed datasets, and the effect of
+# coordinates in float32.
 TOLERANCE_M_S = 0.5 * 0.00061037 + 1e-4
 
 
 @cache
 def authority() -> trustme.CA:
-    """The certificate authority of all stores."""
+    """Return the certificate authority of all stores."""
     return trustme.CA()
 
 
 @cache
 def spec(name: str) -> CopernicusSpec:
-    """A dataset's entry in the catalogue."""
+    """Return a dataset's entry in the catalogue."""
     found = catalogue.source(name)
     assert isinstance(found, CopernicusSpec)
     return found
 
 
 def names() -> tuple[str, ...]:
-    """Entries of the catalogue that are datasets of the service."""
+    """Return the names of the catalogue's entries that are datasets of the service."""
     return tuple(
         name
         for name in catalogue.names("sources")
@@ -65,9 +66,9 @@ def names() -> tuple[str, ...]:
 
 
 def dataset(name: str, *, ends: str = "", lacking: str = "", **changes: Any) -> Dataset:  # noqa: ANN401 - what `Dataset` takes
-    """The dataset of an entry as the service would hold it today.
+    """Return the dataset of an entry as the service would have it today.
 
-    It `ends` with a day; what the catalogue says of a `lacking` day is not in the data.
+    `ends` is its last day; a `lacking` day is in the service's catalogue but not in the data.
     """
     entry = spec(name)
     if entry.kind == "climatology":
@@ -76,7 +77,7 @@ def dataset(name: str, *, ends: str = "", lacking: str = "", **changes: Any) -> 
         first = _day(entry.first_day)
         last = _day(ends) if ends else today() + timedelta(days=entry.days_ahead)
         last = last.replace(day=1) if entry.step == "month" else last + timedelta(hours=23)
-    stamps = times(first, last, entry.step)
+    stamps = step_times(first, last, entry.step)
     if entry.step == "hour" and entry.kind == "mean":
         stamps = tuple(stamp + timedelta(minutes=30) for stamp in stamps)
     made = Dataset(
@@ -93,27 +94,29 @@ def dataset(name: str, *, ends: str = "", lacking: str = "", **changes: Any) -> 
     if entry.depth_m == 0:
         made = replace(made, depths=(0.0, 15.0))
     if lacking:
-        made = replace(made, stored=tuple(stamp for stamp in stamps if stamp != _day(lacking)))
+        made = replace(
+            made, stored_times=tuple(stamp for stamp in stamps if stamp != _day(lacking))
+        )
     return replace(made, **changes)
 
 
 def _day(text: str) -> datetime:
-    """A day's midnight, UTC."""
+    """Return a day's midnight, UTC."""
     return datetime.fromisoformat(text).replace(tzinfo=UTC)
 
 
 def season(valid: str) -> Season:
-    """A season of a time."""
+    """Return a season of a time."""
     return Season(name="season", valid=valid, currents=("copernicus",))
 
 
 def today() -> datetime:
-    """Midnight, UTC."""
+    """Return today's midnight, UTC."""
     return datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
 
 
 def store(name: str, *, ocean: Ocean = OCEAN, **changes: Any) -> LoopbackStore:  # noqa: ANN401 - what `dataset` takes
-    """A store with the dataset of an entry, not yet running."""
+    """Return a store with the dataset of an entry, not yet running."""
     return LoopbackStore(ocean, (dataset(name, **changes),), authority())
 
 
@@ -121,38 +124,38 @@ def store(name: str, *, ocean: Ocean = OCEAN, **changes: Any) -> LoopbackStore: 
 def connected(
     served: LoopbackStore, home: Path, changes: Mapping[str, str] | None = None
 ) -> Iterator[None]:
-    """Run a store where the client finds it, and nothing of this machine's own account."""
+    """Run a store where the client finds it, without this machine's own account."""
     home.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch, served.running():
         for name in list(os.environ):
             if name.startswith("COPERNICUS") or name.upper() == "NO_PROXY":
                 patch.delenv(name)
-        ours = {
+        variables = {
             "HOME": str(home),
             "COPERNICUSMARINE_CREDENTIALS_DIRECTORY": str(home),
             USERNAME_VARIABLE: USERNAME,
             PASSWORD_VARIABLE: PASSWORD,
             **served.environment(home),
         }
-        for name, value in {**ours, **(changes or {})}.items():
+        for name, value in {**variables, **(changes or {})}.items():
             patch.setenv(name, value)
         yield
 
 
-def wrong_by(
+def max_error_m_s(
     grid: CurrentGrid,
     eastward: str,
     northward: str,
     *moments: datetime,
     ocean: Ocean = OCEAN,
 ) -> float:
-    """Largest error of a field (m/s) against the mean of the truth; inf where gaps differ."""
-    worst = 0.0
+    """Return a field's largest error against the ocean's mean; infinite where gaps differ."""
+    largest = 0.0
     for values, name in ((grid.u, eastward), (grid.v, northward)):
-        truth = np.mean(
+        true_values = np.mean(
             [ocean.value(name, moment, grid.lon, grid.lat) for moment in moments], axis=0
         )
-        if (np.isfinite(values) != np.isfinite(truth)).any():
+        if (np.isfinite(values) != np.isfinite(true_values)).any():
             return float("inf")
-        worst = max(worst, float(np.nanmax(np.abs(values - truth))))
-    return worst
+        largest = max(largest, float(np.nanmax(np.abs(values - true_values))))
+    return largest

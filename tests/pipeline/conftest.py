@@ -1,4 +1,4 @@
-"""What the pipeline's tests share: land that takes seconds to fetch is fetched once."""
+"""Fixtures of the pipeline's tests: land that takes seconds to fetch is fetched once."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pipeline.store import Store
 if TYPE_CHECKING:
     from pathlib import Path
 
-# Waters across the middle of Palawan: the island cuts the box from edge to edge.
+# A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
 
 
 @pytest.fixture(scope="session")
 def across_outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give an output folder whose store holds the land in ACROSS_BOX."""
+    """Return an output folder whose store holds the land in ACROSS_BOX."""
     output = tmp_path_factory.mktemp("across") / "outputs"
     table = load_scenario("palawan-season").model_dump(mode="json")
     table["region"]["bbox"] = ACROSS_BOX

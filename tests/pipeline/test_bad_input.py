@@ -1,4 +1,4 @@
-"""What bad input gets: a one-line error with value and remedy, exit 2, and nothing written."""
+"""Bad input gets one-line errors with value and remedy, exit code 2, and nothing is written."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
-from tests.pipeline.small_waters import small_waters
+from tests.pipeline.small_region import small_region
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-# Small waters across the middle of Palawan: the island cuts the box from edge to edge.
+# A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS = (
-    small_waters("across")
+    small_region("across")
     + """[chart]
-join_gap_m = 0
+close_gaps_m = 0
 tolerance_m = 500
 [[seasons]]
 name = "summer"
@@ -50,14 +50,14 @@ classes = 2
 
 
 def run(folder: Path, text: str, output: Path | None = None) -> tuple[int, list[str]]:
-    """Exit code and error lines of `renew run` on a scenario's text."""
+    """Return exit code and error lines of `renew run` for a scenario's text."""
     path = folder / "scenario.toml"
     path.write_text(text, encoding="utf-8")
     return run_at(folder, str(path), output)
 
 
 def run_at(folder: Path, asked: str, output: Path | None = None) -> tuple[int, list[str]]:
-    """Exit code and error lines of `renew run`; looks at what it left."""
+    """Return exit code and error lines of `renew run`; check what it left."""
     output = output or folder / "outputs"
     arguments = ["run", asked, "--output", str(output)]
     before = set(output.glob("[!.]*"))
@@ -70,7 +70,7 @@ def run_at(folder: Path, asked: str, output: Path | None = None) -> tuple[int, l
 
 
 def only(code_and_lines: tuple[int, list[str]]) -> str:
-    """The one error line of a refused request."""
+    """Return the only error line of a refused request."""
     code, lines = code_and_lines
     assert code == 2
     assert len(lines) == 1, lines
@@ -78,7 +78,7 @@ def only(code_and_lines: tuple[int, list[str]]) -> str:
 
 
 def with_line(text: str, old: str, new: str) -> str:
-    """Replace what is there exactly once."""
+    """Replace a text that occurs exactly once."""
     assert text.count(old) == 1
     return text.replace(old, new)
 
@@ -91,7 +91,7 @@ def with_line(text: str, old: str, new: str) -> str:
         ("classes = 2", "risk = 0", ["planner.risk = 0", "not above 0", "0.05"]),
         ("classes = 2", "risk = 1", ["planner.risk = 1", "not below 1", "0.05"]),
         ("classes = 2", "risk = nan", ["planner.risk", "not finite", "0.05"]),
-        ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "no number", "0.05"]),
+        ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "not a number", "0.05"]),
         ("classes = 2", "padding = -1", ["planner.padding = -1", "'adaptive', 'none' or metres"]),
         ("scale = 1000", "scale = 0", ["scale = 0", "not above 0", "1 is the true scale"]),
         ("scale = 1000", "colour = 1", ["unknown key colour", "start"]),
@@ -103,11 +103,11 @@ def with_line(text: str, old: str, new: str) -> str:
         ("paper-asv", "paper-avs", ["vessel", "paper-avs", "did you mean 'paper-asv'"]),
         ("embedded-palawan", "embeded-palawan", ["seasons[0].currents[0]", "'embedded-palawan'"]),
         ('"summer"', '"sumer"', ["no season 'sumer'", "did you mean 'summer'"]),
-        ('"2024-07"', '"July"', ["seasons[0].valid = 'July' is no time", "YYYY-MM-DDTHH:MMZ"]),
+        ('"2024-07"', '"July"', ["seasons[0].valid = 'July' is not a time", "YYYY-MM-DDTHH:MMZ"]),
         ('"2024-07"', '"2024-02-30"', ["seasons[0].valid = '2024-02-30'", "day is out of range"]),
-        ("valid =", 'time = "median"\nvalid =', ['seasons[0].time = "median"', "'nearest'"]),
+        ("valid =", 'time_method = "median"\nvalid =', ['time_method = "median"', "'nearest'"]),
         ("goal = [118.60, 10.30]", "", ["goal is missing", "[lon, lat]"]),
-        ("goal = [118.60, 10.30]", "goal = [10.3, 118.6]", ["no place on earth", "[longitude"]),
+        ("goal = [118.60, 10.30]", "goal = [10.3, 118.6]", ["not a place on earth", "[longitude"]),
         (
             "goal = [118.60, 10.30]",
             "goal = [118.6, 12]",
@@ -126,7 +126,7 @@ def with_line(text: str, old: str, new: str) -> str:
         (
             "bbox = [118.3, 9.3, 119.2, 10.4]",
             "bbox = [118.3, 3.5, 123.9, 10.4]",
-            ["no figures south of 6.75 (the region reaches 3.5) nor east of 123.25", "shrink"],
+            ["no data south of 6.75 (the region reaches 3.5) nor east of 123.25", "shrink"],
         ),
     ],
 )
@@ -138,7 +138,7 @@ def test_one_fault_gets_one_line_with_value_and_remedy(
         assert words in line
 
 
-def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     text = with_line(ACROSS, "classes = 2", "clases = 2\nrisk = 2\nseed = -1")
     text = with_line(text, "paper-asv", "titanic")
     text = with_line(text, "[118.40, 10.20]", "[100, 10.20]")
@@ -165,12 +165,12 @@ def test_start_on_land_says_how_far_and_where_water_is(
     degrees = land.boundary.distance(shapely.Point(118.70, 9.85))
     assert degrees * 111.2 * 0.98 <= away_km + 0.1
     assert away_km < 40
-    mended = with_line(text, "[118.70, 9.85]", f"[{lon}, {lat}]")
-    code, lines = run(tmp_path, with_line(mended, "across", "mended"), across_outputs)
+    moved = with_line(text, "[118.70, 9.85]", f"[{lon}, {lat}]")
+    code, lines = run(tmp_path, with_line(moved, "across", "moved"), across_outputs)
     assert not any("start" in line and "land" in line for line in lines), (code, lines)
 
 
-def test_both_ends_on_land_are_told_together(tmp_path: Path, across_outputs: Path) -> None:
+def test_start_and_goal_on_land_are_reported_together(tmp_path: Path, across_outputs: Path) -> None:
     text = with_line(ACROSS, "[118.40, 10.20]", "[118.70, 9.85]")
     text = with_line(text, "[118.60, 10.30]", "[118.72, 9.86]")
     code, lines = run(tmp_path, text, across_outputs)
@@ -179,14 +179,16 @@ def test_both_ends_on_land_are_told_together(tmp_path: Path, across_outputs: Pat
     assert ["goal" in line for line in lines] == [False, True]
 
 
-def test_goal_in_another_basin(tmp_path: Path, across_outputs: Path) -> None:
+def test_goal_in_another_body_of_water(tmp_path: Path, across_outputs: Path) -> None:
     text = with_line(ACROSS, "[118.60, 10.30]", "[119.10, 9.40]")
     line = only(run(tmp_path, text, across_outputs))
-    assert "goal = [119.1, 9.4] lies in another basin than start = [118.4, 10.2]" in line
-    assert re.search(r"within [\d.]+ km of it, at \[118\.\d+, 9\.\d+\]; move the goal there", line)
+    assert "goal = [119.1, 9.4] lies in another body of water than start = [118.4, 10.2]" in line
+    assert re.search(
+        r"within [\d.]+ km of the goal, at \[118\.\d+, 9\.\d+\]; move the goal there", line
+    )
 
 
-def test_current_at_the_start_outruns_the_vessel(tmp_path: Path) -> None:
+def test_overpowering_current_at_the_start(tmp_path: Path) -> None:
     line = only(run(tmp_path, with_line(PLANE, "u = 0.1", "u = 1.5")))
     assert "1.5 m/s" in line
     assert "1 m/s" in line
@@ -199,7 +201,7 @@ def test_obstacles_that_leave_no_water(tmp_path: Path) -> None:
     assert "no water is left" in only(run(tmp_path, with_line(PLANE, old, everything)))
 
 
-def test_one_season_that_fails_leaves_the_other_written_and_exit_1(tmp_path: Path) -> None:
+def test_a_failed_season_exits_with_1_and_the_other_is_written(tmp_path: Path) -> None:
     seasons = "uniform = { u = 0.1 }\n[[seasons]]\nname = 'storm'\nuniform = { v = 2.0 }"
     code, lines = run(tmp_path, with_line(PLANE, "uniform = { u = 0.1 }", seasons))
     assert code == 1
@@ -214,11 +216,11 @@ def test_one_season_that_fails_leaves_the_other_written_and_exit_1(tmp_path: Pat
     [
         (b"start: [1, 2]\n", ["not TOML", "renew show palawan-season"]),
         (b"\xff\xfe\x00", ["not text", "TOML"]),
-        (b"", ["no scenario", "renew show palawan-season"]),
-        (b"[project]\nname = 'x'\n", ["no scenario", "renew show palawan-season"]),
+        (b"", ["not a scenario", "renew show palawan-season"]),
+        (b"[project]\nname = 'x'\n", ["not a scenario", "renew show palawan-season"]),
     ],
 )
-def test_what_is_no_scenario(tmp_path: Path, content: bytes, said: list[str]) -> None:
+def test_files_that_are_not_scenarios(tmp_path: Path, content: bytes, said: list[str]) -> None:
     path = tmp_path / "thing.toml"
     path.write_bytes(content)
     line = only(run_at(tmp_path, str(path)))
@@ -229,7 +231,7 @@ def test_what_is_no_scenario(tmp_path: Path, content: bytes, said: list[str]) ->
 def test_a_directory_a_missing_file_an_unknown_name(tmp_path: Path) -> None:
     assert "is a directory" in only(run_at(tmp_path, str(tmp_path)))
     missing = only(run_at(tmp_path, str(tmp_path / "palawan-sesaon.toml")))
-    assert "no file of that name" in missing
+    assert "no such file" in missing
     assert "did you mean 'palawan-season'?" in missing
     assert "did you mean 'single-gyre'?" in only(run_at(tmp_path, "singel-gyre"))
 
@@ -239,10 +241,10 @@ def test_wrong_use_of_the_command_line_is_a_wrong_request() -> None:
     assert CliRunner().invoke(app, ["sail", "palawan-season"]).exit_code == 2
 
 
-def test_these_scenarios_are_sound_but_for_what_a_test_changes(tmp_path: Path) -> None:
+def test_these_scenarios_are_valid_but_for_what_a_test_changes(tmp_path: Path) -> None:
     for text in (ACROSS, PLANE):
         assert tomllib.loads(text)
-        path = tmp_path / "sound.toml"
+        path = tmp_path / "valid.toml"
         path.write_text(text, encoding="utf-8")
         result = CliRunner().invoke(app, ["check", str(path)])
         assert result.exit_code == 0, result.output

@@ -1,4 +1,4 @@
-"""Artefacts' keys follow the code: what a stage imports is in its hash, whatever its depth."""
+"""A stage's hash covers all code that it imports, at any depth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STAGES = ("land", "current", "simplify", "project", "plan", "evaluate", "write")
         ("write", "pipeline/formats/report/scripts/map.js"),
     ],
 )
-def test_what_a_stage_uses_far_below_is_in_its_hash(stage: str, file: str) -> None:
+def test_indirect_imports_and_data_are_in_a_stages_hash(stage: str, file: str) -> None:
     assert ROOT / file in code_files(stage)
 
 
@@ -38,14 +38,14 @@ def test_what_a_stage_uses_far_below_is_in_its_hash(stage: str, file: str) -> No
         ("write", "pipeline/cli/main.py"),
     ],
 )
-def test_what_a_stage_does_not_use_is_not(stage: str, file: str) -> None:
+def test_unused_files_are_not_in_a_stages_hash(stage: str, file: str) -> None:
     assert (ROOT / file).is_file()
     assert ROOT / file not in code_files(stage)
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_every_module_that_is_loaded_is_in_the_hash(stage: str) -> None:
-    """The oracle is the interpreter: whatever it loads for the stage's modules is among them."""
+def test_every_loaded_module_is_in_the_hash(stage: str) -> None:
+    """The interpreter is the oracle: all that it loads for the stage's modules is among them."""
     modules = [
         m for entry in code_identity._ENTRIES[stage] for m in code_identity._modules_of(entry)
     ]
@@ -62,7 +62,7 @@ def test_every_module_that_is_loaded_is_in_the_hash(stage: str) -> None:
     assert loaded <= set(code_files(stage)), sorted(loaded - set(code_files(stage)))
 
 
-def test_an_edit_of_a_module_that_is_only_imported_below_changes_the_hash(
+def test_an_edit_of_an_indirectly_imported_module_changes_the_hash(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     for name, text in {
@@ -75,7 +75,7 @@ def test_an_edit_of_a_module_that_is_only_imported_below_changes_the_hash(
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(code_identity, "_HOME", tmp_path)
+    monkeypatch.setattr(code_identity, "_ROOT", tmp_path)
     before = code_hash.__wrapped__("plan")
     code_identity._imported.cache_clear()
     (tmp_path / "renew/deep.py").write_text("depth = 2\n")

@@ -1,4 +1,4 @@
-"""A whole run: results, resumption, and one season that doesn't take the others with it."""
+"""A whole run: its results, resumption, and independent seasons."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def single_gyre(**planner: object) -> Scenario:
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run single-gyre once; the folder of its results."""
+    """Run single-gyre once, and return the folder of its results."""
     output = tmp_path_factory.mktemp("first") / "outputs"
     outcome = run(single_gyre(classes=4), output)
     assert outcome.exit_code == 0
@@ -52,14 +52,14 @@ def test_a_run_writes_its_results(first: Path) -> None:
     assert [row["rank"] for row in rows] == [str(i + 1) for i in range(len(rows))]
     fuels = [float(row["fuel"]) for row in rows]
     assert fuels == sorted(fuels)
-    # The paper needs 96.08 at its own clearance; a least-fuel path needs no more than that.
+    # The paper needs 96.08 at its own clearance; a least-fuel path must not need more.
     assert fuels[0] < 96.08
     assert {row["collisions"] for row in rows} == {"0"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["seasons"][0]["status"] == "planned"
 
 
-def test_a_second_run_does_nothing_and_says_the_same(first: Path) -> None:
+def test_a_second_run_writes_nothing_and_reports_the_same(first: Path) -> None:
     before = tree(first)
     outcome = run(single_gyre(classes=4), first)
     assert not outcome.fresh
@@ -68,7 +68,7 @@ def test_a_second_run_does_nothing_and_says_the_same(first: Path) -> None:
     assert outcome.evaluation.routes[0].fuel > 0
 
 
-def test_results_that_were_touched_are_written_again_without_planning(first: Path) -> None:
+def test_changed_results_are_written_again_without_planning(first: Path) -> None:
     table = first / "single-gyre" / "metrics.csv"
     whole = table.read_text()
     table.write_text(whole[:-20])
@@ -78,7 +78,7 @@ def test_results_that_were_touched_are_written_again_without_planning(first: Pat
     assert tree(first / ".artefacts" / "plan") == plans
 
 
-def test_a_damaged_artefact_is_made_again_and_the_result_is_the_same(first: Path) -> None:
+def test_a_damaged_artefact_is_computed_again_with_the_same_result(first: Path) -> None:
     before = (first / "single-gyre" / "metrics.csv").read_text()
     (plan,) = (first / ".artefacts" / "plan").glob("*.artefact")
     plan.write_bytes(plan.read_bytes()[:100])
@@ -87,24 +87,24 @@ def test_a_damaged_artefact_is_made_again_and_the_result_is_the_same(first: Path
     assert plan.stat().st_size > 100
 
 
-def test_another_option_plans_again_on_the_same_world(first: Path, tmp_path: Path) -> None:
+def test_another_option_plans_again_in_the_same_scene(first: Path, tmp_path: Path) -> None:
     del tmp_path
-    worlds = tree(first / ".artefacts" / "project")
+    scenes = tree(first / ".artefacts" / "project")
     outcome = run(single_gyre(classes=2), first)
     assert outcome.fresh
-    assert tree(first / ".artefacts" / "project") == worlds
+    assert tree(first / ".artefacts" / "project") == scenes
     assert len(list((first / ".artefacts" / "plan").glob("*.artefact"))) == 2
 
 
-def test_a_listener_hears_every_stage(first: Path) -> None:
-    heard: list[Event] = []
-    run(single_gyre(classes=4), first, listen=heard.append)
-    begun = [event.stage for event in heard if event.status == "begun"]
+def test_every_stage_is_reported(first: Path) -> None:
+    events: list[Event] = []
+    run(single_gyre(classes=4), first, on_event=events.append)
+    begun = [event.stage for event in events if event.status == "begun"]
     assert begun == ["fetch", "simplify", "project", "plan", "write"]
-    assert [event.stage for event in heard if event.status == "done" and not event.season] == begun
+    assert [event.stage for event in events if event.status == "done" and not event.season] == begun
 
 
-def test_no_scheduler_at_an_address_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
+def test_a_missing_scheduler_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="leave --scheduler out"):
         run(single_gyre(classes=1), tmp_path, scheduler="nonsense://nowhere")
 
@@ -116,7 +116,7 @@ def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Pa
 
 
 def two_seasons() -> Scenario:
-    """Return the single gyre with a second season, in still water all but for a drift."""
+    """Return the single gyre with a second season in a weak uniform current."""
     table = read_toml(scenario_path("single-gyre"))
     table["seasons"] = [
         {"name": "quick", "uniform": {"u": 0.1}},
@@ -160,8 +160,8 @@ ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 
 
 @pytest.mark.slow
-def test_a_run_that_is_killed_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    """Kill a two-season run once its first plan is kept: that plan is not made again."""
+def test_a_killed_run_continues_where_it_stopped(tmp_path: Path) -> None:
+    """Kill a two-season run once its first plan is stored: it is not computed again."""
     output = tmp_path / "outputs"
     plans = output / ".artefacts" / "plan"
     with subprocess.Popen(
@@ -173,28 +173,28 @@ def test_a_run_that_is_killed_goes_on_where_it_stopped(tmp_path: Path) -> None:
             assert process.poll() is None
             time.sleep(0.05)
         os.killpg(process.pid, signal.SIGKILL)
-    kept = {name: value for name, value in tree(plans).items() if name.endswith(".artefact")}
-    assert kept
+    stored = {name: value for name, value in tree(plans).items() if name.endswith(".artefact")}
+    assert stored
     assert not (output / "single-gyre" / "manifest.json").exists()
     outcome = run(two_seasons(), output)
     assert outcome.exit_code == 0
     assert {plan.season for plan in outcome.plans if plan.plan} == {"quick", "long"}
     after = tree(plans)
-    assert {name: after[name] for name in kept} == kept
+    assert {name: after[name] for name in stored} == stored
 
 
 @pytest.mark.slow
-def test_the_workers_of_a_scheduler_come_to_the_same_routes(tmp_path: Path) -> None:
-    there, here = tmp_path / "there", tmp_path / "here"
-    subprocess.run(program(tmp_path, there, "cluster"), env=ENVIRONMENT, check=True)
-    assert run(two_seasons(), here).exit_code == 0
-    tables = [(folder / "single-gyre" / "metrics.csv").read_text() for folder in (there, here)]
+def test_a_schedulers_workers_find_the_same_routes(tmp_path: Path) -> None:
+    remote, local = tmp_path / "remote", tmp_path / "local"
+    subprocess.run(program(tmp_path, remote, "cluster"), env=ENVIRONMENT, check=True)
+    assert run(two_seasons(), local).exit_code == 0
+    tables = [(folder / "single-gyre" / "metrics.csv").read_text() for folder in (remote, local)]
     assert tables[0] == tables[1]
 
 
 @pytest.mark.slow
 def test_palawan_both_seasons(tmp_path: Path) -> None:
-    """The issue's figures on the real chart: no land, no collision, both sides, both seasons."""
+    """On the real chart: no land, no collision, both sides in both seasons."""
     scenario = load_scenario("palawan-season")
     outcome = run(scenario, tmp_path, offline=True)
     assert outcome.exit_code == 0

@@ -1,4 +1,4 @@
-"""Routes for a bridge, a plotter, a phone: RTZ, GPX and GeoJSON over the same waypoints."""
+"""Routes for an ECDIS, a plotter or a phone: RTZ, GPX and GeoJSON with the same waypoints."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
 
 def can_write(result: RunResult) -> bool:
-    """Whether a run's routes are for a plotter.
+    """Whether a run's routes can be exchanged.
 
-    Those of a plane scenario are not: its metres lie nowhere on earth, and a file that a plotter
-    takes in would place them in the Gulf of Guinea, at 0 N 0 E.
+    Those of a planar scenario can't: its metres lie nowhere on earth, and a plotter would show them
+    in the Gulf of Guinea, at 0 N 0 E.
     """
     return not result.scenario.is_planar

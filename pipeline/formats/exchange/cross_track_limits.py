@@ -1,4 +1,4 @@
-"""How much room the legs leave: cross-track limits on either side, and turns at the waypoints."""
+"""Cross-track limits to either side of the legs, and radii of the turns at the waypoints."""
 
 from __future__ import annotations
 
@@ -13,46 +13,48 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.exchange.safe_corridor import Lane, Shores
+    from pipeline.formats.exchange.safe_corridor import Obstacles, SafeCorridor
     from pipeline.formats.exchange.tracks import Tracks
 
     FloatArray = npt.NDArray[np.float64]
     ObjectArray = npt.NDArray[np.object_]
 
-# A turn takes up no more than this share of a leg: its neighbour may take as much.
-_SHARE_OF_LEG = 0.5
-_MOST_HALVINGS = 12
+# Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
+# other half.
+_MAX_LEG_SHARE = 0.5
+# Maximum number of times that a turning radius is halved before the turn is given up.
+_MAX_HALVINGS = 12
 
 
-def rooms(
-    legs: Tracks, soft_no_go: BaseGeometry, shores: Shores, cap: float
+def cross_track_limits(
+    legs: Tracks, soft_no_go: BaseGeometry, obstacles: Obstacles, cap: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Room of each leg to port and to starboard (k,), in metres of the plane, at most `cap`.
+    """Cross-track limits of each leg to port and to starboard (k,), metres of the plane.
 
-    On its side a leg can be left by so much before V, the planner's hard no-go zone (which covers
-    all land) or the edge of the chart is met, round its ends as well. V is what a hard-over turn
-    in the season's current needs to stay off land: so anywhere in this corridor the vessel can
-    still turn away. 0 where the leg lies in V itself, as it may at a start or a goal: nothing is
-    promised there.
+    A limit is the distance from the leg, its ends included, to the nearest point on that side of V,
+    the hard no-go zone (which covers all land) or the chart's edge; at most `cap`. V is the water
+    from which a hard-over turn in the season's current could touch land, so within the limits the
+    vessel can still turn away everywhere. 0 where the leg itself lies in V, as it may at start or
+    goal: nothing is promised there.
     """
     lines = legs.lines
-    zones = np.concatenate([_beside(legs, cap), _beside(legs, -cap)])
+    areas = np.concatenate([_side_areas(legs, cap), _side_areas(legs, -cap)])
     both = np.concatenate([lines, lines])
-    room = np.full(len(both), cap)
-    soft = shapely.linestrings(_near(edges_of([soft_no_go]), zones))
-    for edges, tree in (shores.edges, (soft, shapely.STRtree(soft))):
-        zone, edge = tree.query(zones, predicate="intersects")
-        met = shapely.intersection(zones[zone], edges[edge])
-        np.minimum.at(room, zone, shapely.distance(met, both[zone]))
-    room[shapely.intersects(soft_no_go, both)] = 0.0
-    return room[: len(lines)], room[len(lines) :]
+    limits = np.full(len(both), cap)
+    soft = shapely.linestrings(_edges_near(edges_of([soft_no_go]), areas))
+    for edges, tree in (obstacles.edges, (soft, shapely.STRtree(soft))):
+        area, edge = tree.query(areas, predicate="intersects")
+        parts = shapely.intersection(areas[area], edges[edge])
+        np.minimum.at(limits, area, shapely.distance(parts, both[area]))
+    limits[shapely.intersects(soft_no_go, both)] = 0.0
+    return limits[: len(lines)], limits[len(lines) :]
 
 
-def turning_radii(legs: Tracks, lane: Lane, radius: float) -> FloatArray:
-    """Radius of the turn at each waypoint between two legs (k - 1,), in metres of the plane.
+def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatArray:
+    """Radius of the turn at each waypoint between two legs (k - 1,), metres of the plane.
 
-    `radius`, or the largest of its halves, quarters and so on with which the turn cuts the corner
-    inside the lane and leaves each leg at least its half; 0 where none does.
+    `radius`, or the largest of its halves, quarters and so on with which the turn stays inside the
+    corridor and takes up at most half of each leg; 0 where none does.
     """
     lines = legs.lines
     before, after = lines[:-1], lines[1:]
@@ -60,35 +62,40 @@ def turning_radii(legs: Tracks, lane: Lane, radius: float) -> FloatArray:
     inwards = shapely.get_coordinates(shapely.get_point(before, -2)) - corner
     outwards = shapely.get_coordinates(shapely.get_point(after, 1)) - corner
     angle = np.abs(np.arctan2(cross(inwards, outwards), (inwards * outwards).sum(axis=1)))
-    # Half the change of course; where it is none, any turn is a straight line.
+    # Tangent of half the change of course; 0 where the course does not change.
     slope = np.tan((np.pi - angle) / 2)
-    longest = _SHARE_OF_LEG * np.minimum(shapely.length(before), shapely.length(after))
-    found = np.zeros(len(corner))
-    for halving in range(_MOST_HALVINGS):
+    max_tangent = _MAX_LEG_SHARE * np.minimum(shapely.length(before), shapely.length(after))
+    radii = np.zeros(len(corner))
+    for halving in range(_MAX_HALVINGS):
         size = radius / 2**halving
         tangent = size * slope
-        open_ = (found == 0) & (tangent <= longest)
-        ends = [
-            shapely.get_coordinates(shapely.line_interpolate_point(before[open_], -tangent[open_])),
-            corner[open_],
-            shapely.get_coordinates(shapely.line_interpolate_point(after[open_], tangent[open_])),
+        candidates = (radii == 0) & (tangent <= max_tangent)
+        corners = [
+            shapely.get_coordinates(
+                shapely.line_interpolate_point(before[candidates], -tangent[candidates])
+            ),
+            corner[candidates],
+            shapely.get_coordinates(
+                shapely.line_interpolate_point(after[candidates], tangent[candidates])
+            ),
         ]
-        triangles = shapely.convex_hull(shapely.linestrings(np.stack(ends, axis=1)))
-        found[np.flatnonzero(open_)[shapely.covers(lane.free, triangles)]] = size
-    return found
+        triangles = shapely.convex_hull(shapely.linestrings(np.stack(corners, axis=1)))
+        radii[np.flatnonzero(candidates)[shapely.covers(corridor.free, triangles)]] = size
+    return radii
 
 
-def _beside(legs: Tracks, width: float) -> ObjectArray:
-    """The water to port of each leg (k,), or with a negative width to starboard.
+def _side_areas(legs: Tracks, width: float) -> ObjectArray:
+    """Area to port of each leg (k,), to starboard with a negative width.
 
-    Bounded by the leg, drawn out by the width at both ends, and so far from it.
+    Bounded by the leg, which is extended by the width at both ends, and reaching at least the width
+    away from it.
     """
     starts = np.flatnonzero(np.diff(legs.leg, prepend=-1))
     ends = np.append(starts[1:], len(legs.leg)) - 1
     chord = legs.xy[ends] - legs.xy[starts]
     ahead = chord / np.linalg.norm(chord, axis=1)[:, None]
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
-    # Beyond the bend of the leg, so that the far side is nowhere too near.
+    # A leg bends away from its chord: without this offset the far side would be too close.
     offset = np.abs(((legs.xy - legs.xy[starts][legs.leg]) * aside[legs.leg]).sum(axis=1))
     far = aside * (width + np.sign(width) * np.maximum.reduceat(offset, starts))[:, None]
     back = legs.xy[starts] - abs(width) * ahead
@@ -109,9 +116,9 @@ def _beside(legs: Tracks, width: float) -> ObjectArray:
     return np.asarray(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=of_leg)))
 
 
-def _near(edges: FloatArray, zones: ObjectArray) -> FloatArray:
-    """Those of the edges (n, 2, 2) whose box meets a zone's: quicker than a tree of them all."""
+def _edges_near(edges: FloatArray, areas: ObjectArray) -> FloatArray:
+    """Edges (n, 2, 2) whose bounding box meets an area's: faster than a tree of all edges."""
     low, high = edges.min(axis=1), edges.max(axis=1)
-    west, south, east, north = shapely.bounds(zones).T[..., None]
+    west, south, east, north = shapely.bounds(areas).T[..., None]
     apart = (low[:, 0] > east) | (high[:, 0] < west) | (low[:, 1] > north) | (high[:, 1] < south)
     return np.asarray(edges[~apart.all(axis=0)])

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
-from pipeline.formats.exchange.text import attribution, heading, waypoint_name, whole_text
+from pipeline.formats.exchange.text import attribution, document_title, waypoint_name
 from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.shared.json_values import json_value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     FloatArray = npt.NDArray[np.float64]
     Feature = dict[str, Any]
 
-# A centimetre: RFC 7946 asks for no more than is needed.
+# Decimals of degrees, a centimetre: RFC 7946 asks for no more precision than is needed.
 _DECIMALS = 7
 
 
 def write_geojson(result: RunResult, season: str, path: Path) -> None:
     """Write a season's routes and their waypoints, best first.
 
-    Routes are those of the GeoPackage's layer `routes`, with its columns; no straight line in
-    degrees is further than a metre from the planned one. What crosses 180 degrees is cut there.
-    Each feature says in `feature` what it is: a route or a waypoint.
+    Routes have the geometry and columns of the GeoPackage's layer `routes`: straight lines in
+    degrees are within a metre of the planned line. What crosses 180 degrees is cut there. Each
+    feature's property `feature` is "route" or "waypoint".
 
     Raises
     ------
@@ -47,20 +47,20 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
         features += _waypoints(points)
     collection = {
         "type": "FeatureCollection",
-        "bbox": _bbox(longitudes),
-        "title": heading(result, season),
+        "bbox": bounding_box(longitudes),
+        "title": document_title(result, season),
         "credits": attribution(result),
         "features": features,
     }
-    text = json.dumps(_plain(collection), ensure_ascii=False, allow_nan=False)
+    text = json.dumps(json_value(collection), ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
 
 
 def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
     """Cut a line (n, 2) in degrees, continuous across 180, into parts within -180 to 180 degrees.
 
-    Where it is cut the latitude is interpolated, and both parts have it. A line that only touches
-    180 degrees stays whole; one that runs along it is at -180.
+    Both parts end at the cut, at an interpolated latitude. A line that only touches 180 degrees
+    stays whole; one that runs along it is at -180.
     """
     turn = _turns(points[:, 0])
     parts: list[list[FloatArray]] = [[points[0] - _shift(turn[0])]]
@@ -80,7 +80,7 @@ def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
 
 
 def _routes(result: RunResult, season: str) -> tuple[list[Feature], FloatArray]:
-    """Features of the season's routes, and the corners of what they cover in degrees (2, 2)."""
+    """Features of the season's routes, and the corners (2, 2) of their bounding box in degrees."""
     table = next(layer for layer in LAYERS if layer.name == "routes").table(result)
     chosen = np.flatnonzero(table.columns["season"] == season)
     lines = [shapely.get_coordinates(table.geometry[row]) for row in chosen]
@@ -126,7 +126,7 @@ def _waypoints(points: Waypoints) -> list[Feature]:
 
 
 def _feature(geometry: dict[str, Any], kind: str, properties: dict[str, Any]) -> Feature:
-    """Make a Feature that says what it is."""
+    """Make a Feature of a kind."""
     return {
         "type": "Feature",
         "geometry": geometry,
@@ -141,13 +141,13 @@ def _line(parts: list[FloatArray]) -> dict[str, Any]:
     return {"type": "MultiLineString", "coordinates": [_positions(part) for part in parts]}
 
 
-def _bbox(corners: FloatArray) -> list[float]:
+def bounding_box(corners: FloatArray) -> list[float]:
     """West, south, east, north; west is the greater where 180 degrees lie between them."""
     (west, south), (east, north) = corners
     if east - west >= 360:
         west, east = -180.0, 180.0
     ends = _within(np.array([[west, south]])), _within(np.array([[east, north]]))
-    # What ends at 180 degrees ends there, and not a turn further west.
+    # An eastern limit of 180 degrees must not become -180.
     ends[1][0, 0] = 180.0 if ends[1][0, 0] == -180 else ends[1][0, 0]
     return [float(value) for end in ends for value in np.round(end[0], _DECIMALS)]
 
@@ -163,26 +163,11 @@ def _turns(longitude: FloatArray) -> npt.NDArray[np.int64]:
 
 
 def _shift(turns: int) -> FloatArray:
-    """Turns of longitude as a vector of degrees (2,)."""
+    """Shift (2,) in degrees for whole turns of longitude."""
     return np.array([360.0 * turns, 0.0])
 
 
 def _positions(points: FloatArray) -> list[list[float]]:
-    """Coordinates as JSON has them."""
+    """Coordinates as JSON lists, rounded."""
     rounded: list[list[float]] = np.round(points, _DECIMALS).tolist()
     return rounded
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - any value of a feature in, what JSON knows out
-    """Take NumPy's types, numbers that are not finite, and halves of characters out of a value."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, str):
-        return whole_text(value)
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return value

@@ -11,17 +11,17 @@ import numpy as np
 
 from pipeline.formats.exchange.text import (
     attribution,
-    heading,
-    leg_words,
-    moment,
-    normal_longitude,
+    document_title,
+    leg_text,
+    time_after,
     waypoint_name,
-    xml_text,
+    wrapped_longitude,
 )
 from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
 from pipeline.formats.shared.text import distance, hours
-from pipeline.geo.projection import in_pieces
+from pipeline.formats.shared.xml_text import xml_text
+from pipeline.geo.projection import densified
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from pipeline.formats.exchange.waypoints import Waypoints
     from pipeline.formats.shared.result import RankedRoute, RunResult
 
-# Points of the track, in true metres: between them the straight line of the plane and any other
-# way to draw a line are 0.2 m apart at most.
+# Maximum distance between points of the track, true metres: between them, the planned line and the
+# line that a plotter draws are at most 0.2 m apart.
 _TRACK_STEP_M = 2_000.0
 
 
@@ -40,8 +40,8 @@ def write_gpx(
 ) -> None:
     """Write a season's routes, best first, as GPX 1.1.
 
-    A `rte` holds a route's few waypoints, its number the rank; the `trk` is the best route's path
-    as planned. With a departure (which has its time zone) all points carry times.
+    A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
+    path as planned. With a departure (and its time zone) all points have times.
 
     Raises
     ------
@@ -52,12 +52,12 @@ def write_gpx(
     """
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
-    gpx.name = xml_text(heading(result, season))
+    gpx.name = xml_text(document_title(result, season))
     gpx.description = xml_text(
         " ".join(part for part in (result.scenario.description, attribution(result)) if part)
     )
     gpx.author_name = "RENEW"
-    # gpxpy escapes what it writes between tags, and leaves attributes to its caller.
+    # gpxpy escapes text between tags, but leaves attributes to its caller.
     gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
@@ -68,7 +68,7 @@ def write_gpx(
 
 
 def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
-    """Waypoints of a route, each saying what the leg is that leaves it."""
+    """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
         name=xml_text(f"{ranked.season} {ranked.rank}"),
@@ -78,10 +78,10 @@ def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     route.points = [
         gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
-            longitude=normal_longitude(longitude),
-            time=None if departure is None else moment(departure, points.time_s[index]),
+            longitude=wrapped_longitude(longitude),
+            time=None if departure is None else time_after(departure, points.time_s[index]),
             name=waypoint_name(index, count),
-            description=leg_words(points, index) if index + 1 < count else "end of the route",
+            description=leg_text(points, index) if index + 1 < count else "end of the route",
         )
         for index, (longitude, latitude) in enumerate(points.lonlat)
     ]
@@ -91,18 +91,18 @@ def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
 def _track(
     ranked: RankedRoute, result: RunResult, departure: datetime | None
 ) -> gpxpy.gpx.GPXTrack:
-    """Path of a route as planned, drawn finely."""
+    """Path of a route as planned, in small steps."""
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
-    dense = in_pieces(path, _TRACK_STEP_M / projection.scale)
+    dense = densified(path, _TRACK_STEP_M / projection.scale)
     times = times_at(metres_along(dense), path, ranked, result)
     lonlat = projection.to_lonlat(dense)
     segment = gpxpy.gpx.GPXTrackSegment()
     segment.points = [
         gpxpy.gpx.GPXTrackPoint(
             latitude=round(float(latitude), 8),
-            longitude=normal_longitude(longitude),
-            time=None if departure is None else moment(departure, seconds),
+            longitude=wrapped_longitude(longitude),
+            time=None if departure is None else time_after(departure, seconds),
         )
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
@@ -115,7 +115,7 @@ def _track(
 
 
 def _summary(ranked: RankedRoute) -> str:
-    """Length, time and clearance of a route, and its side."""
+    """Side, length, duration and clearance of a route."""
     metrics = ranked.metrics
     parts = [f"{metrics.side} about"] if metrics.side else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]

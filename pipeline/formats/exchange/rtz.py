@@ -1,7 +1,7 @@
 """`<season>.rtz`: the season's best route for an ECDIS, by IEC 61174 (route plan exchange format).
 
-The leg that a waypoint carries is the one that leads to it. Versions differ in their namespace, in
-the spelling of some names, and in how extensions are wrapped.
+In RTZ a waypoint holds the leg that leads to it. Versions of the format differ in their namespace,
+in the spelling of some names, and in how extensions are wrapped.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING
 from lxml import etree
 
 from pipeline.formats.exchange.text import (
-    KNOTS,
+    KNOTS_PER_M_S,
     attribution,
+    document_title,
     duration,
-    heading,
-    leg_words,
-    moment,
-    normal_longitude,
+    leg_text,
+    time_after,
     vessel_name,
     waypoint_name,
-    xml_text,
+    wrapped_longitude,
 )
 from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.shared.text import shortened
+from pipeline.formats.shared.xml_text import xml_text
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -36,15 +37,15 @@ if TYPE_CHECKING:
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
-# Checkers refuse files of 400 kB: no text may come near.
-_LONGEST_TEXT = 4_000
-# A ten-thousandth of a minute of arc or so: 2 cm.
+# Maximum length of a text, in characters: checkers refuse files of 400 kB.
+_MAX_TEXT_LENGTH = 4_000
+# Decimals of nautical miles: 2 cm.
 _MILE_DIGITS = 5
 
 
 @dataclass(frozen=True)
 class _Version:
-    """What differs from one version of the format to another."""
+    """What differs between versions of the format."""
 
     namespace: str
     schedule_element: str = "scheduleElement"
@@ -56,7 +57,7 @@ VERSIONS = {
     "1.1": _Version("http://www.cirm.org/RTZ/1/1"),
     "1.2": _Version("http://www.cirm.org/RTZ/1/2"),
 }
-"""The versions that can be written."""
+"""Version number -> its form; these can be written."""
 
 
 def write_rtz(
@@ -72,17 +73,17 @@ def write_rtz(
     Parameters
     ----------
     path
-        The file; its stem becomes the route's name, for ECDIS want the two to be equal.
+        The file; its stem becomes the route's name, since ECDIS want the two to be equal.
     version
         "1.0", "1.1" or "1.2".
     departure
-        Time of departure, with its time zone. Without one the file gives speeds and how long each
-        leg takes, and no times of departure and arrival.
+        Time of departure, with its time zone. Without one the file gives the speed and duration of
+        each leg, but no times of departure and arrival.
 
     Raises
     ------
     ValueError
-        Another version, or a departure without a time zone.
+        An unknown version, or a departure without a time zone.
     OSError
         The file can't be written.
     """
@@ -99,7 +100,7 @@ def write_rtz(
         routeAuthor="RENEW",
         routeStatus="planned",
         vesselName=vessel_name(result),
-        optimizationMethod="least fuel in the current, room for a hard-over turn everywhere",
+        optimizationMethod="least fuel in the current, sea room for a hard-over turn everywhere",
     )
     _add_waypoints(root, points)
     _add_schedule(root, points, form, departure)
@@ -123,51 +124,51 @@ def _add_waypoints(root: etree._Element, points: Waypoints) -> None:
             radius=_miles(points.radius_m[index]),
         )
         _child(
-            waypoint, "position", lat=f"{latitude:.8f}", lon=f"{normal_longitude(longitude):.8f}"
+            waypoint, "position", lat=f"{latitude:.8f}", lon=f"{wrapped_longitude(longitude):.8f}"
         )
         if index:
-            under_way = duration(points.time_s[index])
+            elapsed = duration(points.time_s[index])
             _child(
                 waypoint,
                 "leg",
                 starboardXTD=_miles(points.starboard_m[index - 1]),
                 portsideXTD=_miles(points.port_m[index - 1]),
                 geometryType=points.curve,
-                legInfo=leg_words(points, index - 1),
-                legNote1=f"at its end {under_way} since departure",
+                legInfo=leg_text(points, index - 1),
+                legNote1=f"ends {elapsed} after departure",
             )
 
 
 def _add_schedule(
     root: etree._Element, points: Waypoints, form: _Version, departure: datetime | None
 ) -> None:
-    """Add each leg's speed at the waypoint that it leads to, and the times where they are known."""
+    """Add each leg's speed at the waypoint that it leads to, and with a departure the times."""
     schedule = _child(_child(root, "schedules"), "schedule", id="1", name="as planned")
     calculated = _child(schedule, "calculated")
     for index, seconds in enumerate(points.time_s):
         values = {"waypointId": str(index + 1)}
         if departure is not None:
-            time = moment(departure, seconds)
+            time = time_after(departure, seconds)
             values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
         if index:
-            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS:.4f}"
+            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS_PER_M_S:.4f}"
         _child(calculated, form.schedule_element, **values)
 
 
 def _add_provenance(root: etree._Element, result: RunResult, season: str, form: _Version) -> None:
-    """Add whence the route is, and what the licences of its sources ask for."""
-    place = _child(root, "extensions")
+    """Add the route's origin, and the credits that the licences of its sources ask for."""
+    parent = _child(root, "extensions")
     if form.wraps_extensions:
-        place = _child(place, "extension", manufacturer="RENEW", name="provenance", version="1")
+        parent = _child(parent, "extension", manufacturer="RENEW", name="provenance", version="1")
     texts = {
-        "title": heading(result, season),
+        "title": document_title(result, season),
         "description": result.scenario.description,
         "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }
     for name, text in texts.items():
-        element = etree.SubElement(place, f"{{{PROVENANCE}}}{name}", nsmap={"renew": PROVENANCE})
-        element.text = _short(text)
+        element = etree.SubElement(parent, f"{{{PROVENANCE}}}{name}", nsmap={"renew": PROVENANCE})
+        element.text = _storable(text)
 
 
 def _child(parent: etree._Element, tag: str, /, **values: str) -> etree._Element:
@@ -175,16 +176,16 @@ def _child(parent: etree._Element, tag: str, /, **values: str) -> etree._Element
     namespace = etree.QName(parent).namespace
     element = etree.SubElement(parent, f"{{{namespace}}}{tag}")
     for key, value in values.items():
-        element.set(key, _short(value))
+        element.set(key, _storable(value))
     return element
 
 
-def _short(text: str) -> str:
-    """Text that XML can hold, and of a length that the format can."""
-    return xml_text(text if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 1]}…")
+def _storable(text: str) -> str:
+    """Text that XML can hold, shortened to the maximum length."""
+    return xml_text(shortened(text, _MAX_TEXT_LENGTH))
 
 
 def _miles(metres: float) -> str:
-    """Spell nautical miles, rounded down: limits are not to be overstepped."""
+    """Nautical miles as text, rounded down so that limits are never overstated."""
     scale = 10**_MILE_DIGITS
     return f"{math.floor(metres / NAUTICAL_MILE_M * scale) / scale:.{_MILE_DIGITS}f}"

@@ -1,4 +1,7 @@
-"""The water in which a route's legs may be drawn: near the planned line, off land and off V."""
+"""The safe corridor of a route: the water near its path, off land and off its soft no-go zone V.
+
+Waypoints are chosen so that the legs between them stay inside this corridor.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +21,23 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# Legs keep this share of the least room that the planned line leaves to V or land; and none needs
-# drawing finer than this share of a turning radius.
-_SHARE_OF_ROOM = 0.5
-# The least fuel lies at V's edge, where no course can be kept without an alarm: legs are drawn so
-# far from it, as a share of the lane's half width, where there is water for it.
-_USEFUL_ROOM = 0.5
-_FINEST_RADII = 2e-3
-# A leg that leaves V ends this many turning radii outside it.
+# Minimum clearance of a leg from V and land, as a share of the path's own least clearance.
+_MIN_CLEARANCE_SHARE = 0.5
+# Clearance that legs are given where there is water for it, as a share of the corridor's half
+# width. The least fuel lies at V's edge, where any steering error would raise an alarm.
+_WANTED_CLEARANCE_SHARE = 0.5
+# Maximum drawing error of a leg, in turning radii: finer drawing changes nothing for a vessel.
+_MAX_ERROR_RADII = 2e-3
+# Distance outside V, in turning radii, at which a leg that leaves V ends.
 _EXIT_RADII = 0.1
 _QUADRANT_SEGMENTS = 4
 
 
-class Shores:
-    """What all routes of a scene have to keep off, made ready once: planar metres."""
+class Obstacles:
+    """Land, hard no-go zone and chart edge of a scene, indexed once for all its routes.
+
+    Planar metres.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -41,104 +47,113 @@ class Shores:
         shapely.prepare(self._extent)
 
     def land_in(self, area: BaseGeometry) -> BaseGeometry:
-        """Unite what of the original land lies in an area."""
+        """Return the original land inside an area, as one geometry."""
         near = self._land[self._tree.query(area, predicate="intersects")]
         return shapely.union_all(shapely.intersection(near, area))
 
-    def on_chart(self, area: BaseGeometry) -> BaseGeometry:
-        """Part of an area that lies on the chart: beyond its edge nobody knows the land."""
+    def clipped_to_chart(self, area: BaseGeometry) -> BaseGeometry:
+        """Clip an area to the chart: beyond its edge the land is unknown."""
         if shapely.covers(self._extent, area):
             return area
         return shapely.intersection(area, self._extent)
 
     @cached_property
     def edges(self) -> tuple[npt.NDArray[np.object_], shapely.STRtree]:
-        """Edges of the hard no-go zone, which covers all land, and of the chart; their tree."""
+        """Edges of the hard no-go zone, which covers all land, and of the chart; and their tree."""
         areas = [*self.scene.chart.no_go, self._extent]
         parts = np.asarray(shapely.linestrings(edges_of(areas)))
         return parts, shapely.STRtree(parts)
 
 
 @dataclass(frozen=True)
-class Lane:
+class SafeCorridor:
     """Where the legs of one route may run, in planar metres.
 
     Attributes
     ----------
     path
-        The planned path (n, 2), with a vertex more where it leaves or enters V.
+        The planned path (n, 2), with an extra vertex where it leaves or enters V.
     free
-        Within `tolerance` of the path, off the original land and off V.
+        Water within the tolerance of the path, off the original land and off V.
     blocked
-        Land and V in these parts.
-    useful
-        Room to `blocked` (metres of the plane) that legs want.
-    lawful
-        The same with V in it, where the route begins or ends in V: for the legs in there.
+        Land and V near the path.
+    wanted_clearance
+        Clearance from `blocked` that legs are given where possible.
+    off_land
+        `free`, with V included if the route starts or ends in V: for the legs inside V.
     first, last
-        Indices of the path's vertices between which it keeps out of V.
-    error
-        How exactly legs have to be drawn (metres of the plane): `free` keeps so far off at least.
+        Indices of the path's vertices between which the path is outside V.
+    max_error
+        Maximum drawing error of a leg: `free` keeps at least this far from land and V.
     """
 
     path: FloatArray
     free: BaseGeometry
     blocked: BaseGeometry
-    useful: float
-    lawful: BaseGeometry
+    wanted_clearance: float
+    off_land: BaseGeometry
     first: int
     last: int
-    error: float
+    max_error: float
 
     @cached_property
     def holes(self) -> FloatArray:
-        """Points (h, 2), one in each hole of `free`: what a leg must pass on the path's side."""
+        """Points (h, 2), one in each hole of `free`; legs pass a hole on the path's side."""
         parts = shapely.get_parts(self.free)
         holes = [shapely.Polygon(ring) for part in parts for ring in shapely.get_rings(part)[1:]]
         inside = shapely.point_on_surface(np.array(holes, dtype=object))
         return np.asarray(shapely.get_coordinates(inside))
 
     @cached_property
-    def _shore(self) -> shapely.STRtree:
-        """Edges of what is blocked."""
+    def _blocked_edges(self) -> shapely.STRtree:
+        """Tree of the edges of `blocked`."""
         return shapely.STRtree(shapely.linestrings(edges_of([self.blocked])))
 
-    def room(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
-        """Room (n,) of points or lines to V and land, in metres of the plane; `useful` at most."""
-        room = np.full(len(geometries), self.useful)
-        (index, _), apart = self._shore.query_nearest(
-            geometries, max_distance=self.useful, all_matches=False, return_distance=True
+    def clearance(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
+        """Distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
+        clearance = np.full(len(geometries), self.wanted_clearance)
+        (index, _), apart = self._blocked_edges.query_nearest(
+            geometries, max_distance=self.wanted_clearance, all_matches=False, return_distance=True
         )
-        room[index] = apart
-        return room
+        clearance[index] = apart
+        return clearance
 
 
-def lane(route: renew.Route, shores: Shores, tolerance: float) -> Lane:
-    """Mark out the lane of a route, `tolerance` metres of the plane to each side of its path."""
+def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) -> SafeCorridor:
+    """Build a route's corridor, up to `tolerance` metres of the plane to each side of its path."""
     line = shapely.LineString(route.path)
-    around = shores.on_chart(shapely.buffer(line, tolerance, quad_segs=_QUADRANT_SEGMENTS))
-    land = shores.land_in(around)
+    around = obstacles.clipped_to_chart(
+        shapely.buffer(line, tolerance, quad_segs=_QUADRANT_SEGMENTS)
+    )
+    land = obstacles.land_in(around)
     soft = shapely.intersection(route.soft_no_go, around)
-    radius = shores.scene.vessel.turning_radius
-    path, first, last = _clear_of(soft, np.asarray(route.path, dtype=float), _EXIT_RADII * radius)
-    finest = _FINEST_RADII * radius
-    kept = shapely.LineString(path[first : last + 1]) if first < last else shapely.Point(path[0])
+    radius = obstacles.scene.vessel.turning_radius
+    path, first, last = _with_exits(soft, np.asarray(route.path, dtype=float), _EXIT_RADII * radius)
+    outside = shapely.LineString(path[first : last + 1]) if first < last else shapely.Point(path[0])
     blocked = shapely.union(soft, land)
-    room = shapely.distance(kept, blocked)
-    # NaN where there is nothing to keep off; 0 where the path itself touches land or V.
-    kept_off = _SHARE_OF_ROOM * room if np.isfinite(room) else tolerance
-    off = shapely.buffer(blocked, kept_off, quad_segs=_QUADRANT_SEGMENTS)
-    free = lawful = shapely.difference(around, off)
+    clearance = shapely.distance(outside, blocked)
+    # NaN where nothing is blocked; 0 where the path itself touches land or V.
+    margin = _MIN_CLEARANCE_SHARE * clearance if np.isfinite(clearance) else tolerance
+    margin_area = shapely.buffer(blocked, margin, quad_segs=_QUADRANT_SEGMENTS)
+    free = off_land = shapely.difference(around, margin_area)
     if first > 0 or last < len(path) - 1:
-        lawful = shapely.difference(around, land)
-    shapely.prepare([free, lawful])
-    useful = _USEFUL_ROOM * tolerance
-    error = min(finest, kept_off) or finest
-    return Lane(path, free, blocked, useful, lawful, first, last, error)
+        off_land = shapely.difference(around, land)
+    shapely.prepare([free, off_land])
+    cap = _MAX_ERROR_RADII * radius
+    return SafeCorridor(
+        path=path,
+        free=free,
+        blocked=blocked,
+        wanted_clearance=_WANTED_CLEARANCE_SHARE * tolerance,
+        off_land=off_land,
+        first=first,
+        last=last,
+        max_error=min(cap, margin) or cap,
+    )
 
 
 def edges_of(areas: list[BaseGeometry]) -> FloatArray:
-    """Ends (n, 2, 2) of the edges of areas' rings."""
+    """Endpoints (n, 2, 2) of the edges of all rings of areas."""
     rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     inside = ring[:-1] == ring[1:]
@@ -151,11 +166,11 @@ def cross(one: FloatArray, other: FloatArray) -> FloatArray:
     return product
 
 
-def _clear_of(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int, int]:
-    """Give a path that begins or ends in V a vertex `margin` outside V.
+def _with_exits(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int, int]:
+    """Add a vertex `margin` outside V at each end of a path that lies in V.
 
-    Returns it with the indices of these vertices, or of its start and goal: it keeps out of V
-    between them.
+    Returns the path and the indices of these vertices (else of start and goal), between which the
+    path is outside V.
     """
     backwards, last = _with_exit(soft, path[::-1], margin)
     forwards, first = _with_exit(soft, backwards[::-1], margin)
@@ -164,7 +179,7 @@ def _clear_of(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[Floa
 
 
 def _with_exit(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int]:
-    """Give a path that begins in V a vertex where it has left V; also its index, else 0."""
+    """Add a vertex where a path that starts in V has left it; returns its index too, else 0."""
     legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
     outside = np.flatnonzero(~shapely.intersects(soft, legs))
     leg = int(outside[0]) - 1 if outside.size else len(legs) - 1

@@ -1,7 +1,7 @@
-"""Fewest waypoints: a shortest path over the pairs of places on a route that see each other.
+"""Fewest waypoints: a shortest path through candidate waypoints that see each other.
 
-Two places see each other where the leg between them, drawn as it will be sailed, stays in the
-route's lane and passes what lies in the lane on the same side as the path.
+Two candidates see each other if the leg between them, drawn as it will be sailed, stays inside the
+route's safe corridor and passes every hole of it on the same side as the path.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.exchange.safe_corridor import Lane
+    from pipeline.formats.exchange.safe_corridor import SafeCorridor
     from pipeline.formats.exchange.tracks import Curve
     from pipeline.geo.projection import Projection
 
@@ -28,38 +28,39 @@ if TYPE_CHECKING:
     IntArray = npt.NDArray[np.int64]
     BoolArray = npt.NDArray[np.bool_]
 
-# A millimetre: what is written is what was examined.
+# Decimals of degrees in the files, a millimetre: legs are checked at the positions written.
 DECIMALS = 8
-# Bends sharper than this (rad) are worth a place where the legs before and after them meet.
-_SHARP = 0.1
-# A leg of the path whose chord is the lane's trouble is cut into so many parts at the most.
-_MOST_PARTS = 64
-# Of two chains of equally many legs the shorter one is taken. A leg with half the useful room
-# counts for one more, with a third for two; less than the least share is no room at all.
-_WEIGHT_OF_LENGTH = 0.5
-_WEIGHT_OF_ROOM = 1.0
-_LEAST_SHARE = 0.05
-# Places are moved to where they have so much more room than is useful, for legs cut corners.
-_ASIDE = 1.4
-# Narrows that are nearer to each other than so many useful rooms are one.
-_NARROWS_APART = 10
+# Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
+_MIN_BEND_RAD = 0.1
+# Maximum number of parts into which a leg is split when its drawn curve leaves the corridor.
+_MAX_PARTS = 64
+# Costs of a leg beside 1 for being one: among chains of equally many legs the shorter one is taken,
+# and a leg with half the wanted clearance costs one more, with a third two more. A clearance below
+# the minimum share counts as that share.
+_LENGTH_WEIGHT = 0.5
+_CLEARANCE_WEIGHT = 1.0
+_MIN_CLEARANCE_SHARE = 0.05
+# Clearance of offset candidates, in wanted clearances: more than wanted, since legs cut corners.
+_OFFSET_CLEARANCE = 1.4
+# Half width, in wanted clearances, of the stretch of path in which only one narrows is looked for.
+_NARROWS_WINDOW = 10
 
 
 @dataclass(frozen=True)
-class Places:
-    """Places along a path, in order: `xy` (n, 2) planar, `along` (n,) metres of path to each."""
+class Candidates:
+    """Candidate waypoints in order: `xy` (n, 2) planar, `along` (n,) metres of path to each."""
 
     xy: FloatArray
     along: FloatArray
 
-    def __getitem__(self, chosen: IntArray | slice) -> Places:
-        """Some of the places."""
-        return Places(self.xy[chosen], self.along[chosen])
+    def __getitem__(self, chosen: IntArray | slice) -> Candidates:
+        """Select candidates."""
+        return Candidates(self.xy[chosen], self.along[chosen])
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """How legs are drawn."""
+    """How legs are drawn: curve, and maximum error in true metres."""
 
     projection: Projection
     curve: Curve
@@ -74,57 +75,61 @@ class Drawing:
         return tracks(begin, end, self.curve, self.projection, self.error_m).lines
 
 
-def thin(lane: Lane, drawing: Drawing) -> Places:
-    """Choose the fewest places whose legs stay in the lane, start and goal among them.
+def thin(corridor: SafeCorridor, drawing: Drawing) -> Candidates:
+    """Choose the fewest waypoints, start and goal included, whose legs stay in the corridor.
 
-    Legs with which the path leaves or enters V at its ends are kept as planned.
+    Legs on which the path leaves V at its start or enters it at its goal stay as planned.
     """
-    first, last = lane.first, lane.last
-    path = Places(lane.path, metres_along(lane.path))
-    before = _cut(path[: first + 1], lane.lawful, drawing)
-    middle = _cut(path[first : last + 1], lane.free, drawing)
-    after = _cut(path[last:], lane.lawful, drawing)
+    first, last = corridor.first, corridor.last
+    path = Candidates(corridor.path, metres_along(corridor.path))
+    before = _split_legs(path[: first + 1], corridor.off_land, drawing)
+    middle = _split_legs(path[first : last + 1], corridor.free, drawing)
+    after = _split_legs(path[last:], corridor.off_land, drawing)
     if len(middle.xy) > 2:
-        middle = _fewest(*_with_aside(*_with_corners(middle, lane), lane), lane, drawing)
-    # Each ends where the next one begins.
-    return _joined(before[:-1], middle, after[1:])
+        candidates, own = _with_corners(middle, corridor)
+        middle = _cheapest_chain(*_with_offsets(candidates, own, corridor), corridor, drawing)
+    # Each part ends where the next one begins.
+    return _concatenated(before[:-1], middle, after[1:])
 
 
-def _joined(*parts: Places) -> Places:
-    """Places one after the other."""
-    return Places(
+def _concatenated(*parts: Candidates) -> Candidates:
+    """Concatenate candidates."""
+    return Candidates(
         np.concatenate([part.xy for part in parts]), np.concatenate([part.along for part in parts])
     )
 
 
-def _cut(path: Places, region: BaseGeometry, drawing: Drawing) -> Places:
-    """Add places to legs whose chords leave the region, until they don't."""
+def _split_legs(path: Candidates, region: BaseGeometry, drawing: Drawing) -> Candidates:
+    """Add points to legs whose drawn curves leave the region, until they stay inside."""
     if len(path.xy) < 2:
         return path
     lonlat = drawing.lonlat(path.xy)
     fits = shapely.covers(region, drawing.lines(lonlat[:-1], lonlat[1:]))
     shares = [
-        np.zeros(1) if fits[leg] else _shares(path.xy[leg : leg + 2], region, drawing)
+        np.zeros(1) if fits[leg] else _split_shares(path.xy[leg : leg + 2], region, drawing)
         for leg in range(len(fits))
     ]
     leg = np.repeat(np.arange(len(fits)), [len(share) for share in shares])
     share = np.concatenate([*shares, np.empty(0)])
-    return Places(
-        np.vstack([_between(path.xy, leg, share[:, None]), path.xy[-1:]]),
-        np.append(_between(path.along, leg, share), path.along[-1]),
+    return Candidates(
+        np.vstack([_interpolated(path.xy, leg, share[:, None]), path.xy[-1:]]),
+        np.append(_interpolated(path.along, leg, share), path.along[-1]),
     )
 
 
-def _between(values: FloatArray, leg: IntArray, share: FloatArray) -> FloatArray:
+def _interpolated(values: FloatArray, leg: IntArray, share: FloatArray) -> FloatArray:
     """Values (n, ...) at shares of legs."""
     value: FloatArray = values[leg] + share * (values[leg + 1] - values[leg])
     return value
 
 
-def _shares(leg: FloatArray, region: BaseGeometry, drawing: Drawing) -> FloatArray:
-    """Into which shares to cut a leg (2, 2); a leg that itself leaves the region stays whole."""
+def _split_shares(leg: FloatArray, region: BaseGeometry, drawing: Drawing) -> FloatArray:
+    """Shares at which the parts of a leg (2, 2) begin; only 0 if the leg itself leaves the region.
+
+    The parts are equal, and as few as stay inside the region.
+    """
     parts = 2
-    while parts <= _MOST_PARTS:
+    while parts <= _MAX_PARTS:
         points = drawing.lonlat(leg[0] + np.linspace(0, 1, parts + 1)[:, None] * (leg[1] - leg[0]))
         if shapely.covers(region, drawing.lines(points[:-1], points[1:])).all():
             return np.arange(parts) / parts
@@ -132,154 +137,166 @@ def _shares(leg: FloatArray, region: BaseGeometry, drawing: Drawing) -> FloatArr
     return np.zeros(1)
 
 
-def _with_corners(path: Places, lane: Lane) -> tuple[Places, IntArray]:
-    """Add the points where the legs before a bend and those after it would meet.
+def _with_corners(path: Candidates, corridor: SafeCorridor) -> tuple[Candidates, IntArray]:
+    """Add the points where the legs before a bend and those after it would intersect.
 
-    A rounded corner becomes one waypoint, on the outer side, with the turn's radius at it. Also
-    returns the indices of the path's own places among them all.
+    So a rounded corner becomes one waypoint, on the outer side, with the turn's radius. Also
+    returns the indices of the path's own points among the candidates.
     """
     legs = np.diff(path.xy, axis=0)
     course = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
     before, after = np.triu_indices(len(legs), 1)
     turn = course[after] - course[before]
-    bend = (np.abs(turn) > _SHARP) & (np.abs(turn) < np.pi / 2)
+    bend = (np.abs(turn) > _MIN_BEND_RAD) & (np.abs(turn) < np.pi / 2)
     before, after = before[bend], after[bend]
     gap = path.xy[after] - path.xy[before + 1]
     turned = cross(legs[before], legs[after])
     ahead, back = cross(gap, legs[after]) / turned, cross(gap, legs[before]) / turned
     corner = path.xy[before + 1] + ahead[:, None] * legs[before]
-    # No leg is drawn out to more than twice its length: the short ones are parts of an arc.
+    # Legs are extended to at most twice their length: the short ones are parts of an arc.
     chosen = (ahead > 0) & (ahead <= 1) & (back < 0) & (back >= -1)
-    chosen[chosen] = shapely.contains_xy(lane.free, corner[chosen])
+    chosen[chosen] = shapely.contains_xy(corridor.free, corner[chosen])
     corner, before, after = corner[chosen], before[chosen], after[chosen]
     nearest = path.along[0] + shapely.line_locate_point(
         shapely.LineString(path.xy), shapely.points(corner)
     )
-    reached = np.clip(nearest, path.along[before + 1], path.along[after])
-    places = Places(np.vstack([path.xy, corner]), np.concatenate([path.along, reached]))
-    order = np.argsort(places.along, kind="stable")
-    places = places[order]
-    return places, np.flatnonzero(order < len(path.xy))
+    along = np.clip(nearest, path.along[before + 1], path.along[after])
+    candidates = Candidates(np.vstack([path.xy, corner]), np.concatenate([path.along, along]))
+    order = np.argsort(candidates.along, kind="stable")
+    return candidates[order], np.flatnonzero(order < len(path.xy))
 
 
-def _with_aside(places: Places, own: IntArray, lane: Lane) -> tuple[Places, IntArray]:
-    """Add places beside those that are near V or land, and beside the path where it is nearest.
+def _with_offsets(
+    candidates: Candidates, own: IntArray, corridor: SafeCorridor
+) -> tuple[Candidates, IntArray]:
+    """Add candidates further off V and land, beside those close to them and beside narrows.
 
-    They have more room: between two shores, as much as there is.
+    Between two shores they lie where the clearance is greatest. Also returns the new indices of the
+    path's own points.
     """
-    if lane.blocked.is_empty:
-        return places, own
-    cramped = _joined(places, _narrows(lane, *places.along[[0, -1]]))
-    points = shapely.points(cramped.xy)
-    nearest = shapely.get_coordinates(shapely.shortest_line(lane.blocked, points))[::2]
-    off = cramped.xy - nearest
+    if corridor.blocked.is_empty:
+        return candidates, own
+    close = _concatenated(candidates, _narrows(corridor, *candidates.along[[0, -1]]))
+    points = shapely.points(close.xy)
+    nearest = shapely.get_coordinates(shapely.shortest_line(corridor.blocked, points))[::2]
+    off = close.xy - nearest
     apart = np.linalg.norm(off, axis=1)
-    chosen = np.flatnonzero((apart > 0) & (apart < lane.useful))
-    cramped, off, apart = cramped[chosen], off[chosen], apart[chosen]
-    steps = _ASIDE * lane.useful / apart[:, None] - 1
-    tried = cramped.xy + np.array([1.0, 0.5, 0.25])[:, None, None] * steps * off
-    room = np.where(
-        shapely.contains_xy(lane.free, tried[..., 0], tried[..., 1]),
-        shapely.distance(lane.blocked, shapely.points(tried)),
+    chosen = np.flatnonzero((apart > 0) & (apart < corridor.wanted_clearance))
+    close, off, apart = close[chosen], off[chosen], apart[chosen]
+    steps = _OFFSET_CLEARANCE * corridor.wanted_clearance / apart[:, None] - 1
+    tried = close.xy + np.array([1.0, 0.5, 0.25])[:, None, None] * steps * off
+    clearance = np.where(
+        shapely.contains_xy(corridor.free, tried[..., 0], tried[..., 1]),
+        shapely.distance(corridor.blocked, shapely.points(tried)),
         0.0,
     )
-    better = room.max(axis=0) > apart
-    moved = tried[room.argmax(axis=0), np.arange(len(apart))][better]
-    beside = Places(np.vstack([places.xy, moved]), np.append(places.along, cramped.along[better]))
-    order = np.argsort(beside.along, kind="stable")
-    return beside[order], np.flatnonzero(np.isin(order, own))
-
-
-def _narrows(lane: Lane, begin: float, end: float) -> Places:
-    """Places of the path, from so many metres to so many, where it comes nearest to V or land."""
-    done = np.linspace(begin, end, max(2, int((end - begin) / lane.useful)))
-    points = shapely.line_interpolate_point(shapely.LineString(lane.path), done)
-    room = lane.room(points)
-    beside = np.lib.stride_tricks.sliding_window_view(
-        np.pad(room, _NARROWS_APART, constant_values=np.inf), 2 * _NARROWS_APART + 1
+    better = clearance.max(axis=0) > apart
+    moved = tried[clearance.argmax(axis=0), np.arange(len(apart))][better]
+    merged = Candidates(
+        np.vstack([candidates.xy, moved]), np.append(candidates.along, close.along[better])
     )
-    least = np.flatnonzero((room < lane.useful) & (room == beside.min(axis=1)))
-    return Places(shapely.get_coordinates(points[least]), done[least])
+    order = np.argsort(merged.along, kind="stable")
+    return merged[order], np.flatnonzero(np.isin(order, own))
 
 
-def _fewest(places: Places, own: IntArray, lane: Lane, drawing: Drawing) -> Places:
-    """Go from the path's first place to its last by the fewest legs, of these by the shortest.
+def _narrows(corridor: SafeCorridor, begin: float, end: float) -> Candidates:
+    """Points of the path between two distances along it where it is closest to V or land."""
+    along = np.linspace(begin, end, max(2, int((end - begin) / corridor.wanted_clearance)))
+    points = shapely.line_interpolate_point(shapely.LineString(corridor.path), along)
+    clearance = corridor.clearance(points)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(clearance, _NARROWS_WINDOW, constant_values=np.inf), 2 * _NARROWS_WINDOW + 1
+    )
+    narrows = np.flatnonzero(
+        (clearance < corridor.wanted_clearance) & (clearance == windows.min(axis=1))
+    )
+    return Candidates(shapely.get_coordinates(points[narrows]), along[narrows])
 
-    Legs that want room count for more. Those between its own places stand as they are planned.
+
+def _cheapest_chain(
+    candidates: Candidates, own: IntArray, corridor: SafeCorridor, drawing: Drawing
+) -> Candidates:
+    """Chain of candidates from the path's first point to its last at the least cost of its legs.
+
+    The path's own legs are always allowed.
     """
-    room = _room(places, lane, drawing)
-    sees = np.isfinite(room)
+    clearance = _leg_clearances(candidates, corridor, drawing)
+    sees = np.isfinite(clearance)
     sees[own[:-1], own[1:]] = True
-    apart = np.linalg.norm(places.xy[:, None] - places.xy, axis=-1)
-    step = 1 + _WEIGHT_OF_LENGTH * apart / (places.along[own[-1]] - places.along[own[0]])
-    step += _WEIGHT_OF_ROOM * (1 / np.maximum(room / lane.useful, _LEAST_SHARE) - 1)
-    cost, came = np.full(len(places.xy), np.inf), np.zeros(len(places.xy), dtype=np.int64)
+    apart = np.linalg.norm(candidates.xy[:, None] - candidates.xy, axis=-1)
+    length = candidates.along[own[-1]] - candidates.along[own[0]]
+    step = 1 + _LENGTH_WEIGHT * apart / length
+    share = np.maximum(clearance / corridor.wanted_clearance, _MIN_CLEARANCE_SHARE)
+    step += _CLEARANCE_WEIGHT * (1 / share - 1)
+    count = len(candidates.xy)
+    cost, previous = np.full(count, np.inf), np.zeros(count, dtype=np.int64)
     cost[own[0]] = 0.0
-    for at in range(own[0] + 1, len(cost)):
-        ways = np.where(sees[:at, at], cost[:at] + step[:at, at], np.inf)
-        came[at] = np.argmin(ways)
-        cost[at] = ways[came[at]]
+    for at in range(own[0] + 1, count):
+        costs = np.where(sees[:at, at], cost[:at] + step[:at, at], np.inf)
+        previous[at] = np.argmin(costs)
+        cost[at] = costs[previous[at]]
     chain = [int(own[-1])]
     while chain[-1] != own[0]:
-        chain.append(int(came[chain[-1]]))
-    return places[np.array(chain[::-1])]
+        chain.append(int(previous[chain[-1]]))
+    return candidates[np.array(chain[::-1])]
 
 
-def _room(places: Places, lane: Lane, drawing: Drawing) -> FloatArray:
-    """Room of the leg from place i to place j > i (n, n); -inf where they don't see each other."""
-    begin, end = np.triu_indices(len(places.xy), 1)
-    # Places beside the path count as reached where it is nearest.
-    onwards = places.along[end] > places.along[begin]
+def _leg_clearances(candidates: Candidates, corridor: SafeCorridor, drawing: Drawing) -> FloatArray:
+    """Clearance (n, n) of the leg from candidate i to j > i; -inf if they don't see each other."""
+    count = len(candidates.xy)
+    begin, end = np.triu_indices(count, 1)
+    # Candidates beside the path have the distance along it of the nearest point.
+    onwards = candidates.along[end] > candidates.along[begin]
     begin, end = begin[onwards], end[onwards]
-    for share in (0.5, 0.25, 0.75):  # quick: most pairs are far apart
-        point = places.xy[begin] + share * (places.xy[end] - places.xy[begin])
-        near = shapely.contains_xy(lane.free, point)
+    for share in (0.5, 0.25, 0.75):  # a quick test first: most pairs are far apart
+        point = candidates.xy[begin] + share * (candidates.xy[end] - candidates.xy[begin])
+        near = shapely.contains_xy(corridor.free, point)
         begin, end = begin[near], end[near]
-    lonlat = drawing.lonlat(places.xy)
+    lonlat = drawing.lonlat(candidates.xy)
     lines = drawing.lines(lonlat[begin], lonlat[end])
-    good = shapely.covers(lane.free, lines)
-    if len(lane.holes):
-        good &= _same_side(places, begin, end, lines, lane)
-    room = np.full((len(places.xy), len(places.xy)), -np.inf)
-    room[begin[good], end[good]] = lane.room(lines[good])
-    return room
+    sees = shapely.covers(corridor.free, lines)
+    if len(corridor.holes):
+        sees &= _on_same_side(candidates, begin, end, lines, corridor)
+    clearance = np.full((count, count), -np.inf)
+    clearance[begin[sees], end[sees]] = corridor.clearance(lines[sees])
+    return clearance
 
 
-def _same_side(
-    places: Places,
+def _on_same_side(
+    candidates: Candidates,
     begin: IntArray,
     end: IntArray,
     lines: npt.NDArray[np.object_],
-    lane: Lane,
+    corridor: SafeCorridor,
 ) -> BoolArray:
-    """Whether legs pass every hole of the lane on the same side as the path (k,).
+    """Whether legs (k,) pass every hole of the corridor on the same side as the path.
 
-    Seen from the hole, the way along the path turns by as much as the leg does, or by a whole turn
-    more or less.
+    Seen from the hole, the path and the leg then sweep the same angle; on different sides the
+    angles differ by a whole turn.
     """
     same = np.ones(len(begin), dtype=bool)
     middles = shapely.get_coordinates(shapely.line_interpolate_point(lines, 0.5, normalized=True))
-    reached = np.union1d(metres_along(lane.path), places.along)
+    along = np.union1d(metres_along(corridor.path), candidates.along)
     dense = shapely.get_coordinates(
-        shapely.line_interpolate_point(shapely.LineString(lane.path), reached)
+        shapely.line_interpolate_point(shapely.LineString(corridor.path), along)
     )
-    foot = np.searchsorted(reached, places.along)
-    for hole in lane.holes:
-        swept = np.unwrap(_bearing(dense, hole))[foot]
-        # From the path to the place, the short way.
-        swept = swept + _short(_bearing(places.xy, hole) - swept)
-        half = _short(_bearing(middles, hole) - swept[begin])
-        leg = half + _short(swept[end] - _bearing(middles, hole))
+    foot = np.searchsorted(along, candidates.along)
+    for hole in corridor.holes:
+        swept = np.unwrap(_direction(dense, hole))[foot]
+        # From the path to the candidate, the short way.
+        swept = swept + _wrapped(_direction(candidates.xy, hole) - swept)
+        half = _wrapped(_direction(middles, hole) - swept[begin])
+        leg = half + _wrapped(swept[end] - _direction(middles, hole))
         same &= np.abs(swept[end] - swept[begin] - leg) < np.pi
     return same
 
 
-def _bearing(points: FloatArray, origin: FloatArray) -> FloatArray:
-    """Angles (n,) at which points (n, 2) are seen from the origin, in rad."""
+def _direction(points: FloatArray, origin: FloatArray) -> FloatArray:
+    """Angles (n,) of points (n, 2) as seen from the origin, rad."""
     angle: FloatArray = np.arctan2(points[:, 1] - origin[1], points[:, 0] - origin[0])
     return angle
 
 
-def _short(angle: FloatArray) -> FloatArray:
-    """Angles (n,) brought to -π to π."""
+def _wrapped(angle: FloatArray) -> FloatArray:
+    """Angles (n,) wrapped to -π to π."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

@@ -1,8 +1,8 @@
 """Legs as a plotter draws and sails them: loxodromes, or geodesics in high latitudes.
 
-A loxodrome keeps its course; it is a straight line in Mercator's projection of the ellipsoid. From
-a straight line of the planner's plane it departs by some s²/8R·tan(latitude): 12 m on 60 km at 10
-degrees, 20 km on 1,000 km at 45 degrees.
+A loxodrome has a constant course; it is a straight line in Mercator's projection of the ellipsoid.
+It departs from a straight line of the planner's plane by about s²/8R·tan(latitude): 12 m on 60 km
+at 10 degrees, 20 km on 1,000 km at 45 degrees.
 """
 
 from __future__ import annotations
@@ -24,28 +24,30 @@ if TYPE_CHECKING:
     IntArray = npt.NDArray[np.int64]
 
 Curve = Literal["Loxodrome", "Orthodrome"]
-"""What RTZ calls a leg's geometry: of constant course, or the shortest way."""
+"""A leg's geometry in RTZ's terms: constant course, or shortest distance."""
 
-# IEC 61174 warns that systems draw loxodromes differently above this latitude (degrees).
+# Latitude (degrees) above which legs are orthodromes: IEC 61174 warns that systems draw loxodromes
+# differently there.
 _HIGH_LATITUDE_DEG = 70.0
 _GEOD = pyproj.Geod(ellps="WGS84")
-# Beside tan(latitude): by so much the plane itself may bend lines, in earth radii.
-_BEND_OF_THE_PLANE = 0.2
-_FEWEST_M = 1.0
+# Curvature that the plane itself may add to a line's tan(latitude), in 1 / earth radius.
+_PLANE_CURVATURE = 0.2
+# Minimum length of a chord, metres.
+_MIN_STEP_M = 1.0
 
 
 def curve_for(lonlat: FloatArray) -> Curve:
-    """Choose what legs between points (n, 2), in degrees, are to be."""
+    """Choose the geometry of legs between points (n, 2), in degrees."""
     high = np.abs(lonlat[:, 1]).max() > _HIGH_LATITUDE_DEG
     return "Orthodrome" if high else "Loxodrome"
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Legs between lon/lat points in degrees, k of them, as points along each.
+    """k legs, drawn as m points along them, in order.
 
-    `lonlat` (m, 2) and `xy` (m, 2), in the planner's metres; `leg` (m,) says whose point it is, in
-    order. Longitudes are continuous across 180 degrees.
+    `lonlat` (m, 2) degrees, continuous across 180; `xy` (m, 2) planner's metres; `leg` (m,) index
+    of each point's leg.
     """
 
     lonlat: FloatArray
@@ -59,7 +61,7 @@ class Tracks:
 
     @property
     def chain(self) -> tuple[FloatArray, IntArray]:
-        """Legs that follow each other as one line (n, 2) of the plane; indices (k + 1,) of ends."""
+        """Consecutive legs as one line (n, 2) of the plane; indices (k + 1,) of the legs' ends."""
         begins = np.flatnonzero(np.diff(self.leg, prepend=-1))
         doubled = begins[1:]
         ends = np.append(begins - np.arange(len(begins)), len(self.leg) - len(begins))
@@ -82,7 +84,7 @@ def tracks(
 ) -> Tracks:
     """Draw legs from points (k, 2) to points (k, 2), in degrees.
 
-    The polylines in the plane are nowhere further than `error_m` true metres from the legs.
+    The polylines in the plane are within `error_m` true metres of the legs everywhere.
     """
     distance = np.asarray(_GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])[2])
     pieces = np.maximum(1, np.ceil(distance / _step_m(begin, end, error_m))).astype(np.int64)
@@ -94,7 +96,7 @@ def tracks(
 
 
 def initial_course_deg(begin: FloatArray, end: FloatArray, curve: Curve) -> FloatArray:
-    """True course (k,) in degrees on which legs begin; a loxodrome keeps it."""
+    """True course (k,) in degrees at the start of each leg; constant along a loxodrome."""
     if curve == "Orthodrome":
         azimuth = np.asarray(_GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])[0])
         return azimuth % 360
@@ -104,15 +106,15 @@ def initial_course_deg(begin: FloatArray, end: FloatArray, curve: Curve) -> Floa
 
 
 def _step_m(begin: FloatArray, end: FloatArray, error_m: float) -> FloatArray:
-    """Length (k,) of a chord that is nowhere further than `error_m` from its leg."""
+    """Length (k,) of chords that are within `error_m` of their leg everywhere."""
     latitude = np.minimum(np.maximum(np.abs(begin[:, 1]), np.abs(end[:, 1])), 89.0)
-    bend = (np.tan(np.radians(latitude)) + _BEND_OF_THE_PLANE) / _GEOD.a
-    step: FloatArray = np.maximum(np.sqrt(8 * error_m / bend), _FEWEST_M)
+    bend = (np.tan(np.radians(latitude)) + _PLANE_CURVATURE) / _GEOD.a
+    step: FloatArray = np.maximum(np.sqrt(8 * error_m / bend), _MIN_STEP_M)
     return step
 
 
 def _on_loxodrome(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
-    """Points (m, 2) that divide loxodromes, each from its own begin to its own end."""
+    """Points (m, 2) at shares of loxodromes from `begin` to `end`."""
     low, high = _northing(begin[:, 1]), _northing(end[:, 1])
     latitude = _mercator().transform(
         np.zeros(len(share)), low + share * (high - low), direction="INVERSE"
@@ -122,7 +124,7 @@ def _on_loxodrome(begin: FloatArray, end: FloatArray, share: FloatArray) -> Floa
 
 
 def _on_geodesic(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
-    """Points (m, 2) that divide geodesics, each from its own begin to its own end."""
+    """Points (m, 2) at shares of geodesics from `begin` to `end`."""
     azimuth, _, distance = _GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])
     longitude, latitude, _ = _GEOD.fwd(begin[:, 0], begin[:, 1], azimuth, share * distance)
     longitude = longitude - 360 * np.round((longitude - begin[:, 0]) / 360)
@@ -132,13 +134,13 @@ def _on_geodesic(begin: FloatArray, end: FloatArray, share: FloatArray) -> Float
 def _with_ends(
     points: FloatArray, begin: FloatArray, end: FloatArray, share: FloatArray
 ) -> FloatArray:
-    """Put the legs' own ends in place of what rounding made of them."""
+    """Replace the first and last points, which are rounded, by the legs' exact ends."""
     first, last = (share <= 0)[:, None], (share >= 1)[:, None]
     return np.where(first, begin, np.where(last, end, points))
 
 
 def _northing(latitude: FloatArray) -> FloatArray:
-    """Mercator's northing in metres; finite short of the poles."""
+    """Mercator's northing in metres; latitudes are limited so that it stays finite."""
     limited = np.clip(latitude, -90 + 1e-9, 90 - 1e-9)
     return np.asarray(_mercator().transform(np.zeros(len(limited)), limited)[1])
 

@@ -1,1 +1,1 @@
-"""Maps and plots, for the report, for `renew plot` and for the documents."""
+"""Maps and plots for the report, `renew plot` and the documents."""

@@ -1,6 +1,6 @@
-"""What all maps share: titles and legend, land, start and goal, grid and frame.
+"""Base of all maps: titles and legend, land, start and goal, grid and frame.
 
-A map lies in the planner's plane, so that shapes and angles are true, under a lon/lat graticule.
+Maps are in the planner's plane, so that shapes and angles are true, with a lon/lat graticule.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.figures.graticule import graticule
-from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.sheet import (
+from pipeline.formats.figures.artists import (
     PLAIN_PT,
     POINTS_PER_INCH,
     axes_at,
@@ -23,6 +21,8 @@ from pipeline.formats.figures.sheet import (
     patch,
     point,
 )
+from pipeline.formats.figures.graticule import graticule
+from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,19 +38,20 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# A phone's width in CSS pixels, so that labels stay readable there; a desktop enlarges it.
+# Width of a map: a phone's in CSS pixels, so that labels are readable there; a desktop enlarges it.
 WIDTH_PT = 374.0
 LEFT_PT, RIGHT_PT, BOTTOM_PT, TOP_PT = 36.0, 18.0, 40.0, 10.0
-# Taller or flatter waters than this are drawn with room left beside them.
-_FLATTEST, _TALLEST = 0.45, 1.7
-# Coast finer than this on paper can't be seen, and makes up most of a picture's bytes.
+# Minimum and maximum ratio of a map's height to its width; other charts get margins.
+_MIN_RATIO, _MAX_RATIO = 0.45, 1.7
+# Size, points, below which details of the coast are dropped: they can't be seen, and would make up
+# most of a file.
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
-# What the planner took for land beyond what is land.
+# Opacity of the part of the hard no-go zone that is not land.
 _ADDED_ALPHA = 0.4
-# From a mark to its name.
-_BESIDE_PT = 8.0
+# Distance from a marker to its label.
+_LABEL_GAP_PT = 8.0
 _TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
 
 
@@ -63,28 +64,28 @@ def map_figure(
     legend_columns: int = 2,
     below_pt: float = 0.0,
 ) -> tuple[Figure, list[tuple[Axes, PathPatch]]]:
-    """Make a figure with a map under each title (a name and its figures), and one legend.
+    """Make a figure with a map under each title (two lines), and one legend.
 
-    Each map has its axes, and its water as a patch that all is clipped to. Without titles there is
-    one map; `below_pt` is kept free between the maps and the legend.
+    Returns the axes of each map, and its water as a patch to clip layers to. Without titles there
+    is one map; `below_pt` points are left free between the maps and the legend.
     """
     from matplotlib.figure import Figure
 
-    width, height = _figure_size_pt(result)
-    tall = height + (_TITLE_PT if titles else 0.0)
+    width, height = _map_size_pt(result)
+    row_height = height + (_TITLE_PT if titles else 0.0)
     count = max(1, len(titles))
     rows = math.ceil(count / columns)
     lines = math.ceil(len(handles) / legend_columns)
     legend = _LEGEND_PT + lines * _LEGEND_ROW_PT if handles else 0.0
-    whole_width, whole_height = columns * width, rows * tall + below_pt + legend
+    whole_width, whole_height = columns * width, rows * row_height + below_pt + legend
     figure = Figure(
         figsize=(whole_width / POINTS_PER_INCH, whole_height / POINTS_PER_INCH),
         facecolor=COLOURS["halo"],
     )
     maps = []
-    for place in range(count):
-        row, column = divmod(place, columns)
-        left, bottom = column * width, whole_height - (row + 1) * tall
+    for index in range(count):
+        row, column = divmod(index, columns)
+        left, bottom = column * width, whole_height - (row + 1) * row_height
         box_pt = (
             left + LEFT_PT,
             bottom + BOTTOM_PT,
@@ -94,8 +95,8 @@ def map_figure(
         maps.append(_map_axes(figure, result, box_pt))
         for text, up_pt, size_pt, weight in (
             (
-                (titles[place][0], 20.0, 11.0, "bold"),
-                (titles[place][1], 6.0, PLAIN_PT, "normal"),
+                (titles[index][0], 20.0, 11.0, "bold"),
+                (titles[index][1], 6.0, PLAIN_PT, "normal"),
             )
             if titles
             else ()
@@ -117,27 +118,28 @@ def map_figure(
 
 
 def add_layers(axes: Axes, layers: Sequence[Artist], sea: PathPatch) -> None:
-    """Put layers on a map, clipped to its water."""
+    """Add layers to a map, clipped to its water."""
     for layer in layers:
-        # add_patch would look at each vertex for limits that are set already: a minute for a coast.
+        # add_patch would update the axes' limits, which are set, from each vertex: a minute for a
+        # long coast.
         axes.add_artist(layer)
         layer.set_clip_path(sea)
 
 
 def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
-    """Land as it was before it was simplified, and what is too shallow, as fine as can be seen.
+    """Land before simplification, and shoals, in as much detail as can be seen.
 
-    Cut to an area if one is given.
+    Clipped to an area if one is given.
     """
     detail = DETAIL_PT * point(axes)
-    land = _drawn(_cut(result.scene.land, within), detail)
+    land = _visible(_clipped(result.scene.land, within), detail)
     shoals = result.scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
     return [
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
         patch(
-            _drawn(_cut(shoals, within), detail),
+            _visible(_clipped(shoals, within), detail),
             facecolor=COLOURS["shoal"],
             edgecolor="none",
             zorder=4,
@@ -146,8 +148,8 @@ def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = Non
 
 
 def no_go_layers(result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
-    """What the planner took for land, cut to an area if one is given."""
-    no_go = _cut(result.scene.chart.no_go, within)
+    """Hard no-go zone, clipped to an area if one is given."""
+    no_go = _clipped(result.scene.chart.no_go, within)
     return [
         patch(no_go, facecolor=COLOURS["land"], edgecolor="none", alpha=_ADDED_ALPHA, zorder=3.5)
     ]
@@ -155,12 +157,12 @@ def no_go_layers(result: RunResult, within: BaseGeometry | None = None) -> list[
 
 def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
     """A soft no-go zone, translucent."""
-    seen = shapely.simplify(area, DETAIL_PT * point(axes))
-    return patch(seen, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
+    visible = shapely.simplify(area, DETAIL_PT * point(axes))
+    return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
 
 
 def zone_layers(result: RunResult) -> list[Artist]:
-    """Areas of the chart that may be entered, under a rule: outlined, over the land."""
+    """Restricted areas and traffic schemes, outlined, over the land."""
     return [
         patch(
             area,
@@ -175,7 +177,7 @@ def zone_layers(result: RunResult) -> list[Artist]:
 
 
 def zone_handles(result: RunResult) -> list[Artist]:
-    """Legend of the areas that `zone_layers` draws; none where there are none."""
+    """Legend of the areas that `zone_layers` draws; empty if there are none."""
     from matplotlib.patches import Patch
 
     kinds = {zone.kind for zone, _ in result.open_zones}
@@ -184,36 +186,36 @@ def zone_handles(result: RunResult) -> list[Artist]:
             facecolor=(COLOURS[kind], ZONE_ALPHA),
             edgecolor=COLOURS[kind],
             linestyle=ZONE_DASHES,
-            label=words,
+            label=text,
         )
-        for kind, words in (("restricted", "restricted"), ("traffic", "traffic scheme"))
+        for kind, text in (("restricted", "restricted"), ("traffic", "traffic scheme"))
         if kind in kinds
     ]
 
 
 def land_handles(result: RunResult) -> list[Artist]:
-    """Legend of land and of what the planner took for land."""
+    """Legend of land and of the hard no-go zone."""
     from matplotlib.patches import Patch
 
-    added = [Patch(facecolor=COLOURS["land"], alpha=_ADDED_ALPHA, label="no-go as planned on")]
+    added = [Patch(facecolor=COLOURS["land"], alpha=_ADDED_ALPHA, label="hard no-go zone")]
     return [
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
         *([] if result.scenario.is_planar else added),
     ]
 
 
-def line_handle(role: str, width_pt: float, words: str) -> Artist:
+def line_handle(role: str, width_pt: float, text: str) -> Artist:
     """Legend of a line."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=words)
+    return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=text)
 
 
-def draw_ends(axes: Axes, result: RunResult, ways: Sequence[npt.ArrayLike] = ()) -> None:
-    """Mark start (circle) and goal (diamond), and name each beside the ways (n, 2) if it can be."""
+def draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.ArrayLike] = ()) -> None:
+    """Mark start (circle) and goal (diamond), with labels that keep off the paths if possible."""
     from matplotlib.patheffects import withStroke
 
-    drawn = shapely.MultiLineString([shapely.LineString(way) for way in ways])
+    drawn = shapely.MultiLineString([shapely.LineString(path) for path in paths])
     for end, marker, name in ((result.scene.start, "o", "Start"), (result.scene.goal, "D", "Goal")):
         x, y = (float(value) for value in end)
         axes.plot(
@@ -231,7 +233,7 @@ def draw_ends(axes: Axes, result: RunResult, ways: Sequence[npt.ArrayLike] = ())
         axes.annotate(
             name,
             (x, y),
-            xytext=(_BESIDE_PT * across, _BESIDE_PT * up),
+            xytext=(_LABEL_GAP_PT * across, _LABEL_GAP_PT * up),
             textcoords="offset points",
             ha=("right", "center", "left")[across + 1],
             va=("top", "center", "bottom")[up + 1],
@@ -244,7 +246,7 @@ def draw_ends(axes: Axes, result: RunResult, ways: Sequence[npt.ArrayLike] = ())
 
 
 def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
-    """Draw the grid with its labels, the neat line, and the scale bar."""
+    """Draw the grid with its labels, the neatline and the scale bar."""
     from matplotlib.lines import Line2D
 
     extent = result.scene.chart.extent
@@ -260,25 +262,25 @@ def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     draw_scale_bar(axes, result.scene.projection)
 
 
-def _figure_size_pt(result: RunResult) -> tuple[float, float]:
-    """Width and height of one map, in points."""
+def _map_size_pt(result: RunResult) -> tuple[float, float]:
+    """Width and height of one map with its margins, in points."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
-    ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _FLATTEST, _TALLEST))
+    ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
     return WIDTH_PT, (WIDTH_PT - LEFT_PT - RIGHT_PT) * ratio + BOTTOM_PT + TOP_PT
 
 
-def _drawn(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
-    """Simplify areas (n,) by a detail, and leave out those smaller than it: none shows on paper."""
+def _visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+    """Simplify areas (n,) by a detail, and drop those smaller than it."""
     west, south, east, north = shapely.bounds(areas).T
     return np.asarray(
         shapely.simplify(areas[np.maximum(east - west, north - south) >= detail], detail)
     )
 
 
-def _cut(
+def _clipped(
     areas: Sequence[BaseGeometry] | npt.NDArray[np.object_], within: BaseGeometry | None
 ) -> npt.NDArray[np.object_]:
-    """Take the parts of areas that lie within another; all, if none is given."""
+    """Clip areas to another area, if one is given."""
     areas = np.array(areas, dtype=object)
     if within is None:
         return areas
@@ -287,21 +289,20 @@ def _cut(
 
 
 def _free_side(
-    axes: Axes, place: tuple[float, float], text: str, drawn: BaseGeometry
+    axes: Axes, position: tuple[float, float], text: str, drawn: BaseGeometry
 ) -> tuple[int, int]:
-    """Side of a place where a text stays inside the map and off what is drawn: across, up.
+    """Side (across, up) of a position where a text is inside the map and off what is drawn.
 
-    To the right if that will do, else to the left, above, below; where none does, the first of
-    them that stays inside.
+    The first of right, left, above and below that is; else the first that is inside the map.
     """
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
-    # A bold letter of the default font is some 0.7 of its size wide.
+    # The mean width of a bold letter of the default font is 0.7 of its size.
     size = point(axes)
     wide, high = 0.7 * PLAIN_PT * len(text) * size, PLAIN_PT * size
     inside = []
     for across, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        x = place[0] + across * (_BESIDE_PT * size + wide / 2)
-        y = place[1] + up * (_BESIDE_PT * size + high / 2)
+        x = position[0] + across * (_LABEL_GAP_PT * size + wide / 2)
+        y = position[1] + up * (_LABEL_GAP_PT * size + high / 2)
         box = shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
         if not shapely.box(xmin, ymin, xmax, ymax).contains(box):
             continue
@@ -314,7 +315,7 @@ def _free_side(
 def _map_axes(
     figure: Figure, result: RunResult, box_pt: tuple[float, float, float, float]
 ) -> tuple[Axes, PathPatch]:
-    """Axes over the chart's extent, and the water that all is clipped to."""
+    """Axes over the chart's extent, and its water as a patch to clip layers to."""
     axes = axes_at(figure, box_pt)
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     axes.set_xlim(xmin, xmax)
@@ -325,7 +326,7 @@ def _map_axes(
 
 
 def _draw_legend(figure: Figure, handles: Sequence[Artist], columns: int, centre: float) -> None:
-    """Name what is drawn, centred at a share of the figure's height."""
+    """Draw the legend, centred at a share of the figure's height."""
     figure.legend(
         handles=handles,
         loc="center",

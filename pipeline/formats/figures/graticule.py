@@ -1,4 +1,4 @@
-"""Meridians, parallels (or a grid in metres) and a scale bar for a map in the planner's plane."""
+"""Meridians and parallels, or a grid in metres, and the scale bar of a map in the plane."""
 
 from __future__ import annotations
 
@@ -19,25 +19,29 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# Steps that a reader can count in: whole degrees, then minutes, then seconds of arc.
+# Steps between lines, degrees: round numbers of degrees, minutes and seconds of arc.
 _STEPS_DEG = (
     *(30.0, 20.0, 10.0, 5.0, 2.0, 1.0),
     *(minutes / 60 for minutes in (30, 20, 10, 5, 2, 1)),
     *(seconds / 3600 for seconds in (30, 20, 10, 5, 2, 1)),
 )
-_FEWEST_LINES = 3.0
+# Minimum number of lines across the extent's longer side.
+_MIN_LINES = 3.0
+# Number of points along a line.
 _SAMPLES = 65
-# How far a straight edge may stand off a meridian, as a share of the chart's diagonal.
-_EDGE = 2.5e-3
-# A line that falls on the extent's edge is meant to be drawn.
+# Maximum distance between a straight edge of the chart and the meridian that it stands for, as a
+# share of the chart's diagonal.
+_EDGE_TOLERANCE = 2.5e-3
+# Relative rounding error that is allowed for, so that lines on the extent's edge are drawn.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class GridLine:
-    """A meridian or parallel in the chart or on its edge: pieces (n, 2), label, and its place.
+    """A meridian or parallel in the chart or on its edge: label, and pieces (n, 2).
 
-    `foot` is the lowest point of a meridian, the leftmost of a parallel.
+    `foot`, where the label belongs, is the lowest point of a meridian or the leftmost of a
+    parallel.
     """
 
     is_meridian: bool
@@ -49,30 +53,31 @@ class GridLine:
 def graticule(
     projection: Projection, extent: Polygon, *, in_metres: bool = False
 ) -> tuple[GridLine, ...]:
-    """Lines at a round step, at least three to the extent's longer side.
+    """Meridians and parallels at a round step, at least three across the extent's longer side.
 
-    Meridians and parallels, or with `in_metres` the lines x and y = a round number of metres.
+    With `in_metres`, lines at round numbers of metres along x and y.
     """
     xmin, ymin, xmax, ymax = extent.bounds
     if in_metres:
-        step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _FEWEST_LINES), down=False)
+        step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _MIN_LINES), down=False)
         return _lines(extent, (xmin, ymin, xmax, ymax), step, lambda xy: xy, _metres)
-    # A region that begins at a full degree has its edge on a meridian, and the chart's edge is that
-    # meridian made straight.
-    near = extent.buffer(_EDGE * math.hypot(xmax - xmin, ymax - ymin), join_style="mitre")
+    # The edge of a region that begins at a whole degree is a meridian; the chart's edge is the
+    # straight line beside it.
+    tolerance = _EDGE_TOLERANCE * math.hypot(xmax - xmin, ymax - ymin)
+    near = extent.buffer(tolerance, join_style="mitre")
     outline = projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length / 256))
     west, south, east, north = outline.bounds
     widest = max(east - west, north - south)
-    step = next((s for s in _STEPS_DEG if widest / s >= _FEWEST_LINES), _STEPS_DEG[-1])
+    step = next((s for s in _STEPS_DEG if widest / s >= _MIN_LINES), _STEPS_DEG[-1])
     return _lines(near, (west, south, east, north), step, projection.to_plane, _degrees)
 
 
 def scale_bar_m(
     projection: Projection, bounds: tuple[float, float, float, float]
 ) -> tuple[float, float]:
-    """Length of a scale bar: a round number of true metres, and the same in the plane.
+    """Length of a scale bar in true metres, a round number, and in metres of the plane.
 
-    It spans at most three tenths of the map's width; true in the middle of the map.
+    At most three tenths of the map's width; true in the middle of the map.
     """
     xmin, ymin, xmax, ymax = bounds
     middle = projection.to_lonlat(np.array([(xmin + xmax) / 2, (ymin + ymax) / 2]))
@@ -96,9 +101,9 @@ def _lines(
     bounds: tuple[float, float, float, float],
     step: float,
     to_plane: Callable[[FloatArray], FloatArray],
-    spell: Callable[[float, bool, float], str],
+    label_of: Callable[[float, bool, float], str],
 ) -> tuple[GridLine, ...]:
-    """Lines of constant first, then second coordinate at multiples of `step` within `bounds`."""
+    """Lines of constant first, then second coordinate, at multiples of `step` within `bounds`."""
     lines = []
     for axis in (0, 1):
         low, high = bounds[axis], bounds[axis + 2]
@@ -111,13 +116,13 @@ def _lines(
             if parts:
                 every = np.concatenate(parts)
                 x, y = every[np.argmin(every[:, 1 - axis])]
-                label = spell(float(value), axis == 0, step)
+                label = label_of(float(value), axis == 0, step)
                 lines.append(GridLine(axis == 0, label, parts, (float(x), float(y))))
     return tuple(lines)
 
 
 def _clip(line: FloatArray, extent: Polygon) -> tuple[FloatArray, ...]:
-    """Cut a line (n, 2) to the pieces that lie inside the extent."""
+    """Clip a line (n, 2) to the extent."""
     inside = shapely.get_parts(shapely.intersection(shapely.LineString(line), extent))
     return tuple(
         shapely.get_coordinates(part)
@@ -127,13 +132,13 @@ def _clip(line: FloatArray, extent: Polygon) -> tuple[FloatArray, ...]:
 
 
 def _metres(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - as _degrees
-    """Spell a coordinate in metres."""
+    """Format a coordinate in metres."""
     del is_meridian, step
     return f"{value:g} m"
 
 
 def _degrees(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - a callback
-    """Spell a longitude or latitude to the step's own precision: 118°E, 10°30′N, 0°."""
+    """Format a longitude or latitude with the step's precision: 118°E, 10°30′N, 0°."""
     value = (value + 180) % 360 - 180 if is_meridian else value
     seconds = round(abs(value) * 3600)
     degrees, rest = divmod(seconds, 3600)

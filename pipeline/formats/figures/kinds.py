@@ -1,4 +1,4 @@
-"""The kinds of figures that there are of a season."""
+"""Kinds and file types of a season's figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Kind(StrEnum):
-    """What a figure shows of a season; `all` stands for each of the others."""
+    """What a figure shows of a season; `all` stands for all others."""
 
     MESH = "mesh"
     CHANNELS = "channels"
@@ -22,14 +22,14 @@ class Kind(StrEnum):
     ALL = "all"
 
     @classmethod
-    def asked(cls, kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
-        """Each figure that is asked for, once, in their own order; all of them for none."""
+    def selected(cls, kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+        """Selected kinds, each once and in the order above; all kinds if none is selected."""
         every = tuple(kind for kind in cls if kind is not cls.ALL)
         return tuple(kind for kind in every if kind in (kinds or every) or cls.ALL in kinds)
 
 
 class Form(StrEnum):
-    """The form of a figure's file."""
+    """File type of a figure."""
 
     PNG = "png"
     SVG = "svg"
@@ -37,11 +37,11 @@ class Form(StrEnum):
 
 
 def figure(result: RunResult, season: str, kind: Kind) -> Figure:
-    """Draw one figure, `all` excepted, of a season that has a route."""
-    from pipeline.formats.figures.figures import overview_figure
+    """Draw a figure, of any kind but `all`, of a season that has a route."""
     from pipeline.formats.figures.method import channels_figure, mesh_figure
     from pipeline.formats.figures.padding_map import padding_map_figure
     from pipeline.formats.figures.plots import profile_figure
+    from pipeline.formats.figures.season_map import overview_figure
 
     draws = {
         Kind.MESH: lambda: mesh_figure(result, season),

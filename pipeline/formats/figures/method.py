@@ -1,7 +1,6 @@
-"""Figures of the method, as in the paper: triangles, channels of classes, padding with its turns.
+"""Figures of the method, as in the paper: the mesh of triangles, and the channels of classes.
 
-RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026). Each function gives a
-figure of one season; see `chart_map` for what they share.
+RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
 """
 
 from __future__ import annotations
@@ -11,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.figures.artists import lines, patch, stroke
 from pipeline.formats.figures.chart_map import (
     add_layers,
-    draw_ends,
     draw_frame,
+    draw_start_and_goal,
     land_handles,
     land_layers,
     line_handle,
@@ -22,7 +22,6 @@ from pipeline.formats.figures.chart_map import (
     no_go_layers,
 )
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
-from pipeline.formats.figures.sheet import lines, patch, stroke
 from pipeline.formats.shared.text import distance, number
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ _CHANNEL_ALPHA = 0.3
 
 
 def mesh_figure(result: RunResult, season: str) -> Figure:
-    """Draw the triangles of the water, and the constrained edges, which are the hazards."""
+    """Draw the triangles of the water, and the constrained edges, which bound the no-go zone."""
     mesh = _triangulation(result, season)
     passing, constrained = _passing_edges(mesh), mesh.constrained_edges
     handles = [
@@ -54,17 +53,17 @@ def mesh_figure(result: RunResult, season: str) -> Figure:
         lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
     add_layers(axes, layers, sea)
-    draw_ends(axes, result)
+    draw_start_and_goal(axes, result)
     draw_frame(axes, result, sea)
     return figure
 
 
 def channels_figure(result: RunResult, season: str) -> Figure:
-    """Draw the best classes' channels of triangles, a map and a colour each, with their routes.
+    """Draw the channels of triangles of the best classes with their routes, on a map each.
 
-    The best of every side are among them.
+    The best class of every side is among them.
     """
-    chosen = _told_apart(result.season_routes(season), len(CLASS_COLOURS))
+    chosen = _best_of_sides(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
     figure, maps = map_figure(
         result, titles=[_class_title(ranked) for ranked in chosen], columns=min(2, len(chosen))
@@ -87,13 +86,13 @@ def channels_figure(result: RunResult, season: str) -> Figure:
             stroke(ranked.route.path, colour, 2.2, 7),
         ]
         add_layers(axes, layers, sea)
-        draw_ends(axes, result, [ranked.route.path])
+        draw_start_and_goal(axes, result, [ranked.route.path])
         draw_frame(axes, result, sea)
     return figure
 
 
 def _triangulation(result: RunResult, season: str) -> Triangulation:
-    """Triangulate as the planner did; water that outran the vessel was left out."""
+    """Triangulate as the planner did, without the overpowered water."""
     from renew.classes.triangulation import triangulate
 
     plan = next((entry.plan for entry in result.plans if entry.season == season), None)
@@ -111,8 +110,8 @@ def _edges(triangles: FloatArray) -> FloatArray:
     return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
 
 
-def _told_apart(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
-    """Choose the best route of each side first, then the next best; in the order of rank."""
+def _best_of_sides(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
+    """Choose the best route of each side, then the next best; in order of rank."""
     sides: dict[str, RankedRoute] = {}
     for ranked in routes:
         sides.setdefault(ranked.metrics.side, ranked)
@@ -122,7 +121,7 @@ def _told_apart(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute
 
 
 def _class_title(ranked: RankedRoute) -> tuple[str, str]:
-    """Name a class over its map; its length and fuel."""
+    """Title of a class's map, and its route's length and fuel."""
     metrics = ranked.metrics
     side = f"{metrics.side} about" if metrics.side else f"class {metrics.rank}"
     return f"{metrics.rank}: {side}", f"{distance(metrics.length_m)}, fuel {number(metrics.fuel)}"

@@ -1,7 +1,7 @@
-"""The padding of one season as in the paper: the soft no-go zone around land, and its turns.
+"""The padding of one season as in the paper: the soft no-go zone, and the turns that it is for.
 
-Beside the whole map stand windows on the route's tightest places, since a turning circle is but a
-speck on a map of a voyage.
+Below the map, windows show the tightest places of the route, since a turning circle is only a dot
+on a map of the voyage.
 """
 
 from __future__ import annotations
@@ -12,24 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.figures.chart_map import (
-    BOTTOM_PT,
-    LEFT_PT,
-    RIGHT_PT,
-    SOFT_ALPHA,
-    WIDTH_PT,
-    add_layers,
-    draw_ends,
-    draw_frame,
-    land_handles,
-    land_layers,
-    line_handle,
-    map_figure,
-    no_go_layers,
-    soft_layer,
-)
-from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.sheet import (
+from pipeline.formats.figures.artists import (
     POINTS_PER_INCH,
     axes_at,
     draw_scale_bar,
@@ -38,6 +21,23 @@ from pipeline.formats.figures.sheet import (
     point,
     stroke,
 )
+from pipeline.formats.figures.chart_map import (
+    BOTTOM_PT,
+    LEFT_PT,
+    RIGHT_PT,
+    SOFT_ALPHA,
+    WIDTH_PT,
+    add_layers,
+    draw_frame,
+    draw_start_and_goal,
+    land_handles,
+    land_layers,
+    line_handle,
+    map_figure,
+    no_go_layers,
+    soft_layer,
+)
+from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -49,17 +49,18 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-_WINDOWS = 3
+_MAX_WINDOWS = 3
 _GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0
-# A window reaches so many times as far as the padding and the turns it shows.
-_AROUND = 1.4
-# Tightest places lie apart by this share of the route, or they would show the same coast.
-_APART = 0.1
-# After the tightest, only places are shown whose padding is no less than this share of the gap.
-_TIGHT = 0.25
+# Half width of a window, as a factor on the padding and turns that it shows.
+_WINDOW_FACTOR = 1.4
+# Minimum distance between windows, as a share of the route: closer ones would show the same coast.
+_MIN_SPACING = 0.1
+# Minimum padding of a place other than the tightest, as a share of its distance to the coast.
+_MIN_PADDING_SHARE = 0.25
+# Number of stations along the route at which the distance to the padding is measured.
 _STATIONS = 400
-# Turns are shown from the place itself and so many to either side.
-_MOST_BESIDE = 4
+# Maximum number of stations with turns on either side of a place.
+_MAX_BESIDE = 4
 
 
 def padding_map_figure(result: RunResult, season: str) -> Figure:
@@ -75,7 +76,7 @@ def padding_map_figure(result: RunResult, season: str) -> Figure:
         line_handle("ink", 1.0, "hard-over turns in the current"),
     ]
     width = WIDTH_PT - LEFT_PT - RIGHT_PT
-    side = (width - (_WINDOWS - 1) * _GAP_PT) / _WINDOWS
+    side = (width - (_MAX_WINDOWS - 1) * _GAP_PT) / _MAX_WINDOWS
     first = LEFT_PT + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
     below = side + _BAR_PT if places else 0.0
     figure, [(axes, sea)] = map_figure(result, handles, below_pt=below)
@@ -87,72 +88,74 @@ def padding_map_figure(result: RunResult, season: str) -> Figure:
         stroke(best.route.path, COLOURS["best"], 1.8, 7),
     ]
     add_layers(axes, layers, sea)
-    draw_ends(axes, result, [best.route.path])
+    draw_start_and_goal(axes, result, [best.route.path])
     draw_frame(axes, result, sea)
     map_bottom = axes.get_window_extent().y0 * POINTS_PER_INCH / figure.dpi
     for number, place in enumerate(places, start=1):
         left = first + (number - 1) * (side + _GAP_PT)
         window = axes_at(figure, (left, map_bottom - BOTTOM_PT - side, side, side))
         _draw_window(window, result, best, place)
-        _number(axes, _on(best.route, place.along), number)
+        _draw_number(axes, _point_at(best.route, place.along), number)
         corner = np.array([window.get_xlim()[0], window.get_ylim()[1]])
-        _number(window, corner + _CORNER_PT * point(window) * np.array([1, -1]), number)
+        _draw_number(window, corner + _CORNER_PT * point(window) * np.array([1, -1]), number)
     return figure
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A place by its distance along the path, and how far its window reaches at least (m)."""
+class _TightPlace:
+    """Distance of a place along the path, and minimum half width of its window, planar metres."""
 
     along: float
-    reach: float
+    min_half_width: float
 
 
-def _tightest(route: renew.Route) -> list[_Place]:
-    """Places where a route comes nearest to the edge of its soft no-go zone, the tightest first."""
+def _tightest(route: renew.Route) -> list[_TightPlace]:
+    """Places where a route is closest to the edge of its soft no-go zone, the tightest first."""
     padded = route.padding_used
     if not len(padded):
         return []
     line = shapely.LineString(route.path)
-    # At the ends there is no choice: harbours lie in the padding.
-    along = np.linspace(_APART, 1 - _APART, _STATIONS) * line.length
+    # Start and goal are left out: harbours lie in the padding.
+    along = np.linspace(_MIN_SPACING, 1 - _MIN_SPACING, _STATIONS) * line.length
     edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
     apart = shapely.distance(shapely.line_interpolate_point(line, along)[:, None], edges)
-    room = apart - padded[:, 4]
-    edge, least = room.argmin(axis=1), room.min(axis=1)
+    margins = apart - padded[:, 4]
+    edge, margin = margins.argmin(axis=1), margins.min(axis=1)
     rows = np.arange(_STATIONS)
-    tight = padded[edge, 4] >= _TIGHT * apart[rows, edge]
-    tight[least.argmin()] = True
-    beside = np.pad(least, 1, constant_values=np.inf)
-    narrow = np.flatnonzero(tight & (least <= beside[:-2]) & (least <= beside[2:]))
+    tight = padded[edge, 4] >= _MIN_PADDING_SHARE * apart[rows, edge]
+    tight[margin.argmin()] = True
+    neighbours = np.pad(margin, 1, constant_values=np.inf)
+    minima = np.flatnonzero(tight & (margin <= neighbours[:-2]) & (margin <= neighbours[2:]))
     chosen: list[int] = []
-    for station in narrow[np.argsort(least[narrow], kind="stable")].tolist():
-        if len(chosen) < _WINDOWS and all(
-            abs(along[station] - along[other]) >= _APART * line.length for other in chosen
+    for station in minima[np.argsort(margin[minima], kind="stable")].tolist():
+        if len(chosen) < _MAX_WINDOWS and all(
+            abs(along[station] - along[other]) >= _MIN_SPACING * line.length for other in chosen
         ):
             chosen.append(station)
     return [
-        _Place(float(along[i]), _AROUND * float(max(apart[i, edge[i]], padded[edge[i], 4])))
+        _TightPlace(
+            float(along[i]), _WINDOW_FACTOR * float(max(apart[i, edge[i]], padded[edge[i], 4]))
+        )
         for i in chosen
     ]
 
 
-def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Place) -> None:
-    """Draw the surroundings of a tight place, and the turns from there and beside it."""
+def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _TightPlace) -> None:
+    """Draw the surroundings of a tight place, and hard-over turns from there and nearby."""
     scene, route = result.scene, ranked.route
-    middle = _on(route, place.along)
+    middle = _point_at(route, place.along)
     (turn,) = _turns(result, ranked, np.array([place.along]))
-    carried = float(np.linalg.norm(turn - middle, axis=-1).max())
-    half = max(place.reach, _AROUND * carried)
+    reach = float(np.linalg.norm(turn - middle, axis=-1).max())
+    half = max(place.min_half_width, _WINDOW_FACTOR * reach)
     low, high = middle - half, middle + half
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     box = shapely.box(*low, *high)
     sea = patch(box, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
     axes.add_patch(sea)
-    # So far apart that they don't tangle.
-    count = min(_MOST_BESIDE, int(half / carried))
-    stations = place.along + carried * np.arange(-count, count + 1, dtype=float)
+    # Turns are one reach apart, so that they don't overlap much.
+    count = min(_MAX_BESIDE, int(half / reach))
+    stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
     turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
         *no_go_layers(result, box),
@@ -169,21 +172,21 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Pla
     draw_scale_bar(axes, scene.projection, drop_pt=8)
 
 
-def _on(route: renew.Route, along: float) -> FloatArray:
-    """Point (2,) of a route so many metres from its start, between its ends."""
+def _point_at(route: renew.Route, along: float) -> FloatArray:
+    """Point (2,) of a route at a distance from its start, planar metres; its ends beyond them."""
     line = shapely.LineString(route.path)
-    # A negative distance would count from the goal.
+    # Shapely counts a negative distance from the goal.
     return np.asarray(shapely.get_coordinates(line.interpolate(max(along, 0.0)))[0])
 
 
 def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatArray:
-    """Tracks (n, 2, steps, 2) of turns to port and to starboard, begun so far along a route (m)."""
+    """Tracks (n, 2, steps, 2) of turns to port and starboard from distances (n,) along a route."""
     from renew.turns.contingency import fly_turns
 
-    points = np.stack([_on(ranked.route, place) for place in along])
+    points = np.stack([_point_at(ranked.route, at) for at in along])
     step = ranked.route.length / _STATIONS / 2
     ahead = np.stack(
-        [_on(ranked.route, place + step) - _on(ranked.route, place - step) for place in along]
+        [_point_at(ranked.route, at + step) - _point_at(ranked.route, at - step) for at in along]
     )
     return fly_turns(
         points,
@@ -194,9 +197,9 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
     )
 
 
-def _number(axes: Axes, place: FloatArray, number: int) -> None:
+def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:
     """Write a window's number in a circle."""
-    x, y = place
+    x, y = position
     axes.annotate(
         str(number),
         (float(x), float(y)),

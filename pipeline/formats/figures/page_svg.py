@@ -1,4 +1,4 @@
-"""A matplotlib figure as an `<svg>` element that lives inside a page."""
+"""A matplotlib figure as an `<svg>` element for an HTML page."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pipeline.formats.figures.palette import COLOURS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# What matplotlib writes and a page has no use for. Its one style rule names every element, which
-# here would be the whole page's; its fonts are those of the machine that drew.
+# Parts of matplotlib's SVG that a page must not have: a style rule for every element, which would
+# affect the whole page, the fonts of this machine, metadata and comments.
 _UNWANTED = (
     r"<metadata>.*?</metadata>",
     r"<defs>\s*<style.*?</style>\s*</defs>",
@@ -23,11 +23,12 @@ _UNWANTED = (
 
 
 def page_svg(figure: Figure, *, identity: str, label: str) -> str:
-    """Draw a figure as an `<svg>` element whose colours the page decides.
+    """Draw a figure as an `<svg>` element whose colours the page sets.
 
-    `identity` (letters, digits, hyphens) keeps its ids apart from those of other pictures; `label`
-    is what a screen reader says, escaped here. Colours become `var(--map-<role>, <light colour>)`.
-    Text stays text, in the page's font and `var(--text)` times as large.
+    `identity` (letters, digits, hyphens) prefixes its ids, so that they are unique in the page;
+    `label` is what a screen reader says, escaped here. Colours become
+    `var(--map-<role>, <light colour>)`. Text stays text, in the page's font and scaled by
+    `var(--text)`.
     """
     import matplotlib as mpl
     from markupsafe import escape
@@ -41,8 +42,8 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> str:
     text = text[text.index("<svg") :]
     for pattern in _UNWANTED:
         text = re.sub(pattern, "", text, flags=re.DOTALL)
-    text = re.sub(r'\bd="([^"]*)"', _shorter_path, text)
-    text = re.sub(r'\b([xy])="(-?[\d.]+)"', _shorter_place, text)
+    text = re.sub(r'\bd="([^"]*)"', _rounded_path, text)
+    text = re.sub(r'\b([xy])="(-?[\d.]+)"', _rounded_coordinate, text)
     text = re.sub(r"font-size: ([\d.]+)px", r"font-size: calc(\1px * var(--text, 1))", text)
     text = _rename_ids(text.replace("xlink:href", "href"), identity)
     for role, colour in COLOURS.items():
@@ -58,21 +59,21 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> str:
     )
 
 
-def _shorter_path(match: re.Match[str]) -> str:
-    """Write a path's coordinates to a tenth of a point, on one line."""
+def _rounded_path(match: re.Match[str]) -> str:
+    """Round a path's coordinates to a tenth of a point, on one line."""
     path = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}", match[1])
     path = re.sub(r"\.0\b", "", path)
     path = re.sub(r" ?([MLCQzZ]) ?", r"\1", " ".join(path.split()))
     return f'd="{path}"'
 
 
-def _shorter_place(match: re.Match[str]) -> str:
-    """Write a coordinate to a tenth of a point."""
+def _rounded_coordinate(match: re.Match[str]) -> str:
+    """Round a coordinate to a tenth of a point."""
     return f'{match[1]}="{float(match[2]):.1f}"'.replace(".0", "")
 
 
 def _rename_ids(text: str, identity: str) -> str:
-    """Keep the ids that are used, numbered, since matplotlib draws some of them at random."""
+    """Drop unused ids and number the others, since matplotlib makes some of them up at random."""
     used = re.findall(r'(?:url\(#|href="#)([^)"]+)', text)
     names = {name: f"{identity}-{number}" for number, name in enumerate(dict.fromkeys(used))}
 

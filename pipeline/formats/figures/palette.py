@@ -1,4 +1,4 @@
-"""The colours of maps, by what they stand for."""
+"""Colours of maps by role."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLOURS = {
     "speed3": "#2070a6",
     "speed4": "#0b4878",
 }
-"""Role -> colour on a light ground; each colour stands for one role only."""
+"""Role -> colour on a light background; each role has a colour of its own."""
 
 DARK = {
     "water": "#14222e",
@@ -44,7 +44,7 @@ DARK = {
     "speed3": "#7cc2e4",
     "speed4": "#bfe6fb",
 }
-"""The same roles on a dark ground."""
+"""Role -> colour on a dark background."""
 
 CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Colours that tell classes apart, for all kinds of colour vision (Okabe and Ito, 2008)."""
+"""Colours of classes, distinguishable with any colour vision (Okabe and Ito, 2008)."""

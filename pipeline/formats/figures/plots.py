@@ -1,7 +1,6 @@
-"""Plots of one route for a page: what it meets along its way, and its padding where it is tightest.
+"""Plots of one route for a page: its profile, and the reach of turns at its tightest place.
 
-They are drawn in the maps' colours by role, so that the page decides them, light or dark, and as
-wide as a phone; see `page_svg`.
+They are as wide as a phone, in the maps' colours by role, which the page sets (see `page_svg`).
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import shapely
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.shared.along import along
+from pipeline.formats.shared.route_profile import route_profile
 from pipeline.formats.shared.text import distance, number, percent, plain
 
 if TYPE_CHECKING:
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     import renew
-    from pipeline.formats.shared.along import Along
     from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.formats.shared.route_profile import RouteProfile
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -36,15 +35,19 @@ _PANEL_PT, _GAP_PT = 66.0, 30.0
 _TITLE_PT, _TEXT_PT = 10.0, 9.0
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30
-# Distances to land that span more than this factor are drawn on a logarithmic axis, and what is
-# below the least by more than the second is left out.
-_SPAN, _FLOOR = 6.0, 0.02
-# A distance to the coast beyond so many times the furthest reach is told and not drawn.
-_BEYOND = 2.0
-# Free space beyond what is drawn; words stand left of what is further right than this share.
-_ROOM, _ON_LEFT = 1.06, 0.4
+# Ratio of the greatest to the least distance to land above which the axis is logarithmic.
+_LOG_AXIS_RATIO = 6.0
+# Minimum padding that is drawn, as a share of the least clearance.
+_MIN_PADDING_SHARE = 0.02
+# Maximum distance to the coast that is drawn, in greatest reaches; beyond it is only written.
+_MAX_GAP_REACHES = 2.0
+# Length of an axis, as a factor on the greatest value.
+_AXIS_FACTOR = 1.06
+# Position of a line, as a share of the axis, from which its text is on the left.
+_TEXT_LEFT_FROM = 0.4
 _KILOMETRES_FROM_M = 2_000.0
-# Fuel has the units of whoever gave the vessel's rate: it may be any number.
+# Minimum fuel, unit, and name of the unit: fuel has the units of the vessel's rate, so it may be
+# any number.
 _FUEL_UNITS = (
     (1e9, 1e9, " in billions"),
     (1e6, 1e6, " in millions"),
@@ -54,12 +57,12 @@ _FUEL_UNITS = (
 
 
 def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
-    """Draw fuel, speed, current and distance to land of a route against the distance run."""
+    """Plot fuel, speed, current and distance to land of a route against the distance run."""
     return page_svg(profile_figure(result, ranked), identity=identity, label=label)
 
 
 def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
-    """Draw how far hard-over turns reach at the route's tightest place; "" where none is tight."""
+    """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
     import renew
 
     scene = result.scene
@@ -76,31 +79,27 @@ def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
 
 
 def profile_figure(result: RunResult, ranked: RankedRoute) -> Figure:
-    """Draw what `profile_svg` shows; without land, three panels in place of four."""
-    found = along(ranked, result)
-    profile = _Profile(result, ranked, found, *_unit(float(found.distance_m[-1])))
-    draws: list[Callable[[Axes], None]] = [
-        profile.draw_fuel,
-        profile.draw_speed,
-        profile.draw_current,
-    ]
-    if np.isfinite(found.clearance_m).all():
-        draws.append(profile.draw_clearance)
+    """Figure for `profile_svg`: four panels, or three without land."""
+    profile = route_profile(ranked, result)
+    plot = _ProfilePlot(result, ranked, profile, *_unit(float(profile.distance_m[-1])))
+    draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
+    if np.isfinite(profile.clearance_m).all():
+        draws.append(plot.draw_clearance)
     figure, panels = _panels(len(draws), _PANEL_PT, _GAP_PT)
     for axes, draw in zip(panels, draws, strict=True):
         draw(axes)
-        axes.set_xlim(0, profile.run[-1])
+        axes.set_xlim(0, plot.run[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
     panels[-1].set_xlabel(
-        f"distance run, {profile.unit}", fontsize=_TEXT_PT, color=COLOURS["ink"], labelpad=3
+        f"distance run, {plot.unit}", fontsize=_TEXT_PT, color=COLOURS["ink"], labelpad=3
     )
     return figure
 
 
 def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
-    """Draw the reaches of hard-over turns as a histogram, in true metres, beside what is kept.
+    """Histogram of the reaches of hard-over turns, with the padding and the distance to the coast.
 
-    `scale` is true metres to a planar one.
+    `scale` is true metres to a planar metre.
     """
     reach_m = np.asarray(tightest.reaches, dtype=float) * scale
     padding_m, gap_m = tightest.padding * scale, tightest.gap * scale
@@ -111,7 +110,8 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
         _Mark(gap_m, "route to coast", "best"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
-    end_m = _ROOM * max(furthest_m, gap_m if gap_m <= _BEYOND * furthest_m else 0.0)
+    shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
+    end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
     unit, unit_m = _unit(end_m)
 
     figure, (axes,) = _panels(1, _HISTOGRAM_PT, 0.0)
@@ -120,11 +120,11 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
     over = np.maximum(edges, padding_m / unit_m)
     axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
-    # Above the bars each mark has a row for its words.
+    # Above the bars, each mark has a row for its text.
     rows = len(marks) * _ROW_PT / _HISTOGRAM_PT
     axes.set_xlim(0, end_m / unit_m)
-    axes.set_ylim(0, _ROOM * shares.max() / (1 - rows))
-    # The nearest is the lowest, so that words to the left of a line meet no other line.
+    axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
+    # The nearest mark is the lowest, so that text left of a line crosses no other line.
     for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
         _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
     _title(axes, "How far hard-over turns reach to land", "% of turns")
@@ -139,7 +139,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
 
 @dataclass(frozen=True)
 class _Mark:
-    """A distance (true metres) to tell of in a histogram: its name, and what follows the figure."""
+    """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
 
     value_m: float
     name: str
@@ -148,17 +148,17 @@ class _Mark:
 
 
 def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
-    """Draw a distance as a line from below up to its words, at a share of the panel's height."""
-    place, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    words = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
-    if place <= end:
-        axes.axvline(place, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
+    """Draw a mark as a line up to its text, at a share of the panel's height."""
+    x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
+    text = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
+    if x <= end:
+        axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
     else:
-        words += " \N{RIGHTWARDS ARROW}"
-    on_left = place > _ON_LEFT * end
+        text += " \N{RIGHTWARDS ARROW}"
+    on_left = x > _TEXT_LEFT_FROM * end
     axes.annotate(
-        words,
-        (min(place, end), height),
+        text,
+        (min(x, end), height),
         xycoords=axes.get_xaxis_transform(),
         xytext=(-4 if on_left else 4, 0),
         textcoords="offset points",
@@ -172,46 +172,46 @@ def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
 
 
 @dataclass(frozen=True)
-class _Profile:
-    """A route's panels, each against the distance run."""
+class _ProfilePlot:
+    """Panels of a route's profile, each against the distance run."""
 
     result: RunResult
     ranked: RankedRoute
-    found: Along
+    profile: RouteProfile
     unit: str
     unit_m: float
 
     @property
     def run(self) -> FloatArray:
         """Distance from the start (n,), in the plot's unit."""
-        return self.found.distance_m / self.unit_m
+        return self.profile.distance_m / self.unit_m
 
     def draw_fuel(self, axes: Axes) -> None:
-        """Draw the fuel used, and what it would be in still water."""
+        """Draw the fuel used, and the fuel for the same distance in still water."""
         vessel, scale = self.result.scene.vessel, self.result.scene.projection.scale
-        still = vessel.fuel_rate / vessel.speed * self.found.distance_m / scale
-        used, most = self.found.fuel, float(max(still[-1], self.found.fuel[-1]))
-        unit, words = next((unit, words) for least, unit, words in _FUEL_UNITS if most >= least)
+        still = vessel.fuel_rate / vessel.speed * self.profile.distance_m / scale
+        used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
+        unit, name = next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
         _draw_dashed(axes, self.run, still / unit)
         _draw_line(axes, self.run, used / unit)
-        axes.set_ylim(0, 1.05 * most / unit)
+        axes.set_ylim(0, 1.05 * maximum / unit)
         _title(
             axes,
-            f"Fuel used{words}: {number(used[-1] / unit)}",
+            f"Fuel used{name}: {number(used[-1] / unit)}",
             f"dashed: in still water, {number(still[-1] / unit)}",
         )
 
     def draw_speed(self, axes: Axes) -> None:
-        """Draw the speed over ground, and that through water."""
+        """Draw the speed over ground, and through water."""
         speed = self.result.scene.vessel.speed
         _draw_dashed(axes, self.run[[0, -1]], np.array([speed, speed]))
-        _draw_line(axes, self.run, self.found.speed_m_s)
-        _widen(axes, [*self.found.speed_m_s, speed], least=0.1 * speed)
+        _draw_line(axes, self.run, self.profile.speed_m_s)
+        _set_range(axes, [*self.profile.speed_m_s, speed], min_range=0.1 * speed)
         _title(axes, "Speed over ground, m/s", f"dashed: through water, {plain(speed)} m/s")
 
     def draw_current(self, axes: Axes) -> None:
-        """Draw the current's part along the course; a following one is shaded."""
-        along_track = self.found.current_along_m_s
+        """Draw the current's component along the course, shaded by its sign."""
+        along_track = self.profile.current_along_m_s
         for role, alpha, part in (
             ("speed2", 0.75, np.maximum(along_track, 0)),
             ("soft", 0.45, np.minimum(along_track, 0)),
@@ -219,17 +219,19 @@ class _Profile:
             axes.fill_between(self.run, part, color=COLOURS[role], alpha=alpha, linewidth=0)
         axes.axhline(0, color=COLOURS["ink"], linewidth=0.7)
         axes.plot(self.run, along_track, color=COLOURS["ink"], linewidth=0.8)
-        _widen(axes, [*along_track, 0.0], least=0.05 * self.result.scene.vessel.speed)
+        min_range = 0.05 * self.result.scene.vessel.speed
+        _set_range(axes, [*along_track, 0.0], min_range=min_range)
         _title(axes, "Current along the course, m/s", "blue: it helps; grey: it hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
-        """Draw the distance to land, the padding of the coast there, and the least distance."""
-        unit, unit_m = _unit(float(self.found.clearance_m.max()))
-        clearance, padding = self.found.clearance_m / unit_m, self._padding_m() / unit_m
+        """Draw the distance to land, the padding of that coast, and the least distance."""
+        unit, unit_m = _unit(float(self.profile.clearance_m.max()))
+        clearance, padding = self.profile.clearance_m / unit_m, self._padding_m() / unit_m
         least = int(np.argmin(clearance))
-        shown = np.concatenate([clearance, padding[padding > _FLOOR * clearance[least]]])
+        min_padding = _MIN_PADDING_SHARE * clearance[least]
+        shown = np.concatenate([clearance, padding[padding > min_padding]])
         low, high = float(shown[shown > 0].min(initial=1.0)), float(shown.max())
-        if high > _SPAN * low:
+        if high > _LOG_AXIS_RATIO * low:
             axes.set_yscale("log")
             axes.set_ylim(low / 1.4, high * 1.3)
             _round_ticks(axes)
@@ -249,28 +251,28 @@ class _Profile:
             clip_on=False,
             zorder=4,
         )
-        words = f"Distance to land, {unit}: least {distance(self.found.clearance_m[least])}"
-        _title(axes, words, "grey: its padding" if padding.max() > floor else "")
+        text = f"Distance to land, {unit}: least {distance(self.profile.clearance_m[least])}"
+        _title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:
-        """Padding (n,) of the coast that is nearest to each place as it is planned on, true m."""
+        """Padding (n,), true metres, of the constrained edge that is nearest to each point."""
         padded = self.ranked.route.padding_used
         projection = self.result.scene.projection
         if not len(padded):
             return np.zeros(len(self.run))
         edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
-        places = shapely.points(projection.to_plane(self.found.lonlat))
-        nearest = shapely.STRtree(edges).query_nearest(places, all_matches=False)[1]
+        points = shapely.points(projection.to_plane(self.profile.lonlat))
+        nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
         return np.asarray(padded[nearest, 4] * projection.scale)
 
 
 def _unit(longest_m: float) -> tuple[str, float]:
-    """Unit for distances up to `longest_m`, and its metres."""
+    """Unit for distances up to `longest_m`, and its length in metres."""
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
 def _panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
-    """Make a figure with panels of one height below each other, the page's width."""
+    """Make a figure of the page's width, with panels of equal height below each other."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
@@ -304,32 +306,32 @@ def _panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[A
     return figure, panels
 
 
-def _title(axes: Axes, words: str, note: str) -> None:
-    """Name a panel above its left end, and explain its marks above its right end."""
+def _title(axes: Axes, title: str, note: str) -> None:
+    """Write a panel's title above its left end, and a note on its lines above its right end."""
     ink = COLOURS["ink"]
-    axes.set_title(words, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5)
+    axes.set_title(title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5)
     axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5)
 
 
 def _draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Draw a route's own figures."""
+    """Draw a line of the route's own values."""
     axes.plot(x, y, color=COLOURS["best"], linewidth=1.8, solid_joinstyle="round", zorder=3)
 
 
 def _draw_dashed(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Draw what they are held against."""
+    """Draw a line of values for comparison."""
     axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
 
 
-def _widen(axes: Axes, values: Sequence[float], least: float) -> None:
-    """Take in all values with some room, and a range of `least` about them if they are all one."""
+def _set_range(axes: Axes, values: Sequence[float], min_range: float) -> None:
+    """Set the axis to all values with a margin, and to at least `min_range`."""
     low, high = min(values), max(values)
-    room = max(0.1 * (high - low), least / 2)
-    axes.set_ylim(low - room, high + room)
+    margin = max(0.1 * (high - low), min_range / 2)
+    axes.set_ylim(low - margin, high + margin)
 
 
 def _round_ticks(axes: Axes) -> None:
-    """Mark a logarithmic axis at 1, 2, 5, 10, ..., written out; at powers of ten if those crowd."""
+    """Mark a logarithmic axis at 1, 2, 5, 10, ..., or with fewer ticks if those are too many."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     low, high = axes.get_ylim()

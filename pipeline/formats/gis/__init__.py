@@ -1,1 +1,1 @@
-"""`routes.gpkg`: what a GIS opens."""
+"""`routes.gpkg`: the results for a GIS."""

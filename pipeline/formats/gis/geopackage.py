@@ -1,10 +1,10 @@
 """`routes.gpkg`: seven layers in lon/lat (EPSG:4326), GeoPackage 1.3.
 
-GDAL writes 1.4 unless told otherwise, which the GDAL 3.6 of many a desktop reads only in part.
-Straight lines of the plane are cut into short pieces first, so that a GIS, which draws straight
-lines in degrees, shows and measures the line that was planned.
+GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Straight lines
+of the plane are split into short pieces first, so that a GIS, which draws straight lines in
+degrees, shows and measures the planned line.
 
-The file names itself in the project inside it: it may be moved, but keeps its name.
+The QGIS project inside refers to the file by its name: it may be moved, but not renamed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from pipeline.formats.shared.result import RunResult
 
-# The project's name inside the file, as QGIS lists it.
+# Name of the project inside the file, as QGIS lists it.
 PROJECT = "RENEW"
 
 
@@ -39,7 +39,7 @@ def write_geopackage(result: RunResult, path: Path) -> None:
     Raises
     ------
     OSError
-        The file can't be written, or what stands in it afterwards is not what was written.
+        The file can't be written, or is incomplete afterwards.
     """
     import pyogrio
     from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
@@ -81,24 +81,27 @@ def _add_records(
     columns: Mapping[str, Sequence[str]],
     file_name: str,
 ) -> None:
-    """Add what is no layer: provenance, the columns' meanings, styles and the project."""
+    """Add everything but the layers: provenance, meanings of columns, styles, the project."""
     records.create(database)
     content = manifest(result, ())
     del content["outputs"]  # this file is one of them
     records.put_provenance(database, content)
     for name, names in columns.items():
         records.put_meanings(database, name, names)
-    seen = view(result)
+    map_view = view(result)
     records.put_styles(
         database,
-        [(layer.name, layer.title, qml(layer.name, seen, columns[layer.name])) for layer in LAYERS],
+        [
+            (layer.name, layer.title, qml(layer.name, map_view, columns[layer.name]))
+            for layer in LAYERS
+        ],
     )
-    packed = project.qgz(result, seen, columns, file_name)
+    packed = project.qgz(result, map_view, columns, file_name)
     records.put_project(database, PROJECT, packed, result.created)
 
 
 def _check_counts(database: sqlite3.Connection, counts: Mapping[str, int]) -> None:
-    """Count what arrived: on a full disk GDAL may close a file without a word."""
+    """Count the features in the file: on a full disk GDAL may close it without an error."""
     for name, expected in counts.items():
         found = database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - names are our own layers
         if found != expected:

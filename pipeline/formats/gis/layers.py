@@ -1,4 +1,4 @@
-"""The seven layers of a run in lon/lat: what each is called, and its columns."""
+"""The seven layers of a run in lon/lat: names, descriptions and columns."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 
     from pipeline.formats.shared.result import RankedRoute, RunResult
 
-# A straight line of the plane departs from the straight line in degrees by s²/8R·tan(latitude):
-# 0.1 m at 2 km and 10 degrees, 0.2 m at 70 degrees.
+# Maximum length, true metres, of a segment of a route. A straight line of the plane departs from
+# the straight line in degrees by s²/8R·tan(latitude): by 0.1 m at 10 degrees, 0.2 m at 70.
 _STEP_M = 2_000.0
-# The edges of zones say where not to go to no better than the chart's accuracy.
+# The same for the edges of zones, which are no more accurate than the chart.
 _ZONE_STEP_M = 10_000.0
-# At true scale turns are flown every few metres; all of them would make a file of a gigabyte.
-_MOST_TURNS = 2_000
+# Maximum number of harmless turns shown per route: at true scale turns are simulated every few
+# metres, and all of them would make a file of a gigabyte.
+_MAX_TURNS = 2_000
 
 
 @dataclass(frozen=True)
 class Table:
-    """A layer's content: geometries and columns of one length, the columns in order."""
+    """A layer's content: geometries, and columns of the same length in order."""
 
     geometry: npt.NDArray[np.object_]
     columns: Mapping[str, npt.NDArray[Any]]
@@ -38,7 +39,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of the file: its name, how it presents itself, and what fills it."""
+    """A layer of the file: name, title and description for readers, and its content."""
 
     name: str
     title: str
@@ -48,7 +49,7 @@ class Layer:
 
 
 def _routes(result: RunResult) -> Table:
-    """Describe the routes, one line each."""
+    """Routes, one line each."""
     ranked = result.routes
     metrics = [r.metrics for r in ranked]
     return Table(
@@ -70,7 +71,7 @@ def _routes(result: RunResult) -> Table:
 
 
 def _waypoints(result: RunResult) -> Table:
-    """Describe the routes' vertices, each with the leg that leaves it; the goal has none."""
+    """Vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
     tables = [legs(r, result) for r in ranked]
     counts = [len(t.lonlat) for t in tables]
@@ -79,16 +80,16 @@ def _waypoints(result: RunResult) -> Table:
         {
             **_route_key(ranked, counts),
             "sequence": _integer(np.concatenate([[0], *(np.arange(1, n + 1) for n in counts)])[1:]),
-            "course_deg": _joined([t.course_deg for t in tables]),
-            "leg_length_m": _joined([t.length_m for t in tables]),
-            "time_s": _joined([t.time_s for t in tables]),
-            "speed_over_ground_m_s": _joined([t.speed_m_s for t in tables]),
+            "course_deg": _concatenated([t.course_deg for t in tables]),
+            "leg_length_m": _concatenated([t.length_m for t in tables]),
+            "time_s": _concatenated([t.time_s for t in tables]),
+            "speed_over_ground_m_s": _concatenated([t.speed_m_s for t in tables]),
         },
     )
 
 
 def _channels(result: RunResult) -> Table:
-    """Outline the channels of triangles, of the classes planned and of those that fell away."""
+    """Channels of triangles, of planned and of rejected classes."""
     rows: list[tuple[str, int, str, str, npt.NDArray[np.float64]]] = []
     for entry in result.plans:
         if entry.plan is None:
@@ -97,8 +98,11 @@ def _channels(result: RunResult) -> Table:
             (entry.season, r.rank, r.metrics.homotopy, "", r.route.channel)
             for r in result.season_routes(entry.season)
         ]
-        # Rank 0: no route, so no place among the routes.
-        rows += [(entry.season, 0, r.homotopy, r.reason, r.channel) for r in entry.plan.rejected]
+        # A rejected class has no route, so no rank among the routes.
+        rows += [
+            (entry.season, 0, r.homotopy, result.rejection_reason(r), r.channel)
+            for r in entry.plan.rejected
+        ]
     outlines = [_outline(triangles) for *_, triangles in rows]
     return Table(
         _to_lonlat(result, outlines, _ZONE_STEP_M),
@@ -113,7 +117,7 @@ def _channels(result: RunResult) -> Table:
 
 
 def _no_go(result: RunResult) -> Table:
-    """Show the hard no-go zone, the same in every season."""
+    """Hard no-go zone, the same in every season."""
     polygons = result.simplified.polygons
     return Table(
         _multi(polygons),
@@ -122,7 +126,7 @@ def _no_go(result: RunResult) -> Table:
 
 
 def _soft_no_go(result: RunResult) -> Table:
-    """Show each route's own soft no-go zone, where it has one, and the padding that made it."""
+    """Soft no-go zone of each route that has one, and the padding that it is made of."""
     ranked = tuple(r for r in result.routes if not r.route.soft_no_go.is_empty)
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
@@ -138,7 +142,7 @@ def _soft_no_go(result: RunResult) -> Table:
 
 
 def _currents(result: RunResult) -> Table:
-    """Give the current where the source gives it, towards east and north."""
+    """Current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
     velocity = _stack([v for _, v in samples])
@@ -158,12 +162,12 @@ def _currents(result: RunResult) -> Table:
 
 
 def _contingency(result: RunResult) -> Table:
-    """Show where hard-over turns were flown, and which of them met land."""
+    """Points from which hard-over turns were simulated, and whether one met land."""
     ranked = result.routes
-    reports = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
-    shown = [_shown(np.asarray(report.collided, dtype=bool)) for report in reports]
-    points = [np.asarray(r.points)[keep] for r, keep in zip(reports, shown, strict=True)]
-    collided = [np.asarray(r.collided)[keep] for r, keep in zip(reports, shown, strict=True)]
+    turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
+    shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
+    points = [np.asarray(t.points)[chosen] for t, chosen in zip(turns, shown, strict=True)]
+    collided = [np.asarray(t.collided)[chosen] for t, chosen in zip(turns, shown, strict=True)]
     return Table(
         shapely.points(result.scene.projection.to_lonlat(_stack(points))),
         {
@@ -174,9 +178,9 @@ def _contingency(result: RunResult) -> Table:
 
 
 def _shown(collided: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
-    """Choose the points to show: all that met land, and of the others evenly so many."""
+    """Indices of the turns to show: all that met land, and an even selection of the others."""
     harmless = np.flatnonzero(~collided)
-    step = max(1, math.ceil(len(harmless) / _MOST_TURNS))
+    step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
 
 
@@ -185,54 +189,55 @@ LAYERS = (
         "routes",
         "Routes",
         "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
-        "clearance_m are true metres, fuel and fuel_per_distance in the planner's scaled units, "
-        "optimality_gap a share of the fuel, collisions out of trials hard-over turns.",
+        "clearance_m are in true metres, fuel and fuel_per_distance in the planner's scaled "
+        "units, optimality_gap is a share of the fuel, collisions counts those of the trials "
+        "hard-over turns that met land.",
         "LineString",
         _routes,
     ),
     Layer(
         "waypoints",
         "Waypoints",
-        "Vertices of the routes with the leg that leaves each: course in degrees true, length in "
-        "metres, time since departure in seconds, speed over ground in m/s.",
+        "Vertices of the routes, each with the leg that leaves it: course in degrees true, length "
+        "in metres, time since departure in seconds, speed over ground in m/s.",
         "Point",
         _waypoints,
     ),
     Layer(
         "channels",
         "Channels",
-        "The channel of triangles of each class; rank 0 and a reason where it fell away.",
+        "Channel of triangles of each class; a rejected class has rank 0 and a reason.",
         "MultiPolygon",
         _channels,
     ),
     Layer(
         "no_go",
         "Hard no-go zone",
-        "Land as the planner sees it: simplified, and covering all of the source's land.",
+        "Land as the planner uses it: simplified, and covering all of the source's land.",
         "MultiPolygon",
         _no_go,
     ),
     Layer(
         "soft_no_go",
         "Soft no-go zones",
-        "Water that each route keeps out of, so that a hard-over turn can't reach the hard no-go "
-        "zone; padding in true metres.",
+        "Water that a route avoids so that no hard-over turn can reach the hard no-go zone; "
+        "padding in true metres.",
         "MultiPolygon",
         _soft_no_go,
     ),
     Layer(
         "currents",
         "Currents",
-        "Surface current: u towards east, v towards north and speed in m/s, direction in degrees "
-        "true towards which it sets.",
+        "Surface current: u towards east, v towards north and speed in m/s; direction towards "
+        "which it sets, in degrees true.",
         "Point",
         _currents,
     ),
     Layer(
         "contingency",
         "Contingency manoeuvres",
-        "Where hard-over turns were flown along each route, and whether one met land: every point "
-        "where one did, and of the others at most 2000 a route.",
+        "Points from which hard-over turns were simulated along each route, and whether one met "
+        "land: all points where one did, and at most 2000 others per route.",
         "Point",
         _contingency,
     ),
@@ -242,7 +247,7 @@ LAYERS = (
 def _route_key(
     ranked: tuple[RankedRoute, ...], repeats: list[int] | None = None
 ) -> dict[str, npt.NDArray[Any]]:
-    """Columns season and rank, each route's repeated as often as it has features."""
+    """Columns season and rank, repeated for each of a route's features."""
     counts = [1] * len(ranked) if repeats is None else repeats
     return {
         "season": _text([r.season for r, n in zip(ranked, counts, strict=True) for _ in range(n)]),
@@ -253,7 +258,7 @@ def _route_key(
 def _to_lonlat(
     result: RunResult, geometries: list[BaseGeometry], step_m: float
 ) -> npt.NDArray[np.object_]:
-    """Take planar geometries to lon/lat, cut to steps of `step_m` true metres.
+    """Transform planar geometries to lon/lat, with segments of at most `step_m` true metres.
 
     Areas become MultiPolygons.
     """
@@ -265,12 +270,12 @@ def _to_lonlat(
 
 
 def _outline(triangles: npt.NDArray[np.float64]) -> BaseGeometry:
-    """Merge triangles (n, 3, 2) to one area."""
+    """Merge triangles (n, 3, 2) into one area."""
     return shapely.union_all(shapely.polygons(np.asarray(triangles, dtype=float)))
 
 
 def _multi(areas: Any) -> npt.NDArray[np.object_]:  # noqa: ANN401 - any sequence of geometries
-    """Make MultiPolygons of polygons; what else a union leaves has no area."""
+    """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
     multis = np.empty(len(areas), dtype=object)
     for index, area in enumerate(areas):
         parts = [p for p in shapely.get_parts(area) if isinstance(p, shapely.Polygon)]
@@ -289,17 +294,17 @@ def _integer(values: npt.ArrayLike) -> npt.NDArray[np.int64]:
 
 
 def _real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Column of numbers; what is not finite becomes NaN, which is written as NULL."""
+    """Column of numbers; any that is not finite becomes NaN, which is written as NULL."""
     column = np.array(values, dtype=np.float64)
     column[~np.isfinite(column)] = np.nan
     return column
 
 
-def _joined(columns: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Columns one after the other."""
+def _concatenated(columns: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Columns of numbers, concatenated."""
     return _real(np.concatenate([np.empty(0), *columns]))
 
 
 def _stack(points: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Points (n, 2) one after the other."""
+    """Points (n, 2), concatenated."""
     return np.concatenate([np.empty((0, 2)), *points])

@@ -1,8 +1,8 @@
-"""The plane that the project's map lies in, as QGIS is told of it.
+"""Coordinate reference system of the map in the QGIS project.
 
-It is the planner's own: a route planned straight is straight on it, and true to scale. Where the
-waters reach across 180 degrees it is longitude and latitude as they are in the file, for QGIS
-looks for features of a file in lon/lat between -180 and 180 only, whatever plane it shows them in.
+It is the planner's own plane, in which planned straight lines are straight and to scale. Across
+180 degrees it is longitude and latitude, as in the file: whatever CRS QGIS shows a map in, it
+looks for features of a lon/lat file between -180 and 180 degrees only.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ if TYPE_CHECKING:
     FloatArray = npt.NDArray[np.float64]
 
 _NAME = "Plane of the RENEW planner"
+# Margin around the chart on the map, as a share of its longer side.
 _MARGIN = 0.03
-# Longest piece of the waters' edge that is taken for straight, as a share of its length.
-_PIECE = 1 / 64
-_NEARLY_ROUND = 179.0
+# Maximum length of a segment of the chart's edge, as a share of the edge.
+_SEGMENT_SHARE = 1 / 64
+# Maximum distance in longitude, degrees, from the central meridian for the fit of the convergence.
+_MAX_LONGITUDE_OFFSET_DEG = 179.0
 
 
 @dataclass(frozen=True)
-class System:
-    """A reference system: WKT, authority and code where it has one, and a name."""
+class ReferenceSystem:
+    """A coordinate reference system: WKT, "authority:code" (empty without one), and name."""
 
     wkt: str
     authority: str
@@ -38,71 +40,71 @@ class System:
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Where the map lies: reference system, bounds (xmin, ymin, xmax, ymax) with a margin.
+class MapCrs:
+    """A map's reference system, and its bounds (xmin, ymin, xmax, ymax) with a margin.
 
-    `convergence` is the angle in degrees of the y axis clockwise of true north, as an expression on
-    a point's lon/lat; empty where north is up.
+    `convergence` is the angle in degrees of the y axis clockwise from true north, as a QGIS
+    expression of a point's lon/lat; empty if north is up.
     """
 
-    system: System
+    system: ReferenceSystem
     is_lonlat: bool
     bounds: tuple[float, float, float, float]
     convergence: str
 
 
-def ground(result: RunResult) -> Ground:
-    """Choose the map's plane."""
+def map_crs(result: RunResult) -> MapCrs:
+    """Choose the reference system of a run's map."""
     import pyproj
 
     projection, extent = result.scene.projection, result.scene.chart.extent
     outline = shapely.get_coordinates(
-        projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length * _PIECE))
+        projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length * _SEGMENT_SHARE))
     )
     if np.abs(outline[:, 0]).max() > 180:
-        return Ground(lonlat(), is_lonlat=True, bounds=_around(outline), convergence="")
+        return MapCrs(lonlat_system(), is_lonlat=True, bounds=_bounds(outline), convergence="")
     crs = pyproj.CRS.from_user_input(projection.crs)
-    # PROJ looks through all that it knows, for 80 ms; the planner's own planes have no name there.
+    # PROJ takes 80 ms to search its database, which does not have the planner's own planes.
     own = projection.crs.startswith("+proj")
     authority = "" if own else ":".join(crs.to_authority() or ())
     if not authority:
         crs = pyproj.CRS.from_json_dict({**crs.to_json_dict(), "name": _NAME})
     to_plane = pyproj.Transformer.from_crs("OGC:CRS84", crs, always_xy=True)
     planar = np.stack(to_plane.transform(outline[:, 0], outline[:, 1]), axis=-1)
-    return Ground(
-        System(crs.to_wkt(), authority, crs.name),
+    return MapCrs(
+        ReferenceSystem(crs.to_wkt(), authority, crs.name),
         is_lonlat=False,
-        bounds=_around(planar),
+        bounds=_bounds(planar),
         convergence=_convergence(result, outline),
     )
 
 
 @lru_cache(maxsize=1)
-def lonlat() -> System:
-    """Describe the file's own reference system."""
+def lonlat_system() -> ReferenceSystem:
+    """Reference system of the file, EPSG:4326."""
     import pyproj
 
     crs = pyproj.CRS("EPSG:4326")
-    return System(crs.to_wkt(), "EPSG:4326", crs.name)
+    return ReferenceSystem(crs.to_wkt(), "EPSG:4326", crs.name)
 
 
-def _around(points: FloatArray) -> tuple[float, float, float, float]:
-    """Bounds of points (n, 2), a little wider."""
+def _bounds(points: FloatArray) -> tuple[float, float, float, float]:
+    """Bounds of points (n, 2) with a margin."""
     (xmin, ymin), (xmax, ymax) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     margin = _MARGIN * max(xmax - xmin, ymax - ymin)
     return xmin - margin, ymin - margin, xmax + margin, ymax + margin
 
 
 def _convergence(result: RunResult, points: FloatArray) -> str:
-    """Give the convergence of the planner's plane as a formula in longitude and latitude.
+    """Convergence of the planner's plane as a QGIS expression of longitude and latitude.
 
-    Fitted at lon/lat points (n, 2): exact for stereographic, Mercator and Lambert's planes, and
-    near enough for the transverse Mercator.
+    Fitted at lon/lat points (n, 2): exact for stereographic, Mercator and Lambert planes, and
+    accurate enough for transverse Mercator.
     """
     projection = result.scene.projection
     middle = projection.central_longitude
-    # Round a pole the angle jumps where the longitude does, opposite the middle: not right there.
-    points = points[np.abs(points[:, 0] - middle) < _NEARLY_ROUND]
+    # Around a pole the angle jumps, as the longitude does, opposite the central meridian.
+    points = points[np.abs(points[:, 0] - middle) < _MAX_LONGITUDE_OFFSET_DEG]
     east, sine = points[:, 0] - middle, np.sin(np.radians(points[:, 1]))
     terms = np.stack([np.ones_like(east), east, east * sine], axis=-1)
     angle = projection.convergence(points)

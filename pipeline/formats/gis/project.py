@@ -1,7 +1,7 @@
-"""The QGIS project inside the GeoPackage: what opens as a finished map.
+"""The QGIS project inside the GeoPackage, which opens as a finished map.
 
-A group a season, land below; the drawing order puts land over the soft no-go zones, as the paper
-does.
+Layers are listed in a group per season, with land below; land is drawn over the soft no-go zones,
+as in the paper.
 """
 
 from __future__ import annotations
@@ -16,24 +16,26 @@ from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.gis.map_crs import ground, lonlat
+from pipeline.formats.gis.map_crs import lonlat_system, map_crs
 from pipeline.formats.gis.styles import style
-from pipeline.formats.gis.symbols import LONGEST_TITLE, clean, short
+from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pipeline.formats.gis.layers import Layer
-    from pipeline.formats.gis.map_crs import Ground, System
+    from pipeline.formats.gis.map_crs import MapCrs, ReferenceSystem
     from pipeline.formats.gis.view import SeasonView, View
     from pipeline.formats.shared.result import RunResult
 
     Element = Any  # lxml has no types
 
-# From the top of the map down: land lies over the zones around it, as in the paper.
-_ORDER = (*("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents"),)
-# In a season's group, and whether they are shown when it leads.
-_IN_GROUP = {
+# Drawing order, from the top down.
+_DRAWING_ORDER = (
+    *("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents"),
+)
+# Layers of a season's group -> whether the leading season shows them at first.
+_SEASON_LAYERS = {
     "waypoints": True,
     "routes": True,
     "contingency": False,
@@ -41,13 +43,15 @@ _IN_GROUP = {
     "soft_no_go": True,
     "currents": True,
 }
-_KINDS = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"}
+# Geometry type of a layer -> QGIS's name for it.
+_GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"}
 _LAYERS = {layer.name: layer for layer in LAYERS}
-_LINE = 100
+# Maximum number of characters of a line of credits on the map.
+_CREDITS_WIDTH = 100
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _ProjectLayer:
     """A layer of the project: one season's part of a layer of the file, or all of it."""
 
     layer: Layer
@@ -56,7 +60,7 @@ class _Shown:
 
     @property
     def identity(self) -> str:
-        """The layer's name inside the project; QGIS wants more than ten letters."""
+        """The layer's identifier inside the project; QGIS wants more than ten characters."""
         part = "all_seasons" if self.season is None else f"season_{self.season.number}"
         return f"{self.layer.name}_{part}"
 
@@ -65,14 +69,14 @@ class _Shown:
         """Whether it is drawn at first: land, all best routes, and one season in full."""
         if self.season is None or self.layer.name == "routes":
             return True
-        return self.season.leads and _IN_GROUP[self.layer.name]
+        return self.season.leads and _SEASON_LAYERS[self.layer.name]
 
     def source(self, file_name: str) -> str:
-        """Where its features are, beside the project."""
-        place = f"./{file_name}|layername={self.layer.name}"
+        """Data source of its features, relative to the project."""
+        source = f"./{file_name}|layername={self.layer.name}"
         if self.season is None:
-            return place
-        return f'{place}|subset="season" = {_sql(self.season.name)}'
+            return source
+        return f'{source}|subset="season" = {_sql(self.season.name)}'
 
 
 def qgz(
@@ -93,18 +97,18 @@ def _document(
     result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
 ) -> bytes:
     """Write the project's XML."""
-    title = short(result.scenario.title or result.scenario.name, LONGEST_TITLE)
+    title = one_line(result.scenario.title or result.scenario.name, MAX_TITLE_LENGTH)
     root = etree.Element("qgis", version="3.22.0", projectname=title)
     etree.SubElement(root, "title").text = title
-    plane = ground(result)
-    _put_system(etree.SubElement(root, "projectCrs"), plane.system)
-    shown = _shown(replace(view, convergence=plane.convergence))
-    _put_tree(root, shown, view, file_name)
-    _put_canvas(root, plane)
-    layers = etree.SubElement(root, "projectlayers")
-    for one in shown:
-        _put_layer(layers, one, result, columns[one.layer.name], file_name)
-    _put_themes(root, shown, view)
+    crs = map_crs(result)
+    _put_system(etree.SubElement(root, "projectCrs"), crs.system)
+    layers = _project_layers(replace(view, convergence=crs.convergence))
+    _put_tree(root, layers, view, file_name)
+    _put_canvas(root, crs)
+    parent = etree.SubElement(root, "projectlayers")
+    for layer in layers:
+        _put_layer(parent, layer, result, columns[layer.layer.name], file_name)
+    _put_themes(root, layers, view)
     _put_properties(root, result)
     _put_metadata(root, result, title)
     document: bytes = etree.tostring(
@@ -116,49 +120,49 @@ def _document(
     return document
 
 
-def _shown(view: View) -> list[_Shown]:
+def _project_layers(view: View) -> list[_ProjectLayer]:
     """All layers of the project in their drawing order, the top one first.
 
-    The season that leads is below the others: its best route is the wider one.
+    The leading season is below the others, since its best route is wider.
     """
-    shown = []
-    for name in _ORDER:
-        if name not in _IN_GROUP:
-            shown.append(_Shown(_LAYERS[name], view, None))
+    layers = []
+    for name in _DRAWING_ORDER:
+        if name not in _SEASON_LAYERS:
+            layers.append(_ProjectLayer(_LAYERS[name], view, None))
             continue
-        shown += [
-            _Shown(_LAYERS[name], replace(view, seasons=(season,)), season)
+        layers += [
+            _ProjectLayer(_LAYERS[name], replace(view, seasons=(season,)), season)
             for season in sorted(view.seasons, key=lambda season: season.leads)
             if season.planned or name == "currents"
         ]
-    return shown
+    return layers
 
 
-def _put_tree(root: Element, shown: Sequence[_Shown], view: View, file_name: str) -> None:
-    """List the layers: a group a season, the leading one first, then land."""
+def _put_tree(root: Element, layers: Sequence[_ProjectLayer], view: View, file_name: str) -> None:
+    """List the layers: a group per season, the leading one first, then land."""
     tree = etree.SubElement(root, "layer-tree-group")
     for season in sorted(view.seasons, key=lambda season: not season.leads):
         group = etree.SubElement(
             tree,
             "layer-tree-group",
-            name=short(season.title, LONGEST_TITLE),
+            name=one_line(season.title, MAX_TITLE_LENGTH),
             checked="Qt::Checked",
             expanded="1" if season.leads else "0",
         )
-        for name in _IN_GROUP:
-            for one in shown:
+        for name in _SEASON_LAYERS:
+            for one in layers:
                 if one.layer.name == name and one.season is season:
                     _put_node(group, one, file_name)
-    for one in shown:
+    for one in layers:
         if one.season is None:
             _put_node(tree, one, file_name)
     order = etree.SubElement(tree, "custom-order", enabled="1")
-    for one in shown:
+    for one in layers:
         etree.SubElement(order, "item").text = one.identity
 
 
-def _put_node(group: Element, one: _Shown, file_name: str) -> None:
-    """List a layer."""
+def _put_node(group: Element, one: _ProjectLayer, file_name: str) -> None:
+    """List a layer in the tree."""
     etree.SubElement(
         group,
         "layer-tree-layer",
@@ -172,21 +176,21 @@ def _put_node(group: Element, one: _Shown, file_name: str) -> None:
 
 
 def _put_layer(
-    parent: Element, one: _Shown, result: RunResult, columns: Sequence[str], file_name: str
+    parent: Element, one: _ProjectLayer, result: RunResult, columns: Sequence[str], file_name: str
 ) -> None:
-    """Describe a layer: its source, its look and its credits."""
+    """Describe a layer: source, style and credits."""
     layer = etree.SubElement(
         parent,
         "maplayer",
         type="vector",
-        geometry=_KINDS[one.layer.geometry_type],
+        geometry=_GEOMETRIES[one.layer.geometry_type],
         wkbType=one.layer.geometry_type,
         styleCategories="AllStyleCategories",
     )
     etree.SubElement(layer, "id").text = one.identity
     etree.SubElement(layer, "datasource").text = one.source(file_name)
     etree.SubElement(layer, "layername").text = one.layer.title
-    _put_system(etree.SubElement(layer, "srs"), lonlat())
+    _put_system(etree.SubElement(layer, "srs"), lonlat_system())
     metadata = etree.SubElement(layer, "resourceMetadata")
     etree.SubElement(metadata, "type").text = "dataset"
     etree.SubElement(metadata, "title").text = one.layer.title
@@ -196,35 +200,35 @@ def _put_layer(
     style(one.layer.name, one.view).put(layer, columns)
 
 
-def _put_canvas(root: Element, plane: Ground) -> None:
-    """Show all of the waters at first."""
+def _put_canvas(root: Element, crs: MapCrs) -> None:
+    """Open the map on the whole chart."""
     canvas = etree.SubElement(root, "mapcanvas", name="theMapCanvas", annotationsVisible="1")
-    etree.SubElement(canvas, "units").text = "degrees" if plane.is_lonlat else "meters"
+    etree.SubElement(canvas, "units").text = "degrees" if crs.is_lonlat else "meters"
     extent = etree.SubElement(canvas, "extent")
     settings = etree.SubElement(root, "ProjectViewSettings", UseProjectScales="0")
     full = etree.SubElement(settings, "DefaultViewExtent")
-    for name, value in zip(("xmin", "ymin", "xmax", "ymax"), plane.bounds, strict=True):
+    for name, value in zip(("xmin", "ymin", "xmax", "ymax"), crs.bounds, strict=True):
         etree.SubElement(extent, name).text = f"{value:.8f}"
         full.set(name, f"{value:.8f}")
-    _put_system(full, plane.system)
+    _put_system(full, crs.system)
     etree.SubElement(canvas, "rotation").text = "0"
-    _put_system(etree.SubElement(canvas, "destinationsrs"), plane.system)
+    _put_system(etree.SubElement(canvas, "destinationsrs"), crs.system)
 
 
-def _put_themes(root: Element, shown: Sequence[_Shown], view: View) -> None:
-    """Offer each season by itself as a map theme."""
+def _put_themes(root: Element, layers: Sequence[_ProjectLayer], view: View) -> None:
+    """Add a map theme for each season by itself."""
     themes = etree.SubElement(root, "visibility-presets")
     for season in view.seasons:
         theme = etree.SubElement(
-            themes, "visibility-preset", name=short(season.title, LONGEST_TITLE)
+            themes, "visibility-preset", name=one_line(season.title, MAX_TITLE_LENGTH)
         )
-        for one in shown:
-            if one.season is None or (one.season is season and _IN_GROUP[one.layer.name]):
+        for one in layers:
+            if one.season is None or (one.season is season and _SEASON_LAYERS[one.layer.name]):
                 etree.SubElement(theme, "layer", id=one.identity, style="default", visible="1")
 
 
 def _put_properties(root: Element, result: RunResult) -> None:
-    """Colour the water, and keep the credits on the map."""
+    """Set the colour of the water, and show the credits on the map."""
     properties = etree.SubElement(root, "properties")
     gui = etree.SubElement(properties, "Gui")
     for name, value in zip(
@@ -243,7 +247,7 @@ def _put_properties(root: Element, result: RunResult) -> None:
 
 
 def _put_metadata(root: Element, result: RunResult, title: str) -> None:
-    """Say what the project is, whose data it shows and when it was made."""
+    """Describe the project: title, sources and time of creation."""
     metadata = etree.SubElement(root, "projectMetadata")
     etree.SubElement(metadata, "identifier").text = clean(result.scenario.name)
     etree.SubElement(metadata, "title").text = _as_html(result.scenario.title or title)
@@ -254,7 +258,7 @@ def _put_metadata(root: Element, result: RunResult, title: str) -> None:
 
 
 def _put_credits(metadata: Element, result: RunResult) -> None:
-    """Name each source with its licence."""
+    """Add the credit and licence of each source."""
     for credit in result.credits:
         etree.SubElement(metadata, "rights").text = _as_html(credit.text)
     for licence in dict.fromkeys(credit.licence for credit in result.credits if credit.licence):
@@ -262,12 +266,12 @@ def _put_credits(metadata: Element, result: RunResult) -> None:
 
 
 def _credits(result: RunResult) -> str:
-    """Give all credits in one text, in lines that fit on a map."""
+    """All credits as one text, wrapped to fit on a map."""
     texts = dict.fromkeys(credit.text for credit in result.credits)
-    return clean("\n".join(line for text in texts for line in textwrap.wrap(text, _LINE)))
+    return clean("\n".join(line for text in texts for line in textwrap.wrap(text, _CREDITS_WIDTH)))
 
 
-def _put_system(parent: Element, system: System) -> None:
+def _put_system(parent: Element, system: ReferenceSystem) -> None:
     """Describe a reference system."""
     element = etree.SubElement(parent, "spatialrefsys", nativeFormat="Wkt")
     etree.SubElement(element, "wkt").text = system.wkt
@@ -276,12 +280,12 @@ def _put_system(parent: Element, system: System) -> None:
 
 
 def _sql(text: str) -> str:
-    """Write text for SQL; a provider takes a source's text apart, so that odd names are coded."""
+    """Write text for SQL, odd characters in hexadecimal: QGIS parses the text of a source."""
     if text.replace("-", "").replace("_", "").isalnum():
         return f"'{text}'"
     return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
 
 
 def _as_html(text: str) -> str:
-    """Text for where QGIS shows HTML: what looks like an element stays text."""
+    """Text for where QGIS shows HTML, so that no markup takes effect."""
     return clean(text).replace("<", "&lt;")

@@ -1,4 +1,4 @@
-"""The GeoPackage's own tables beside the layers: styles, columns' meanings, provenance, project."""
+"""Tables of the GeoPackage beside the layers: styles, column meanings, provenance, project."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ _EXTENSIONS = {
         "http://www.geopackage.org/spec121/#extension_schema",
     ),
 }
-# What the metadata's form follows: JSON.
+# Standard of the metadata's form: JSON.
 _METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 
 
 def create(database: sqlite3.Connection) -> None:
-    """Make the tables, and say which extensions they are."""
+    """Create the tables and register their extensions."""
     database.executescript(_SCHEMAS)
     database.executemany(
         "INSERT INTO gpkg_extensions VALUES (?, NULL, ?, ?, 'read-write')",
@@ -96,7 +96,7 @@ def create(database: sqlite3.Connection) -> None:
 
 
 def put_provenance(database: sqlite3.Connection, content: Mapping[str, object]) -> None:
-    """Put inputs, credits and versions into the file's metadata, as JSON for the whole file."""
+    """Store inputs, credits and versions as JSON in the metadata of the whole file."""
     row = database.execute(
         "INSERT INTO gpkg_metadata (md_scope, md_standard_uri, mime_type, metadata)"
         " VALUES ('dataset', ?, 'application/json', ?)",
@@ -110,7 +110,7 @@ def put_provenance(database: sqlite3.Connection, content: Mapping[str, object]) 
 
 
 def put_meanings(database: sqlite3.Connection, layer: str, columns: Iterable[str]) -> None:
-    """Say what a layer's columns mean; of name and title, either is what readers show."""
+    """Store the meanings of a layer's columns; software shows either the name or the title."""
     database.executemany(
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
@@ -122,7 +122,7 @@ def put_meanings(database: sqlite3.Connection, layer: str, columns: Iterable[str
 
 
 def put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, str]]) -> None:
-    """Keep a default style for each layer: its name, the style's description, and its QML."""
+    """Store a default style for each layer, given as (layer, description, QML)."""
     database.executemany(
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
@@ -136,7 +136,7 @@ def put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, st
 
 
 def put_project(database: sqlite3.Connection, name: str, packed: bytes, created: datetime) -> None:
-    """Keep a QGIS project, as QGIS does: its .qgz in hexadecimal."""
+    """Store a QGIS project as QGIS does: its .qgz in hexadecimal."""
     about = {"last_modified_time": created.strftime("%Y-%m-%dT%H:%M:%S"), "last_modified_user": ""}
     database.execute(
         "INSERT INTO qgis_projects (name, metadata, content) VALUES (?, ?, ?)",

@@ -1,4 +1,4 @@
-"""How each layer is drawn: the same rules for the layer by itself and inside the project."""
+"""QGIS styles of the layers, the same for a layer by itself and inside the project."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from pipeline.formats.gis.symbols import (
     line,
     literal,
     marker,
+    one_line,
     rule_renderer,
-    short,
 )
 
 if TYPE_CHECKING:
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
 
     Element = Any  # lxml has no types
 
-# What no other map of a run shows: a turn that met land.
-_ALARM = "#d50000"
+# Colour of a turn that met land; no other feature has it.
+_COLLISION_COLOUR = "#d50000"
 _HALO, _INK = colour(COLOURS["halo"]), colour(COLOURS["ink"])
 _SOFT_OPACITY = 0.38
 _BEST, _OTHER = '"rank" = 1', '"rank" > 1'
 _AT_GOAL = '"course_deg" IS NULL'
-# The strongest arrows' length on paper (mm); where points lie closer, not all are shown.
+# Minimum and maximum length of the strongest arrows on paper, mm; closer points are thinned out.
 _ARROW_MM = (5.5, 12.0)
-# Arrows of speed 0 would be so much as long as the strongest.
+# Length of an arrow of speed 0, as a share of the strongest's.
 _SHORTEST = 0.4
-# Characters of a season's title along its route.
-_LONGEST_LABEL = 32
+# Maximum number of characters of a season's title along its route.
+_MAX_LABEL_LENGTH = 32
 
 
 @dataclass(frozen=True)
 class Style:
-    """A layer's look: how features are drawn and labelled, and the layer's opacity."""
+    """How a layer's features are drawn and labelled, and the layer's opacity."""
 
     renderer: Element
     labels: Element | None = None
     opacity: float = 1.0
 
     def put(self, layer: Element, columns: Iterable[str]) -> None:
-        """Write the style into a layer's element, with names for people for its columns."""
+        """Write the style into a layer's element, with aliases for its columns."""
         layer.set("labelsEnabled", "0" if self.labels is None else "1")
         layer.set("simplifyDrawingHints", "1")
         layer.append(self.renderer)
@@ -87,8 +87,8 @@ def qml(layer: str, view: View, columns: Iterable[str]) -> str:
 def _routes(view: View) -> Style:
     """Draw the best route bold, all others thin, in the season's colour.
 
-    Where the best of two seasons run the same way, both are seen: that of the season that leads is
-    the wider one, on a halo, below.
+    The leading season's best route is wider, on a halo, and lies below those of other seasons: so
+    both are visible where they coincide.
     """
 
     def rules(season: SeasonView) -> list[Rule]:
@@ -103,7 +103,7 @@ def _routes(view: View) -> Style:
 
     labels = [
         Label(
-            literal(short(season.title, _LONGEST_LABEL)),
+            literal(one_line(season.title, _MAX_LABEL_LENGTH)),
             f"{_BEST} AND {_of(season)}",
             colour(season.colour),
             9,
@@ -116,7 +116,7 @@ def _routes(view: View) -> Style:
 
 
 def _waypoints(view: View) -> Style:
-    """Mark start and goal; the waypoints between from closer by, and numbered from there on."""
+    """Mark start and goal; at larger scales, the waypoints between, with numbers and courses."""
 
     def rules(season: SeasonView) -> list[Rule]:
         own = colour(season.colour)
@@ -127,7 +127,7 @@ def _waypoints(view: View) -> Style:
         goal = marker("diamond", _HALO, own, 4.0, 0.8, level=2)
         return [
             Rule("Waypoints of the other classes", _OTHER, [small], finer_than=closer),
-            # On the whole map those of a long route would hide it.
+            # On a map of the whole, the many waypoints of a long route would hide it.
             Rule("Waypoints", between, [among], finer_than=view.full_scale / 2),
             Rule("Start", f'{_BEST} AND "sequence" = 1', [start]),
             Rule("Goal", f"{_BEST} AND {_AT_GOAL}", [goal]),
@@ -149,7 +149,7 @@ def _waypoints(view: View) -> Style:
 
 
 def _channels(view: View) -> Style:
-    """Outline channels; those of classes that fell away, dotted."""
+    """Outline channels; those of rejected classes dotted."""
 
     def rules(season: SeasonView) -> list[Rule]:
         own, faint = colour(season.colour, 0.7), colour(COLOURS["other"], 0.5)
@@ -157,7 +157,7 @@ def _channels(view: View) -> Style:
         return [
             Rule("Of the best route", _BEST, [fill(colour(season.colour, 0.05), own, 0.5)]),
             Rule("Of the other classes", _OTHER, [fill(none, faint, 0.2)], on=False),
-            Rule("Fell away", '"rank" = 0', [fill(none, faint, 0.3, dotted=True)], on=False),
+            Rule("Rejected", '"rank" = 0', [fill(none, faint, 0.3, dotted=True)], on=False),
         ]
 
     return Style(rule_renderer("fill", _by_season(view, rules)))
@@ -171,7 +171,7 @@ def _no_go(view: View) -> Style:
 
 
 def _soft_no_go(view: View) -> Style:
-    """Draw zones grey and translucent; the layer is so as a whole, where they overlap too."""
+    """Draw zones grey; the layer as a whole is translucent, so that overlaps don't darken."""
 
     def rules(season: SeasonView) -> list[Rule]:
         del season
@@ -185,7 +185,7 @@ def _soft_no_go(view: View) -> Style:
 
 
 def _currents(view: View) -> Style:
-    """Draw arrows to where the current sets, the darker and longer the stronger."""
+    """Draw arrows towards which the current sets: darker and longer if stronger."""
     rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
     count = len(view.speeds.limits)
 
@@ -217,30 +217,30 @@ def _currents(view: View) -> Style:
 
 
 def _thinned(season: SeasonView, full_scale: float) -> str:
-    """Leave out points that would lie too close on a map of the whole, as a condition."""
-    closest_m = _ARROW_MM[0] / 1000 * full_scale
-    every = round(closest_m / season.spacing_m + 0.49)
+    """Condition that leaves out points which would be too close on a map of the whole."""
+    min_spacing_m = _ARROW_MM[0] / 1000 * full_scale
+    every = round(min_spacing_m / season.spacing_m + 0.49)
     if season.step_deg is None or every < 2:
         return ""
     (west, south), (east, north) = season.origin, season.step_deg
-    far = 1000 * season.spacing_m / _ARROW_MM[0]
+    roomy_scale = 1000 * season.spacing_m / _ARROW_MM[0]
     return (
-        f" AND (@map_scale < {far:.0f}"
+        f" AND (@map_scale < {roomy_scale:.0f}"
         f" OR (round((x($geometry) - {west:.10g}) / {east:.10g}) % {every} = 0"
         f" AND round((y($geometry) - {south:.10g}) / {north:.10g}) % {every} = 0))"
     )
 
 
 def _contingency(view: View) -> Style:
-    """Mark turns that met land by a cross, all others by a dot."""
+    """Mark turns that met land with a cross, all others with a dot."""
 
     def rules(season: SeasonView) -> list[Rule]:
         dot = marker("circle", colour(season.colour, 0.75), _HALO, 0.8)
         faint = marker("circle", colour(season.colour, 0.4), _HALO, 0.6)
-        cross = marker("cross2", colour(_ALARM), colour(_ALARM), 2.6, 0.7)
+        cross = marker("cross2", colour(_COLLISION_COLOUR), colour(_COLLISION_COLOUR), 2.6, 0.7)
         return [
-            Rule("Turned away", f'{_BEST} AND NOT "collided"', [dot]),
-            Rule("Turned away, other classes", f'{_OTHER} AND NOT "collided"', [faint], on=False),
+            Rule("Clear of land", f'{_BEST} AND NOT "collided"', [dot]),
+            Rule("Clear of land, other classes", f'{_OTHER} AND NOT "collided"', [faint], on=False),
             Rule("Met land", '"collided"', [cross]),
         ]
 
@@ -250,7 +250,7 @@ def _contingency(view: View) -> Style:
 def _by_season(
     view: View, rules: Callable[[SeasonView], list[Rule]], *, all_on: bool = False
 ) -> list[Rule]:
-    """Rules for each season below a rule of its own; one season needs none."""
+    """Group the rules of each season under a rule of its own, if there are several seasons."""
     if len(view.seasons) == 1:
         return rules(view.seasons[0])
     return [
@@ -260,7 +260,7 @@ def _by_season(
 
 
 def _of(season: SeasonView) -> str:
-    """Condition that a feature is of a season."""
+    """Condition that a feature belongs to a season."""
     return f'"season" = {literal(season.name)}'
 
 

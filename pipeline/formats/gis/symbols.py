@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from pipeline.formats.shared.text import shortened
+from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     Element = Any  # lxml has no types
 
-LONGEST_TITLE = 60
-"""Characters that a name in a list of layers may have."""
+MAX_TITLE_LENGTH = 60
+"""Maximum number of characters of a name in the list of layers."""
 
-# Characters that XML has no way to write.
-_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 # An arrow that points up, as slim as those of the report's maps, in a square.
 _ARROW_SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path '
@@ -30,10 +31,10 @@ _ARROW = "base64:" + base64.b64encode(_ARROW_SVG.encode()).decode()
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule of a renderer: what it is called, what it holds for, and how that is drawn.
+    """A rule of a renderer: label, condition on features, and symbol.
 
-    `symbol` has layers, bottom first; `finer_than` is the scale (its denominator) from which on
-    it is drawn, 0 always. `on` says whether it is ticked.
+    `symbol` has layers, bottom first. `finer_than` is the denominator of the smallest scale at
+    which it is drawn; 0 means every scale. `on` says whether it is ticked.
     """
 
     label: str
@@ -46,7 +47,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Label:
-    """Text on a map: an expression, for what holds `condition`, from a scale on."""
+    """Text on a map: an expression, drawn for features that fulfil `condition`."""
 
     expression: str
     condition: str
@@ -57,36 +58,35 @@ class Label:
 
 
 def clean(text: str) -> str:
-    """Text that is only text to XML and to QGIS, which evaluates what stands in [% %]."""
-    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text).replace("[%", "[\N{WORD JOINER}%")
+    """Text that is plain text to XML, and to QGIS, which evaluates what is between [% and %]."""
+    return xml_text(text).replace("[%", "[\N{WORD JOINER}%")
 
 
-def short(text: str, limit: int) -> str:
-    """Clean text on one line, shortened to so many characters."""
-    text = " ".join(clean(text).split())
-    return text if len(text) <= limit else text[: limit - 1] + "…"
+def one_line(text: str, limit: int) -> str:
+    """Clean text on one line, of at most `limit` characters."""
+    return shortened(" ".join(clean(text).split()), limit)
 
 
 def literal(text: str) -> str:
     """Write text as a string of QGIS's expression language."""
-    parts = re.split(f"({_NOT_XML.pattern})", text)
-    words = [
+    parts = re.split(f"({XML_FORBIDDEN.pattern})", text)
+    terms = [
         f"char({ord(part)})"
         if index % 2
         else "'" + part.replace("\\", "\\\\").replace("'", "''").replace("\n", "\\n") + "'"
         for index, part in enumerate(parts)
     ]
-    return " || ".join(word for word in words if word != "''") or "''"
+    return " || ".join(term for term in terms if term != "''") or "''"
 
 
 def colour(hexadecimal: str, opacity: float = 1.0) -> str:
-    """Write a colour such as "#c9a97c" as QGIS does: red, green, blue, alpha."""
+    """Write a colour such as "#c9a97c" as QGIS does: red,green,blue,alpha."""
     red, green, blue = bytes.fromhex(hexadecimal.removeprefix("#"))
     return f"{red},{green},{blue},{round(255 * opacity)}"
 
 
 def line(drawn: str, width: float, *, dash: str = "", level: int = 0) -> Element:
-    """Stroke a line in a colour as `colour` gives it."""
+    """Line in a colour from `colour`."""
     return _layer(
         "SimpleLine",
         {
@@ -104,7 +104,7 @@ def line(drawn: str, width: float, *, dash: str = "", level: int = 0) -> Element
 
 
 def fill(filled: str, outline: str = "", width: float = 0.0, *, dotted: bool = False) -> Element:
-    """Fill an area, and outline it where a colour is given."""
+    """Filled area, with an outline if its colour is given."""
     style = "dot" if dotted else "solid"
     return _layer(
         "SimpleFill",
@@ -123,7 +123,7 @@ def fill(filled: str, outline: str = "", width: float = 0.0, *, dotted: bool = F
 def marker(
     shape: str, filled: str, outline: str, size: float, width: float = 0.0, *, level: int = 0
 ) -> Element:
-    """Mark a point by a shape QGIS knows, such as circle, diamond or cross2."""
+    """Marker of a shape that QGIS knows, such as circle, diamond or cross2."""
     return _layer(
         "SimpleMarker",
         {
@@ -141,11 +141,11 @@ def marker(
 
 
 def arrow(filled: str, length_m: float, rotation: str, limits_mm: tuple[float, float]) -> Element:
-    """Draw an arrow of true length (m), kept within limits on paper, turned by an expression.
+    """Arrow of a true length (m) within limits on paper, rotated by an expression.
 
     The expression gives degrees clockwise from up.
     """
-    least, most = limits_mm
+    shortest, longest = limits_mm
     layer = _layer(
         "SvgMarker",
         {
@@ -154,7 +154,7 @@ def arrow(filled: str, length_m: float, rotation: str, limits_mm: tuple[float, f
             "outline_width": "0",
             "size": f"{length_m:.6g}",
             "size_unit": "RenderMetersInMapUnits",
-            "size_map_unit_scale": f"3x:0,0,1,{least:g},1,{most:g}",
+            "size_map_unit_scale": f"3x:0,0,1,{shortest:g},1,{longest:g}",
         },
     )
     properties = etree.SubElement(layer, "data_defined_properties")
@@ -174,9 +174,9 @@ def arrow(filled: str, length_m: float, rotation: str, limits_mm: tuple[float, f
 
 
 def rule_renderer(kind: str, rules: Iterable[Rule], *, levels: bool = False) -> Element:
-    """Draw features by rules; `kind` is line, fill or marker, as the layer's geometry is.
+    """Renderer by rules; `kind` is line, fill or marker, to suit the layer's geometry.
 
-    With `levels` the symbols' layers are drawn by their levels, across all features.
+    With `levels` the layers of symbols are drawn in the order of their levels, across all features.
     """
     renderer = etree.Element(
         "renderer-v2", type="RuleRenderer", symbollevels="1" if levels else "0", forceraster="0"
@@ -189,7 +189,7 @@ def rule_renderer(kind: str, rules: Iterable[Rule], *, levels: bool = False) -> 
 
 
 def labeling(labels: Iterable[Label]) -> Element:
-    """Label features by rules."""
+    """Labelling by rules."""
     element = etree.Element("labeling", type="rule-based")
     root = etree.SubElement(element, "rules", key="labels")
     for index, label in enumerate(labels):
@@ -240,8 +240,10 @@ def labeling(labels: Iterable[Label]) -> Element:
 
 
 def _put_rule(parent: Element, symbols: Element, rule: Rule, kind: str, key: str) -> None:
-    """Add a rule with those below it, and its symbol."""
-    element = etree.SubElement(parent, "rule", key=key, label=short(rule.label, LONGEST_TITLE))
+    """Add a rule with its children and its symbol."""
+    element = etree.SubElement(
+        parent, "rule", key=key, label=one_line(rule.label, MAX_TITLE_LENGTH)
+    )
     if rule.condition:
         element.set("filter", rule.condition)
     if not rule.on:
@@ -259,14 +261,14 @@ def _put_rule(parent: Element, symbols: Element, rule: Rule, kind: str, key: str
 
 
 def _limit_scale(rule: Element, finer_than: float) -> None:
-    """Let a rule hold from a scale on, given by its denominator."""
+    """Limit a rule to scales larger than 1:`finer_than`."""
     if finer_than:
         rule.set("scalemindenom", "1")
         rule.set("scalemaxdenom", f"{finer_than:.0f}")
 
 
 def _layer(kind: str, options: Mapping[str, str], level: int = 0) -> Element:
-    """Make a layer of a symbol."""
+    """Create a layer of a symbol."""
     layer = etree.Element("layer", {"class": kind, "enabled": "1", "locked": "0"})
     layer.set("pass", str(level))
     values = etree.SubElement(layer, "Option", type="Map")
@@ -276,5 +278,5 @@ def _layer(kind: str, options: Mapping[str, str], level: int = 0) -> Element:
 
 
 def _option(parent: Element, name: str, value: str, kind: str = "QString") -> None:
-    """Add a value by name."""
+    """Add a named value."""
     etree.SubElement(parent, "Option", type=kind, name=name, value=value)

@@ -1,4 +1,4 @@
-"""What a map of a run has to know: its seasons with their colours, its plane and its scale."""
+"""View of a run as a map shows it: seasons with their colours, classes of speed, scale."""
 
 from __future__ import annotations
 
@@ -9,24 +9,27 @@ import numpy as np
 
 from pipeline.formats.figures.arrows import SpeedScale, speed_scale
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.geo.earth import METRES_PER_DEGREE
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
-# A season's routes: apart from each other, from land, water and currents, and in lightness too.
+# Colours of the seasons' routes, distinct from each other (in lightness too) and from land, water
+# and currents.
 _SEASON_COLOURS = (COLOURS["best"], "#4a148c", "#e65100", "#00695c", "#827717")
-_METRES_PER_DEGREE = 111_195.0
-# Width of a map as it opens, on paper or screen.
-_PAPER_M = 0.25
+# Width, metres on paper or screen, at which a map opens.
+_MAP_WIDTH_M = 0.25
+# Spacing of arrows without a grid, as a share of the chart's longer side.
+_SPACING_SHARE = 1 / 24
 
 
 @dataclass(frozen=True)
 class SeasonView:
     """How a season is shown.
 
-    `number` tells it from the others inside a project, whatever their names. `leads` marks the
-    season that is shown in full at first. `spacing_m` parts the current's points in true metres;
-    `step_deg` does so towards east and north where they are a grid from `origin`.
+    `number` identifies it inside a project, whatever its name. `leads` marks the season that is
+    shown in full at first. `spacing_m` is the distance between the current's points in true metres;
+    if they are a grid, `origin` and `step_deg` give its first point and steps to east and north.
     """
 
     number: int
@@ -42,10 +45,9 @@ class SeasonView:
 
 @dataclass(frozen=True)
 class View:
-    """A map's seasons, its classes of current speed, and the scale (denominator) that shows all.
+    """A map's seasons, classes of current speed, and scale (denominator) that shows all of it.
 
-    `convergence` is the angle of the plane's y axis clockwise of true north, as an expression on
-    a point in lon/lat; empty for a map with north up.
+    `convergence` is as in `MapCrs`.
     """
 
     seasons: tuple[SeasonView, ...]
@@ -55,7 +57,7 @@ class View:
 
 
 def view(result: RunResult) -> View:
-    """Look at a run as its map will show it."""
+    """Describe how a map shows a run."""
     ranked = [route for route in result.routes if route.rank == 1]
     first = result.plans[0].season
     lead = min(ranked, key=lambda route: route.metrics.fuel).season if ranked else first
@@ -65,13 +67,13 @@ def view(result: RunResult) -> View:
     grids = {grid.season: grid for grid in result.fetched.currents}
     seasons = []
     for index, entry in enumerate(result.plans):
-        spacing_m, origin, step = across_m / 24, (0.0, 0.0), None
+        spacing_m, origin, step = across_m * _SPACING_SHARE, (0.0, 0.0), None
         if entry.season in grids:
             grid = grids[entry.season]
             step = float(np.diff(grid.lon).min()), float(np.diff(grid.lat).min())
             origin = float(grid.lon[0]), float(grid.lat[0])
             narrow = float(np.cos(np.radians(grid.lat.mean())))
-            spacing_m = min(step[0] * narrow, step[1]) * _METRES_PER_DEGREE
+            spacing_m = min(step[0] * narrow, step[1]) * METRES_PER_DEGREE
         seasons.append(
             SeasonView(
                 number=index + 1,
@@ -85,4 +87,4 @@ def view(result: RunResult) -> View:
                 step_deg=step,
             )
         )
-    return View(tuple(seasons), speed_scale(result), across_m / _PAPER_M)
+    return View(tuple(seasons), speed_scale(result), across_m / _MAP_WIDTH_M)

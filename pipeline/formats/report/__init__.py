@@ -1,1 +1,1 @@
-"""`report.html`: one page that explains a run."""
+"""`report.html`: a page that explains a run."""

@@ -1,4 +1,4 @@
-"""What stands inside the page, so that it asks for nothing: Leaflet, our scripts, their styles."""
+"""Scripts and style sheets that are embedded in the page, so that it loads nothing."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pathlib import Path
 
 _HERE = Path(__file__).parent
 _LEAFLET = _HERE / "vendor" / "leaflet"
-# In the order in which they build on each other.
-_SCRIPTS = ("data", "words", "currents", "map", "voyage", "strip", "report")
-# A rule that would fetch a picture: Leaflet's markers and layer button, which the page has not.
-_FETCHES = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
+# In the order of their dependencies.
+_SCRIPTS = ("data", "text", "currents", "map", "voyage", "strip", "report")
+# A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
+_FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
 
 
 @cache
 def script() -> str:
-    """Leaflet, then our own files as one scope of their own."""
+    """Leaflet, then our own files in one scope."""
     leaflet = (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
     own = "\n".join(
         (_HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS
@@ -28,11 +28,11 @@ def script() -> str:
 
 @cache
 def leaflet_style() -> str:
-    """Leaflet's style sheet without the rules that fetch pictures."""
-    return _FETCHES.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
+    """Leaflet's style sheet without the rules that fetch images."""
+    return _FETCHING_RULE.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
 
 
 def content_hash(text: str) -> str:
-    """Name a script as a Content-Security-Policy does: `sha256-…`."""
+    """Hash of a script as in a Content-Security-Policy: `sha256-…`."""
     digest = hashlib.sha256(text.encode()).digest()
     return f"sha256-{base64.b64encode(digest).decode()}"

@@ -1,4 +1,4 @@
-"""The published figures beside a run's own."""
+"""A run's figures compared with published ones."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A season's best route, or a published one; figures that there are not are None.
+    """A season's best route, or a published one; unknown figures are None.
 
-    `fuel` and `length` are in the scaled units of whoever planned it, `length_m` and
+    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
     `clearance_m` true metres.
     """
 
     season: str
-    whose: str
+    planner: str
     is_ours: bool
     scale: float
     side: str
@@ -31,19 +31,19 @@ class Comparison:
 
 
 def comparison(result: RunResult) -> tuple[Comparison, ...]:
-    """Set each season's best route beside the published ones of that season."""
+    """Each season's best route, followed by the published ones of that season."""
     published = result.scenario.published
     if published is None:
         return ()
     rows = []
-    named = {entry.season for entry in result.plans}
+    seasons = {entry.season for entry in result.plans}
     for entry in result.plans:
         for ranked in result.season_routes(entry.season)[:1]:
             metrics = ranked.metrics
             rows.append(
                 Comparison(
                     season=result.season_title(entry.season),
-                    whose="This run",
+                    planner="This run",
                     is_ours=True,
                     scale=result.scenario.scale,
                     side=metrics.side,
@@ -56,8 +56,8 @@ def comparison(result: RunResult) -> tuple[Comparison, ...]:
             )
         rows += [
             Comparison(
-                season=result.season_title(row.season) if row.season in named else row.season,
-                whose=row.label,
+                season=result.season_title(row.season) if row.season in seasons else row.season,
+                planner=row.label,
                 is_ours=False,
                 scale=published.scale,
                 side=row.side,

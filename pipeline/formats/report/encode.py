@@ -1,6 +1,6 @@
-"""Geometry and figures as whole numbers, each the difference to the one before.
+"""Delta encoding of geometry and series: whole numbers, each the difference to the one before.
 
-So written a coast of 50,000 vertices takes half a megabyte of JSON, and the page sums it up in
+Encoded so, a coast of 50,000 vertices takes half a megabyte of JSON, and the page decodes it in
 milliseconds.
 """
 
@@ -20,20 +20,18 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# A chart's longer side has this many steps or up to ten times as many: 1 m on 700 km.
-_FEWEST_STEPS = 2e5
-# A series goes from its least to its greatest in this many steps: a fifth digit is never shown.
+# Minimum number of steps along a chart's longer side, at most ten times exceeded: 1 m on 700 km.
+_MIN_STEPS = 2e5
+# Number of steps in a series' range: a fifth digit is never shown.
 _SERIES_STEPS = 50_000
-# GEOS's number for a polygon.
-_POLYGON = 3
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Places as whole steps from the chart's lower left corner.
+    """Coordinates as whole steps from the chart's lower left corner.
 
-    `origin` (2,) and `step` are in planar units; `step_m` is the step in metres of the plane at
-    its true scale, a power of ten.
+    `origin` (2,) and `step` are in planar metres; `step_m` is the step in metres at true scale, a
+    power of ten.
     """
 
     origin: FloatArray
@@ -42,19 +40,19 @@ class Lattice:
 
     @classmethod
     def of(cls, bounds: tuple[float, float, float, float], scale: float) -> Lattice:
-        """Choose the step for a chart's bounds (planar units) at a scale."""
+        """Choose the step for a chart's bounds (planar metres) at a scale."""
         xmin, ymin, xmax, ymax = bounds
         side_m = max(xmax - xmin, ymax - ymin) * scale
-        step_m = 10.0 ** math.floor(math.log10(side_m / _FEWEST_STEPS))
+        step_m = 10.0 ** math.floor(math.log10(side_m / _MIN_STEPS))
         return cls(np.array([xmin, ymin]), step_m / scale, step_m)
 
-    def whole(self, places: FloatArray) -> npt.NDArray[np.int64]:
-        """Round places (n, 2) of the plane to whole steps (n, 2)."""
-        return np.rint((places - self.origin) / self.step).astype(np.int64)
+    def to_steps(self, points: FloatArray) -> npt.NDArray[np.int64]:
+        """Round planar points (n, 2) to whole steps (n, 2)."""
+        return np.rint((points - self.origin) / self.step).astype(np.int64)
 
-    def line(self, places: FloatArray) -> list[int]:
-        """Flat x, y, dx, dy, …: the first place and the moves from each to the next other one."""
-        moves = np.diff(self.whole(places), axis=0, prepend=0)
+    def line(self, points: FloatArray) -> list[int]:
+        """Flat x, y, dx, dy, …: the first point, then the moves between points; no zero moves."""
+        moves = np.diff(self.to_steps(points), axis=0, prepend=0)
         keep = np.asarray(moves.any(axis=1))
         keep[:1] = True
         return [int(value) for value in moves[keep].ravel()]
@@ -62,55 +60,61 @@ class Lattice:
     def rings(self, areas: npt.NDArray[np.object_]) -> list[list[int]]:
         """Every ring of polygonal geometries (n,); outer rings anticlockwise, holes clockwise.
 
-        A ring that a step swallows is left out; the last place, which is the first, is too.
+        Rings are not closed by repeating the first point; those smaller than a step are dropped.
         """
         polygons = shapely.orient_polygons(shapely.get_parts(areas))
-        rings = shapely.get_rings(polygons[shapely.get_type_id(polygons) == _POLYGON])
+        is_polygon = shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON
+        rings = shapely.get_rings(polygons[is_polygon])
         lines = (self.line(shapely.get_coordinates(ring)[:-1]) for ring in rings)
         return [line for line in lines if len(line) >= 6]
 
 
 def series(values: FloatArray) -> dict[str, object]:
-    """Figures (n,) as `{"step": s, "moves": [...]}`; the last is exact, infinite ones are None."""
+    """Values (n,) as `{"step": s, "moves": [...]}`; moves are None if any value is infinite.
+
+    The last value is exact unless it is small beside the others.
+    """
     if not np.isfinite(values).all():
         return {"step": 1.0, "moves": None}
     reach = float(np.abs(values).max(initial=0.0))
     last = abs(float(values[-1])) if len(values) else 0.0
-    # A whole number of steps to the last: fuel and time then end at the route's own figures.
+    # The last value is a whole number of steps, so fuel and time end at the route's own figures.
     step = (last if last > 0.1 * reach else reach) / _SERIES_STEPS or 1.0
     moves = np.diff(np.rint(values / step).astype(np.int64), prepend=0)
     return {"step": step, "moves": [int(value) for value in moves]}
 
 
 def within(areas: npt.NDArray[np.object_], extent: Polygon) -> npt.NDArray[np.object_]:
-    """Cut geometries (n,) to the extent; those that lie in it stay as they are."""
+    """Clip geometries (n,) to the extent; those inside stay unchanged."""
     shapely.prepare(extent)
     areas = areas[shapely.intersects(extent, areas)]
     outside = ~shapely.covers(extent, areas)
-    cut = areas.copy()
-    cut[outside] = shapely.intersection(areas[outside], extent)
-    return cut
+    clipped = areas.copy()
+    clipped[outside] = shapely.intersection(areas[outside], extent)
+    return clipped
 
 
-def coarser(areas: npt.NDArray[np.object_], step: float, most: int) -> npt.NDArray[np.object_]:
-    """Simplify geometries (n,) by a step, two, four, … until they have at most so many vertices.
+def coarser(
+    areas: npt.NDArray[np.object_], tolerance: float, max_vertices: int
+) -> npt.NDArray[np.object_]:
+    """Simplify geometries (n,) with a growing tolerance until they have at most `max_vertices`.
 
-    Islets smaller than such a step become empty. After twenty doublings a coast is a handful of
-    triangles, and stays as it is.
+    Islets smaller than the tolerance become empty. After twenty rounds a coast is a handful of
+    triangles and stays as it is.
     """
     for _ in range(20):
-        many = shapely.get_num_coordinates(areas).sum() / most
-        if many <= 1:
+        excess = shapely.get_num_coordinates(areas).sum() / max_vertices
+        if excess <= 1:
             break
         west, south, east, north = shapely.bounds(areas).T
-        seen = np.maximum(east - west, north - south) >= step
-        areas = np.where(seen, shapely.simplify(areas, step), shapely.Polygon())
-        # All vertices take their time again and again: with many, larger steps.
-        step *= 4 if many > 8 else 2
+        visible = np.maximum(east - west, north - south) >= tolerance
+        areas = np.where(visible, shapely.simplify(areas, tolerance), shapely.Polygon())
+        # Each round visits all vertices: fewer rounds if there are many.
+        tolerance *= 4 if excess > 8 else 2
     return areas
 
 
 def json_for_script(data: object) -> str:
-    """JSON that may stand in a `<script>` element: no `<` that could end it or open a comment."""
+    """JSON for a `<script>` element, without any `<` that could end it or open a comment."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

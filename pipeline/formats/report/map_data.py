@@ -1,7 +1,7 @@
-"""What the page's interactive map draws, as plain data for JSON.
+"""Data of the page's interactive map, ready for JSON.
 
-Everything lies in the planner's own plane, at true scale: angles are true, and no meridian cuts
-the water in two. `encode` says how places and figures are written, `scripts/data.js` reads them.
+Coordinates are in the planner's own plane at true scale: angles are true, and nothing is cut at
+180 degrees. They are encoded by `encode` and decoded by `scripts/data.js`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.figures.arrows import on_water
 from pipeline.formats.report.encode import Lattice, coarser, series, within
-from pipeline.formats.shared.text import zone_words
+from pipeline.formats.shared.text import zone_text
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -23,19 +24,21 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-_MOST_VERTICES = 60_000
-_MOST_ARROWS = 7_000
-# Arrows stand at most this many to a cell of the current's own grid, along each side.
-_ARROWS_A_CELL = 2.0
-_MOST_TURNS = 80
-# A soft no-go zone is drawn to this share of the chart's longer side, all routes' together to so
-# many vertices.
-_SOFT_DETAIL, _MOST_SOFT_VERTICES = 1 / 3000, 40_000
+_MAX_VERTICES = 60_000
+_MAX_ARROWS = 7_000
+# Maximum number of arrows along each side of a cell of the current's own grid.
+_MAX_ARROWS_PER_CELL = 2.0
+# Maximum number of harmless turns shown per route.
+_MAX_TURNS = 80
+# Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
+# number of vertices of all routes' zones together.
+_SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
+# Number of points along the best route, and along others.
 _POINTS_BEST, _POINTS = 200, 100
 
 
 def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:
-    """Gather coast, grid, currents and routes; `speed_limits` (m/s) part the arrows' colours."""
+    """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
     scene = result.scene
     lattice = Lattice.of(scene.chart.bounds, scene.projection.scale)
     shoals = scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
@@ -55,28 +58,28 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
 
 
 def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) -> list[list[int]]:
-    """Cut areas of the plane to the chart and write their rings."""
+    """Rings of planar areas, clipped to the chart."""
     if not len(areas):
         return []
     inside = within(areas, result.scene.chart.extent)
-    return lattice.rings(coarser(inside, lattice.step, _MOST_VERTICES))
+    return lattice.rings(coarser(inside, lattice.step, _MAX_VERTICES))
 
 
 def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Write restricted areas and traffic schemes: their areas in the chart, and their own edges.
+    """Restricted areas and traffic schemes: their areas inside the chart, and their edges.
 
-    Where the chart cuts an area it has no edge.
+    Where an area is clipped by the chart it has no edge.
     """
     extent = result.scene.chart.extent
     zones: list[dict[str, object]] = []
     for zone, area in result.open_zones:
-        seen = coarser(np.array([area]), lattice.step, _MOST_VERTICES)[0]
-        edges = shapely.line_merge(shapely.intersection(shapely.boundary(seen), extent))
+        simple = coarser(np.array([area]), lattice.step, _MAX_VERTICES)[0]
+        edges = shapely.line_merge(shapely.intersection(shapely.boundary(simple), extent))
         zones.append(
             {
                 "kind": zone.kind,
-                "words": zone_words(zone),
-                "area": lattice.rings(np.array([shapely.intersection(seen, extent)])),
+                "text": zone_text(zone),
+                "area": lattice.rings(np.array([shapely.intersection(simple, extent)])),
                 "edges": [
                     lattice.line(shapely.get_coordinates(edge))
                     for edge in shapely.get_parts(edges)
@@ -88,7 +91,7 @@ def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Write meridians and parallels, or lines of even metres, each with its label's place."""
+    """Meridians and parallels, or a grid in metres, each with the position of its label."""
     from pipeline.formats.figures.graticule import graticule
 
     scene, is_planar = result.scene, result.scenario.is_planar
@@ -104,7 +107,7 @@ def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Write each season's current and routes."""
+    """Current and routes of each season."""
     soft = _soft_no_go(result)
     return [
         {
@@ -123,13 +126,13 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
-    """Soft no-go zone of each route, in the plane and the chart: coarser where there are many."""
+    """Soft no-go zone of each route in the plane, simplified and clipped to the chart."""
     chart = result.scene.chart
     xmin, ymin, xmax, ymax = chart.bounds
-    detail = _SOFT_DETAIL * max(xmax - xmin, ymax - ymin)
+    tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
-    zones = shapely.simplify(zones, detail)
-    zones = coarser(zones, 2 * detail, _MOST_SOFT_VERTICES)
+    zones = shapely.simplify(zones, tolerance)
+    zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
     return {
         (ranked.season, ranked.rank): within(zones[i : i + 1], chart.extent)
         for i, ranked in enumerate(result.routes)
@@ -137,42 +140,42 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
 
 
 def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
-    """Write a route: places with what is met there, and its hard-over turns."""
-    from pipeline.formats.shared.along import along
+    """A route: its profile along it, and its hard-over turns."""
+    from pipeline.formats.shared.route_profile import route_profile
 
-    places = along(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
-    whole = lattice.whole(result.scene.projection.to_plane(places.lonlat))
+    profile = route_profile(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
+    whole = lattice.to_steps(result.scene.projection.to_plane(profile.lonlat))
     turns, hits = _turns(result, ranked)
     return {
         "rank": ranked.rank,
         "side": ranked.metrics.side,
         "places": [int(value) for value in np.diff(whole, axis=0, prepend=0).ravel()],
-        "lon": series(np.round(places.lonlat[:, 0], 5)),
-        "lat": series(np.round(places.lonlat[:, 1], 5)),
-        "time": series(places.time_s),
-        "distance": series(places.distance_m),
-        "course": series(places.course_deg),
-        "fuel": series(places.fuel),
-        "speed": series(places.speed_m_s),
-        "current": series(places.current_along_m_s),
-        "clearance": series(places.clearance_m),
+        "lon": series(np.round(profile.lonlat[:, 0], 5)),
+        "lat": series(np.round(profile.lonlat[:, 1], 5)),
+        "time": series(profile.time_s),
+        "distance": series(profile.distance_m),
+        "course": series(profile.course_deg),
+        "fuel": series(profile.fuel),
+        "speed": series(profile.speed_m_s),
+        "current": series(profile.current_along_m_s),
+        "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
     }
 
 
 def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
-    """Places (n, 2) where hard-over turns began: some of those that met nothing, all others."""
+    """Points (n, 2) from which hard-over turns begin: some of the harmless ones, and all others."""
     found = result.evaluation.contingency.get((ranked.season, ranked.rank))
     if found is None:
         return np.empty((0, 2)), np.empty((0, 2))
-    clear = found.points[~found.collided]
-    every = max(1, math.ceil(len(clear) / _MOST_TURNS))
-    return clear[::every], found.points[found.collided]
+    harmless = found.points[~found.collided]
+    step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
+    return harmless[::step], found.points[found.collided]
 
 
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
-    """Write the planner's own current on an even lattice over the water, in whole cm/s.
+    """The planner's own current on a regular lattice over the water, in whole cm/s.
 
     `u` and `v` are along the plane's axes, row by row from below; 0, 0 is land or still water.
     """
@@ -181,13 +184,13 @@ def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, obje
         return None
     field = scene.currents[season]
     xmin, ymin, xmax, ymax = scene.chart.bounds
-    spacing = max(_own_spacing(field), math.sqrt((xmax - xmin) * (ymax - ymin) / _MOST_ARROWS))
+    spacing = max(_min_spacing(field), math.sqrt((xmax - xmin) * (ymax - ymin) / _MAX_ARROWS))
     columns, rows = max(1, int((xmax - xmin) / spacing)), max(1, int((ymax - ymin) / spacing))
     x = xmin + spacing * (0.5 + np.arange(columns))
     y = ymin + spacing * (0.5 + np.arange(rows))
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    velocity = np.asarray(field(places), dtype=float)
-    velocity[~_on_water(result, places)] = 0.0
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    velocity = np.asarray(field(points), dtype=float)
+    velocity[~on_water(result, points)] = 0.0
     whole = np.rint(100 * velocity).astype(np.int64)
     return {
         "corner": lattice.line(np.array([[x[0], y[0]]])),
@@ -198,21 +201,11 @@ def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, obje
     }
 
 
-def _own_spacing(field: object) -> float:
-    """How far apart arrows must stand to say no more than the current's grid does; 0 if any."""
+def _min_spacing(field: object) -> float:
+    """Spacing of arrows below which they show no more than the current's grid; 0 without one."""
     import renew
 
     if not isinstance(field, renew.GriddedCurrent):
         return 0.0
     steps = [np.diff(axis) for axis in (field.x, field.y) if len(axis) > 1]
-    return min((float(step.min()) for step in steps), default=0.0) / _ARROWS_A_CELL
-
-
-def _on_water(result: RunResult, places: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether places (n, 2) lie in the chart and not on land."""
-    chart, land = result.scene.chart, np.array(result.scene.land, dtype=object)
-    water = np.asarray(shapely.contains_xy(chart.extent, places))
-    # The land is the query, since shapely prepares that one, and a coast may be long.
-    on_land = shapely.STRtree(shapely.points(places)).query(land, predicate="intersects")[1]
-    water[on_land] = False
-    return water
+    return min((float(step.min()) for step in steps), default=0.0) / _MAX_ARROWS_PER_CELL

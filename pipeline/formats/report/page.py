@@ -1,9 +1,9 @@
-"""`report.html`: one page that works offline and asks for nothing outside.
+"""`report.html`: one page that works offline and loads nothing.
 
-Figures (numbers) are gathered here, pictures in `pictures`, words in `phrases`, the interactive
-map's data in `map_data`, and the page's form stands in `templates/`; Jinja2 escapes whatever comes
-from a scenario or a source. Static pictures stand in the page for everybody; the scripts put the
-map in their place on a screen.
+Its content is gathered here, from the figures of `formats.figures`, the texts of
+`formats.shared.text` and the interactive map's data of `map_data`; its layout is in `templates/`.
+Jinja2 escapes everything that comes from a scenario or a source. Without scripts, and on paper, the
+page shows static maps; on a screen the scripts replace them by the interactive one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from pipeline.formats.figures.palette import COLOURS, DARK
-from pipeline.formats.shared import text as phrases
+from pipeline.formats.shared import text
 from pipeline.formats.tables.manifest import versions
 
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from pipeline.formats.report.comparison import Comparison
     from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.model import Credit, RouteMetrics, SeasonPlan, Simplified
-    from pipeline.scenario.model import PlannerOptions, VesselSpec
+    from pipeline.scenario.model import PlannerOptions
+    from pipeline.scenario.vessel import VesselSpec
     from renew import Rejected
 
 _FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
@@ -35,8 +36,8 @@ _FILTERS = ("number", "distance", "hours", "days", "percent", "plain")
 class Row:
     """A route in a season's table.
 
-    `excess` is its fuel above the best's, as a share; `bar_percent` the same on the scale of the
-    season's dearest route.
+    `excess` is its fuel above the best route's, as a share; `bar_percent` is the length of its bar,
+    100 for the season's greatest excess.
     """
 
     metrics: RouteMetrics
@@ -46,7 +47,7 @@ class Row:
 
 @dataclass(frozen=True)
 class RejectedGroup:
-    """Classes that fell away for one reason, and the least fuel that one needs with no padding."""
+    """Classes rejected for the same reason, and the least fuel of any of them without padding."""
 
     reason: str
     homotopies: tuple[str, ...]
@@ -55,17 +56,17 @@ class RejectedGroup:
 
 @dataclass(frozen=True)
 class StandIn:
-    """A season that was planned on another current than the preferred one."""
+    """A season that was planned with another current than the requested one."""
 
     season: str
-    asked: str
+    requested: str
     current: str
     valid: str
 
 
 @dataclass(frozen=True)
 class Source:
-    """A source that was used, and what for: land, or the currents of some seasons."""
+    """A source and its use: land, or the currents of some seasons."""
 
     purpose: str
     credit: Credit
@@ -73,10 +74,10 @@ class Source:
 
 @dataclass(frozen=True)
 class SeasonPart:
-    """What the page says of a season; `best` is None where `failure` says why.
+    """A season's part of the page; `best` is None if `failure` gives a reason.
 
-    `saving` is what the best route takes less than one on another side, in words; `profile` and
-    `padding` are plots of the best route, empty where there is nothing to plot.
+    `saving` says how much less fuel the best route needs than its rival; `picture` is the static
+    map; `profile` and `padding` are plots of the best route, empty if there is nothing to plot.
     """
 
     title: str
@@ -97,7 +98,7 @@ class SeasonPart:
 
 @dataclass(frozen=True)
 class Report:
-    """All that the template shows, in words and numbers."""
+    """Everything that the template shows."""
 
     title: str
     name: str
@@ -132,7 +133,7 @@ def write_report(result: RunResult, path: Path) -> None:
 
 
 def render(report: Report) -> str:
-    """Fill the template in; everything but the pictures is escaped."""
+    """Fill in the template; everything but our own figures, scripts and styles is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -145,13 +146,13 @@ def render(report: Report) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update({name: getattr(phrases, name) for name in _FILTERS})
+    environment.filters.update({name: getattr(text, name) for name in _FILTERS})
     template = environment.get_template("report.html.jinja")
     return template.render(
         report=report,
         light=COLOURS,
         dark=DARK,
-        # Files of this package, in which nobody else writes.
+        # Files of this package, without text from elsewhere.
         script=Markup(script()),  # noqa: S704 - our own
         script_hash=content_hash(script()),
         leaflet_style=Markup(leaflet_style()),  # noqa: S704 - our own
@@ -159,7 +160,7 @@ def render(report: Report) -> str:
 
 
 def gather(result: RunResult) -> Report:
-    """Gather all that the page shows."""
+    """Gather the page's content."""
     from markupsafe import Markup
 
     from pipeline.formats.figures.arrows import speed_scale
@@ -181,7 +182,7 @@ def gather(result: RunResult) -> Report:
         notes=_other_notes(result),
         seasons=tuple(_season(result, entry, i) for i, entry in enumerate(result.plans, start=1)),
         speed_labels=speeds.labels,
-        # JSON in which no character can end the element that it stands in.
+        # JSON without characters that could end its element.
         map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
         map_ratio=_ratio(result.scene.chart.bounds),
         comparison=comparison(result),
@@ -190,7 +191,7 @@ def gather(result: RunResult) -> Report:
         has_shoals=bool(result.shoals),
         accuracy_m=result.fetched.land.accuracy_m,
         simplified=result.simplified,
-        zones=tuple(dict.fromkeys(phrases.zone_words(zone) for zone, _ in result.open_zones)),
+        zones=tuple(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
         zone_kinds=frozenset(zone.kind for zone, _ in result.open_zones),
         sources=_sources(result),
         versions=tuple(versions().items()),
@@ -199,19 +200,19 @@ def gather(result: RunResult) -> Report:
 
 
 def _ratio(bounds: tuple[float, float, float, float]) -> float:
-    """Width of the interactive map to its height, so that the chart fills it."""
+    """Ratio of the interactive map's width to its height, so that the chart fills it."""
     xmin, ymin, xmax, ymax = bounds
     return min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin)))
 
 
 def _valid(result: RunResult, season: str) -> str:
-    """Say which time the season's current stands for; empty where the source doesn't."""
+    """Period that a season's current represents; empty if the source does not state it."""
     valid = next((grid.valid for grid in result.fetched.currents if grid.season == season), "")
     return f"valid {valid.replace('/', ' to ')}" if valid else ""
 
 
 def _sources(result: RunResult) -> tuple[Source, ...]:
-    """Every source with what it was used for: land first."""
+    """Every source with its use, land first."""
     seasons: dict[Credit, list[str]] = {}
     for grid in result.fetched.currents:
         seasons.setdefault(grid.credit, []).append(result.season_title(grid.season))
@@ -222,12 +223,12 @@ def _sources(result: RunResult) -> tuple[Source, ...]:
 
 
 def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
-    """Seasons whose current is not the preferred one."""
-    asked = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
+    """Seasons whose current is not the requested one."""
+    requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
     return tuple(
         StandIn(
             season=result.season_title(grid.season),
-            asked=asked.get(grid.season, ""),
+            requested=requested.get(grid.season, ""),
             current=grid.credit.name,
             valid=_valid(result, grid.season),
         )
@@ -237,23 +238,23 @@ def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
 
 
 def _other_notes(result: RunResult) -> tuple[str, ...]:
-    """What came up on the way, but for the names of the stand-ins, which are told already."""
-    names = [credit.name for credit in result.current_credits]
-    return tuple(note for note in result.fetched.notes if not any(name in note for name in names))
+    """Notes of the run, without those that `_stand_ins` shows already."""
+    shown = set(result.fetched.stand_in_notes)
+    return tuple(note for note in result.fetched.notes if note not in shown)
 
 
 def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
     """Gather a season's part."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures.figures import season_svg
+    from pipeline.formats.figures.season_map import season_svg
 
     ranked = result.season_routes(entry.season)
     metrics = [r.metrics for r in ranked]
     anchor = f"season-{number}"
     title = result.season_title(entry.season)
     picture = season_svg(
-        result, entry.season, identity=anchor, label=f"Map of {title}: {_spoken(metrics)}"
+        result, entry.season, identity=anchor, label=f"Map of {title}: {_map_label(metrics)}"
     )
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
     return SeasonPart(
@@ -264,11 +265,11 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         valid=_valid(result, entry.season),
         best=metrics[0] if metrics else None,
         saving=_saving(metrics),
-        verdict=phrases.verdict(metrics, result.scene.vessel.speed) if metrics else (),
+        verdict=text.verdict(metrics, result.scene.vessel.speed) if metrics else (),
         remarks=_remarks(result, ranked[0]) if ranked else (),
         rows=_rows(metrics),
-        rejected=_rejected(entry),
-        # What pictures return holds no text of anybody's but its label, which they escape.
+        rejected=_rejected(result, entry),
+        # The only text from elsewhere in figures is their label, which they escape.
         picture=Markup(picture),  # noqa: S704 - our own SVG
         profile=Markup(profile),  # noqa: S704 - our own
         padding=Markup(padding),  # noqa: S704 - our own
@@ -276,7 +277,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
 
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
-    """Draw what the best route meets on its way, and the padding at its tightest place."""
+    """Plot the best route's profile, and the reach of turns at its tightest place."""
     from pipeline.formats.figures.plots import padding_svg, profile_svg
 
     m = best.metrics
@@ -284,9 +285,9 @@ def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tup
         result,
         best,
         identity=f"{anchor}-profile",
-        label=f"Along the best route of {title}: fuel up to {phrases.number(m.fuel)}, speed over "
-        f"ground, current along the track, and distance to land, at least "
-        f"{phrases.distance(m.clearance_m)}",
+        label=f"Along the best route of {title}: fuel up to {text.number(m.fuel)}, speed over "
+        f"ground, current along the course, and distance to land, at least "
+        f"{text.distance(m.clearance_m)}",
     )
     padding = padding_svg(
         result,
@@ -298,39 +299,39 @@ def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tup
 
 
 def _saving(metrics: list[RouteMetrics]) -> str:
-    """Say how much less fuel the best takes than the best on another side, or the next best."""
-    if len(metrics) < 2:
+    """Say how much less fuel the best route needs than its closest rival; empty if it does not."""
+    rival = text.closest_rival(metrics) if metrics else None
+    if rival is None:
         return ""
-    best, others = metrics[0], metrics[1:]
-    rival = next((m for m in others if m.side != best.side), others[0])
+    best = metrics[0]
     share = 1 - best.fuel / rival.fuel
     if share <= 0:
         return ""
-    way = f"{rival.side} about" if rival.side != best.side else "the next best way"
-    return f"{phrases.percent(share)} less fuel than {way}"
+    name = f"{rival.side} about" if rival.side != best.side else "the next best route"
+    return f"{text.percent(share)} less fuel than {name}"
 
 
-def _spoken(metrics: list[RouteMetrics]) -> str:
-    """Describe a map for who can't see it."""
+def _map_label(metrics: list[RouteMetrics]) -> str:
+    """Describe a map for a screen reader."""
     if not metrics:
         return "land and currents; no route was found"
     side = f", {metrics[0].side} about," if metrics[0].side else ""
     return (
-        f"the best route{side} of {phrases.distance(metrics[0].length_m)} and "
-        f"{len(metrics) - 1} other candidates among land and currents"
+        f"the best route{side} of {text.distance(metrics[0].length_m)} and "
+        f"{len(metrics) - 1} other routes among land and currents"
     )
 
 
 def _current(result: RunResult, season: str) -> str:
-    """Name the season's current."""
+    """Name of the source of a season's current."""
     for grid in result.fetched.currents:
         if grid.season == season:
             return grid.credit.name
-    return "given as figures in the scenario" if season in result.scene.currents else "none found"
+    return "given in the scenario" if season in result.scene.currents else "none found"
 
 
 def _rows(metrics: list[RouteMetrics]) -> tuple[Row, ...]:
-    """Set each route's fuel beside the best's."""
+    """Compare each route's fuel with the best route's."""
     excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
     largest = max([abs(e) for e in excesses], default=0.0)
     return tuple(
@@ -339,11 +340,11 @@ def _rows(metrics: list[RouteMetrics]) -> tuple[Row, ...]:
     )
 
 
-def _rejected(entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
-    """Group the classes that fell away by reason, in the order of first appearance."""
+def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
+    """Group the rejected classes by reason, in order of first appearance."""
     groups: dict[str, list[Rejected]] = {}
     for rejected in entry.plan.rejected if entry.plan else ():
-        groups.setdefault(rejected.reason, []).append(rejected)
+        groups.setdefault(result.rejection_reason(rejected), []).append(rejected)
     return tuple(
         RejectedGroup(reason, tuple(r.homotopy for r in group), min(r.unpadded_fuel for r in group))
         for reason, group in groups.items()
@@ -351,7 +352,7 @@ def _rejected(entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
 
 
 def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
-    """Say what the reader must know of the best route's ends, and of what it runs over."""
+    """Warnings about the best route: its start and goal, and areas that it passes through."""
     remarks = []
     ends = [
         name
@@ -364,14 +365,16 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
     if ends:
         remarks.append(
             f"The {' and the '.join(ends)} lie{'s' if len(ends) == 1 else ''} in the soft no-go "
-            "zone, as harbours do: within it a hard-over turn is not proven safe."
+            "zone, as harbours do; inside it, a hard-over turn is not guaranteed to be safe."
         )
     if best.metrics.land_m > 0:
-        remarks.append(f"{phrases.distance(best.metrics.land_m)} of the route lies over land.")
+        remarks.append(f"{text.distance(best.metrics.land_m)} of the route lies over land.")
     path = shapely.LineString(best.route.path)
-    met = dict.fromkeys(
-        phrases.zone_words(zone) for zone, area in result.open_zones if area.intersects(path)
+    crossed = dict.fromkeys(
+        text.zone_text(zone) for zone, area in result.open_zones if area.intersects(path)
     )
-    if met:
-        remarks.append(f"It runs through areas that the chart puts under a rule: {'; '.join(met)}.")
+    if crossed:
+        remarks.append(
+            f"The route runs through restricted areas or traffic schemes: {'; '.join(crossed)}."
+        )
     return tuple(remarks)

@@ -1,1 +1,1 @@
-"""What several formats share: the run's result, legs, figures along a route, text."""
+"""Shared by several formats: the run's result, legs, figures along a route, text."""

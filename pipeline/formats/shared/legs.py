@@ -1,4 +1,4 @@
-"""The legs of a route as a navigator counts them: course, distance, time, speed over ground."""
+"""The legs of a route as a navigator needs them: course, distance, time, speed over ground."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.geo.projection import in_pieces
+from pipeline.geo.projection import densified
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# Pieces of this length (true metres) have one scale of the plane and one course: the planner's
-# straight line is then as long as the geodesic, to a millionth or better.
+# Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
+# one course: the planner's straight line is then as long as the geodesic, to a millionth.
 _PIECE_M = 10_000.0
 
 
@@ -26,7 +26,8 @@ class Legs:
     """A route's n vertices, each with the leg that leaves it; NaN for the goal's, which has none.
 
     `lonlat` (n, 2) degrees; `course_deg` (n,) true, at the leg's start; `length_m` (n,) true metres
-    along the planned line; `time_s` (n,) since departure; `speed_m_s` (n,) mean speed over ground.
+    along the planned line; `time_s` (n,) seconds since departure; `speed_m_s` (n,) mean speed over
+    ground.
     """
 
     lonlat: FloatArray
@@ -37,13 +38,13 @@ class Legs:
 
 
 def legs(ranked: RankedRoute, result: RunResult) -> Legs:
-    """Legs of a route as planned; they add up to the route's length and its duration."""
+    """Legs of a route as planned; they add up to the route's length and duration."""
     import pyproj
 
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     longest = _PIECE_M / projection.scale
-    pieces = [in_pieces(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
+    pieces = [densified(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
     first = np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
     lonlat = projection.to_lonlat(np.concatenate([*pieces, path[-1:]]))
     azimuth, _, step = pyproj.Geod(ellps="WGS84").inv(
@@ -67,39 +68,51 @@ def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
 
 
 def times_at(
-    done: FloatArray, path: FloatArray, ranked: RankedRoute, result: RunResult
+    along: FloatArray, path: FloatArray, ranked: RankedRoute, result: RunResult
 ) -> FloatArray:
-    """Seconds since departure (n,) at which so many metres of a path (m, 2) are done, in the plane.
+    """Seconds since departure (n,) at distances `along` (n,) a path (m, 2), in planar metres.
 
-    The path is the route's own or as good. The route's duration is shared out by the time that the
-    drift model gives each piece, at true scale: a metre of the plane is more or less than one on
-    earth, and takes as much more or less time.
+    The path is the route's own or close to it; the goal is reached at the route's duration.
+    """
+    points = densified(path, _PIECE_M / result.scene.projection.scale)
+    _, step_s = step_times(points, ranked, result)
+    return np.asarray(np.interp(along, metres_along(points), cumulative(step_s)))
+
+
+def step_times(
+    points: FloatArray, ranked: RankedRoute, result: RunResult
+) -> tuple[FloatArray, FloatArray]:
+    """Seconds (n - 1,) between points (n, 2) of the plane along a route, as two arrays.
+
+    First by the drift model in planar metres; then at true scale, and in proportion so that they
+    add up to the route's duration: where the plane is stretched, a planar metre takes less time.
     """
     from renew.inputs.fuel import passage_times
 
     scene = result.scene
-    places = in_pieces(path, _PIECE_M / scene.projection.scale)
-    passage = passage_times(
-        places,
+    planar = passage_times(
+        points,
         scene.currents[ranked.season],
         scene.vessel,
         drift=result.scenario.planner.drift,
     )
-    passage = passage / scene.projection.point_scale(
-        scene.projection.to_lonlat((places[:-1] + places[1:]) / 2)
-    )
-    passage *= ranked.metrics.duration_s / passage.sum()
-    reached: FloatArray = np.append(0.0, np.cumsum(passage))
-    return np.asarray(np.interp(done, metres_along(places), reached))
+    middles = scene.projection.to_lonlat((points[:-1] + points[1:]) / 2)
+    true = planar / scene.projection.point_scale(middles)
+    return planar, true * (ranked.metrics.duration_s / true.sum())
 
 
 def metres_along(path: FloatArray) -> FloatArray:
     """Metres (n,) from the start of a path (n, 2) to each of its vertices."""
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    return cumulative(np.linalg.norm(np.diff(path, axis=0), axis=1))
+
+
+def cumulative(steps: FloatArray) -> FloatArray:
+    """Sums (n + 1,) of steps (n,), from 0."""
+    return np.append(0.0, np.cumsum(steps))
 
 
 def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Mean speed over ground (n - 1,) in m/s on legs between times (n,); NaN where none passes."""
+    """Mean speed over ground (n - 1,), m/s, of legs between times (n,); NaN if no time passes."""
     passage = np.diff(time_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed: FloatArray = np.where(passage > 0, length_m / passage, np.nan)

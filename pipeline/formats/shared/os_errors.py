@@ -1,4 +1,4 @@
-"""What a library's error on writing is to the operating system."""
+"""Errors of libraries that write files, as the operating system's errors."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-# A disk with less left is taken for full when a write fails; this is more than SQLite's journal.
-_LITTLE_SPACE = 16 * 2**20
+# Free space, bytes, below which a failed write means a full disk; more than SQLite's journal.
+_FULL_BELOW_BYTES = 16 * 2**20
 
 
 def os_error(path: Path, error: Exception) -> OSError:
-    """Turn an error of GDAL, SQLite or HDF5, which keep the system's own to themselves, into one.
+    """Turn an error of GDAL, SQLite or HDF5, which hide the system's own, into an OSError.
 
-    The disk is asked whether it is full.
+    ENOSPC if the disk is full, else EIO.
     """
-    full = shutil.disk_usage(path.parent).free < _LITTLE_SPACE
+    full = shutil.disk_usage(path.parent).free < _FULL_BELOW_BYTES
     return OSError(errno.ENOSPC if full else errno.EIO, f"{path.name}: {error}")

@@ -1,4 +1,4 @@
-"""The finished run as every format sees it."""
+"""The finished run, as all formats read it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RankedRoute:
-    """A route with its figures: `rank` 1 is the season's best."""
+    """A route with its metrics; `rank` 1 is the season's best."""
 
     season: str
     rank: int
@@ -44,7 +44,7 @@ class RankedRoute:
 
 @dataclass(frozen=True)
 class RunResult:
-    """All artefacts of one run; `created` is the time of writing (UTC), `timings` in seconds."""
+    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds."""
 
     scenario: Scenario
     fetched: Fetched
@@ -57,10 +57,10 @@ class RunResult:
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
-        """Every planned route with its figures, by season in the plans' order, then by rank.
+        """Every planned route with its metrics, by season in the plans' order, then by rank.
 
-        The evaluation decides the ranks; a plan's own order is by fuel, and the sampled method
-        may choose another route than its first.
+        Ranks are the evaluation's. A plan's own order is by fuel, and the sampled method may choose
+        another route than the first.
         """
         ranked = []
         for entry in self.plans:
@@ -80,24 +80,24 @@ class RunResult:
 
     @cached_property
     def current_credits(self) -> tuple[Credit, ...]:
-        """The current sources that were used, each once."""
+        """Sources of currents that were used, each once."""
         return tuple(dict.fromkeys(grid.credit for grid in self.fetched.currents))
 
     @property
     def credits(self) -> tuple[Credit, ...]:
-        """Every source that was used: land first."""
+        """All sources that were used, land first."""
         return (*self.fetched.land.credits, *self.current_credits)
 
     @property
     def shoals(self) -> tuple[BaseGeometry, ...]:
-        """Water that the chart says is too shallow, lon/lat degrees: no-go like land."""
+        """Water too shallow for the vessel, lon/lat degrees: no-go like land."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
     @cached_property
     def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
-        """Restricted areas and traffic schemes that meet the chart, each with its planar area.
+        """Restricted areas and traffic schemes that overlap the chart, each with its planar area.
 
-        They may be entered, and routes are not kept clear of them.
+        They may be entered, and routes may pass through them.
         """
         zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic"}]
         areas = self.scene.projection.geometry_to_plane(
@@ -111,21 +111,13 @@ class RunResult:
         )
 
     def is_stand_in(self, season: str) -> bool:
-        """Whether another source was preferred for the season's current.
-
-        A source is named in the notes only where others were passed over for it.
-        """
-        return any(
-            grid.credit.name in note
-            for grid in self.fetched.currents
-            for note in self.fetched.notes
-            if grid.season == season
-        )
+        """Whether the season's current is not the one that the scenario asks for first."""
+        return any(grid.is_stand_in for grid in self.fetched.currents if grid.season == season)
 
     def season_title(self, season: str) -> str:
-        """What a reader calls the season: its name, and its title where that says more.
+        """The season's name for readers, with its title if that adds anything.
 
-        A title such as "July 2024" would not be true of a stand-in.
+        A stand-in goes without the title: "July 2024" would be wrong for it.
         """
         name = season.capitalize()
         title = next((spec.title for spec in self.scenario.seasons if spec.name == season), "")
@@ -133,11 +125,15 @@ class RunResult:
             return name
         return title if season.lower() in title.lower() else f"{name} ({title})"
 
-    def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
-        """Where a season's current is known and what it is there, to east and north.
+    def rejection_reason(self, rejected: renew.Rejected) -> str:
+        """Why a class has no route, as text for readers."""
+        return rejected.reason
 
-        Two arrays (n, 2): lon/lat degrees and m/s. The source's own grid where
-        there is one; else the field over the chart, 25 points a side. Empty where there is none.
+    def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
+        """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).
+
+        Velocity is in m/s towards east and north. The points are those of the source's grid that
+        have figures; without a grid, 25 by 25 over the chart; none if the season has no current.
         """
         for grid in self.fetched.currents:
             if grid.season == season:

@@ -1,4 +1,4 @@
-"""Figures in words: how the report spells quantities, and the sentences made from them."""
+"""Quantities as text, and the report's sentences made from them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ if TYPE_CHECKING:
     from pipeline.model import RouteMetrics, Zone
 
 ABSENT = "–"
-_LONG_M, _SHORT_M = 100_000.0, 1_000.0
+# Distances, metres, from which kilometres are given with one decimal, and with two.
+_ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
-# Differences below this can't be seen in the figures as printed.
-_SAME = 5e-4
+# Difference, as a share, below which two lengths are printed alike.
+_SAME_LENGTH = 5e-4
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Spell a number to significant digits without exponents, thousands parted: 1,235."""
+    """Format a number to significant digits without exponent, with thousands separators: 1,235."""
     if value is None or not math.isfinite(value):
         return ABSENT
     magnitude = math.floor(math.log10(abs(value))) if value else 0
@@ -26,23 +27,23 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def plain(value: float) -> str:
-    """Spell a number that somebody chose, as they did: 2, 0.5, 1,000."""
+    """Format a number from a configuration without trailing zeros: 2, 0.5, 1,000."""
     return f"{value:,.6g}"
 
 
 def distance(metres: float | None) -> str:
-    """Spell true metres: 712.1 km, 3.46 km, 820.4 m, 12.6 m."""
+    """Format true metres: 712.1 km, 3.46 km, 820.4 m, 12.6 m."""
     if metres is None or not math.isfinite(metres):
         return ABSENT
-    if metres >= _LONG_M:
+    if metres >= _ONE_DECIMAL_FROM_M:
         return f"{metres / 1000:,.1f} km"
-    if metres >= _SHORT_M:
+    if metres >= _KILOMETRES_FROM_M:
         return f"{metres / 1000:.2f} km"
     return f"{number(metres, 4 if metres >= 100 else 3)} m"
 
 
 def hours(seconds: float) -> str:
-    """Spell a duration in hours; what takes under one, in minutes or seconds."""
+    """Format a duration in hours; less than one, in minutes or seconds."""
     if not math.isfinite(seconds):
         return ABSENT
     if seconds >= _HOUR_S:
@@ -53,7 +54,7 @@ def hours(seconds: float) -> str:
 
 
 def days(seconds: float) -> str:
-    """Spell a duration of days beside its hours: 8 d 6 h; empty under two days."""
+    """Format a duration in days and hours: 8 d 6 h; empty below two days."""
     if not math.isfinite(seconds) or seconds < 2 * _DAY_S:
         return ""
     whole, rest = divmod(round(seconds / _HOUR_S), 24)
@@ -61,91 +62,101 @@ def days(seconds: float) -> str:
 
 
 def percent(share: float, digits: int = 1) -> str:
-    """Spell a share as a percentage: 2.3 %."""
+    """Format a share as a percentage: 2.3 %."""
     return f"{100 * share:.{digits}f} %" if math.isfinite(share) else ABSENT
 
 
+def shortened(text: str, limit: int) -> str:
+    """Cut a text to at most `limit` characters, the last of which is then "…"."""
+    return text if len(text) <= limit else f"{text[: limit - 1]}…"
+
+
 def speed_over_ground(metrics: RouteMetrics) -> float:
-    """Mean speed over ground (m/s), NaN where there is no duration."""
+    """Mean speed over ground, m/s; NaN without a duration."""
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan
 
 
-def zone_words(zone: Zone) -> str:
-    """Name a restricted area or a traffic scheme, and say what holds there if the chart does."""
+def zone_text(zone: Zone) -> str:
+    """Name of a restricted area or traffic scheme, with its rule if the chart states one."""
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
 def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, ...]:
-    """Say why the first of a season's routes won and how safe it is, a sentence each.
+    """Explain in sentences why a season's best route was chosen, and how safe it is.
 
     `routes` are best first, at least one; `vessel_speed` is through water, m/s.
     """
     best, others = routes[0], routes[1:]
-    sentences = [_against(best, rival, vessel_speed)] if (rival := _rival(best, others)) else []
+    rival = closest_rival(routes)
+    sentences = [_comparison(best, rival, vessel_speed)] if rival else []
     if not others:
-        sentences.append("It is the only class of routes that could be sailed.")
-    shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME)]
+        sentences.append("It is the only class that has a route.")
+    shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
     if shorter:
         shortest = min(shorter, key=lambda r: r.length_m)
         sentences.append(
-            f"{_count(len(shorter), 'class is', 'classes are')} shorter; the shortest of all (rank "
-            f"{shortest.rank}) saves {distance(best.length_m - shortest.length_m)} and costs "
+            f"{_count(len(shorter), 'class is', 'classes are')} shorter; the shortest (rank "
+            f"{shortest.rank}) saves {distance(best.length_m - shortest.length_m)} and needs "
             f"{_difference(shortest.fuel, best.fuel)} fuel."
         )
     elif others:
-        sentences.append("It is also the shortest of all found.")
+        sentences.append("It is also the shortest route found.")
     sentences.append(_safety(best))
     return tuple(sentences)
 
 
-def _rival(best: RouteMetrics, others: Sequence[RouteMetrics]) -> RouteMetrics | None:
-    """Pick what the best is held against: the best of another side, else the next best."""
-    elsewhere = (r for r in others if r.side != best.side)
-    return next(elsewhere, others[0] if others else None)
+def closest_rival(routes: Sequence[RouteMetrics]) -> RouteMetrics | None:
+    """Route to compare a season's best with: the best on another side, else the next best.
+
+    `routes` are best first; None if there is only one.
+    """
+    best, others = routes[0], routes[1:]
+    on_another_side = (r for r in others if r.side != best.side)
+    return next(on_another_side, others[0] if others else None)
 
 
-def _against(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) -> str:
-    """Compare two routes: fuel, length, and what the current does to each."""
+def _comparison(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) -> str:
+    """Compare two routes: fuel, length, and the current's effect on each."""
     if rival.side and rival.side != best.side:
-        names = f"{best.side.capitalize()} about", f"the best way {rival.side} about"
+        names = f"{best.side.capitalize()} about", f"the best route {rival.side} about"
     else:
         names = "The best route", "the next best"
     saved = (rival.fuel - best.fuel) / rival.fuel
     if saved >= 0:
-        fuel = f"takes {percent(saved)} less fuel than {names[1]} (rank {rival.rank})"
-    else:  # the sampled method chooses by its classes' means
+        fuel = f"needs {percent(saved)} less fuel than {names[1]} (rank {rival.rank})"
+    else:  # the sampled method chooses by the mean of each class
         fuel = (
-            f"was chosen by the mean of its class over {names[1]} (rank {rival.rank}), though "
-            f"it takes {percent(-saved)} more fuel"
+            f"was chosen over {names[1]} (rank {rival.rank}) by the mean fuel of its class, "
+            f"although it needs {percent(-saved)} more fuel"
         )
     longer = best.length_m - rival.length_m
-    if abs(longer) < _SAME * best.length_m:
-        length = "on the same distance"
+    if abs(longer) < _SAME_LENGTH * best.length_m:
+        length = "over the same distance"
+    elif longer > 0:
+        length = f"although it is {distance(longer)} longer"
     else:
-        length = f"though it is {distance(longer)} longer"
-        if longer < 0:
-            length = f"and is {distance(-longer)} shorter"
+        length = f"and is {distance(-longer)} shorter"
     ours, theirs = speed_over_ground(best), speed_over_ground(rival)
     if not (math.isfinite(ours) and math.isfinite(theirs)):
         return f"{names[0]} {fuel}, {length}."
-    drifts = _signed(ours - vessel_speed), _signed(theirs - vessel_speed)
+    gains = _signed(ours - vessel_speed), _signed(theirs - vessel_speed)
     if f"{ours:.2f}" == f"{theirs:.2f}":
-        speeds = f"over the ground both make {ours:.2f} m/s on average ({drifts[0]} by the current)"
+        speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} from the current)"
     else:
         speeds = (
-            f"over the ground it makes {ours:.2f} m/s on average ({drifts[0]} by the current) "
-            f"against {theirs:.2f} m/s ({drifts[1]})"
+            f"it averages {ours:.2f} m/s over ground ({gains[0]} from the current), "
+            f"the other {theirs:.2f} m/s ({gains[1]})"
         )
     return f"{names[0]} {fuel}, {length}: {speeds}."
 
 
 def _safety(best: RouteMetrics) -> str:
-    """Say how far from land the best route stays and what its hard-over turns met."""
+    """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
     clear = (
-        f"It stays {distance(best.clearance_m)} or more from land"
+        f"It keeps at least {distance(best.clearance_m)} from land"
         if math.isfinite(best.clearance_m)
-        else "There is no land to stay clear of"
+        else "There is no land to keep clear of"
     )
     if best.collisions:
         turns = f"{best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
@@ -155,23 +166,23 @@ def _safety(best: RouteMetrics) -> str:
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
         gap = (
-            f". No route of any class, however close to land, can need less than {number(bound)} "
-            f"fuel: this one is within {percent(best.optimality_gap)} of that"
+            f". No route of any class, however close to land, can need less fuel than "
+            f"{number(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
         )
     return f"{clear}; {turns}{gap}."
 
 
 def _difference(value: float, than: float) -> str:
-    """Spell how much more or less a value is, as a share: 3.1 % more."""
+    """Format a value's difference as a share: 3.1 % more."""
     share = value / than - 1
     return f"{percent(abs(share))} {'more' if share >= 0 else 'less'}"
 
 
 def _signed(value: float) -> str:
-    """Spell a difference with its sign, to two places."""
+    """Format a number with its sign, to two decimals."""
     return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _count(count: int, one: str, many: str) -> str:
-    """Spell a count with its noun."""
+    """Format a count with its noun."""
     return f"{count} {one if count == 1 else many}"

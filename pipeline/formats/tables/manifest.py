@@ -1,11 +1,10 @@
-"""`manifest.json`: what went in, what came out, with which software and when."""
+"""`manifest.json`: inputs, outputs, versions and hashes, so that a result can be reproduced."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib.metadata
 import json
-import math
 import platform
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from pipeline import store as artefact
+from pipeline.formats.shared.json_values import json_value
+from pipeline.store import file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 SCHEMA_VERSION = 1
-# The packages whose version can change a figure or a file.
+# Packages whose version can change a figure or a file.
 _PACKAGES = (
     "renew-planner",
     "copernicusmarine",
@@ -47,18 +47,18 @@ _PACKAGES = (
 
 
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
-    """Write the manifest of a run whose other files are `outputs`, complete and closed."""
+    """Write the manifest of a run whose other files, already complete, are `outputs`."""
     content = manifest(result, outputs)
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, indent=2)
     path.write_text(text + "\n", encoding="utf-8")
 
 
 def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
-    """Say all that is needed to know, and to check, where a run's figures came from."""
+    """Everything that is needed to know, and to check, how a run's figures were made."""
     return {
         "schema_version": SCHEMA_VERSION,
         **provenance(result),
-        "scenario_as_run": _plain(result.scenario.model_dump(mode="json")),
+        "scenario_as_run": json_value(result.scenario.model_dump(mode="json")),
         "inputs": _inputs(result),
         "seasons": [
             {
@@ -73,14 +73,13 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         ],
         "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
         "outputs": {
-            path.name: {"bytes": path.stat().st_size, "sha256": artefact.file_hash(path)}
-            for path in outputs
+            path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in outputs
         },
     }
 
 
 def provenance(result: RunResult) -> dict[str, object]:
-    """Sources, credits and versions: what travels inside every file that can hold it."""
+    """Sources, credits and versions, for every file that has a place for them."""
     return {
         "scenario": result.scenario.name,
         "created_utc": result.created.isoformat(timespec="seconds"),
@@ -95,7 +94,7 @@ def provenance(result: RunResult) -> dict[str, object]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, of the packages that are installed, and of the libraries below them."""
+    """Versions of Python, of the installed packages, and of the C libraries they use."""
     import pyproj
 
     found = {"python": platform.python_version()}
@@ -110,9 +109,9 @@ def versions() -> dict[str, str]:
 
 
 def _inputs(result: RunResult) -> dict[str, object]:
-    """Fingerprints of what the run was planned on, so that two runs can be told apart."""
+    """Hashes of the inputs, equal only for runs with the same inputs."""
     scenario = json.dumps(
-        _plain(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
+        json_value(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
     )
     land = hashlib.sha256()
     for polygon in result.fetched.land.polygons:
@@ -128,7 +127,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
             "original_vertices": result.simplified.original_vertices,
             "vertices": result.simplified.vertices,
             "tolerance_m": result.simplified.tolerance_m,
-            "joined_gap_m": result.simplified.joined_gap_m,
+            "joined_gap_m": result.simplified.closed_gap_m,
             "margin_m": result.simplified.margin_m,
         },
         "currents": {
@@ -149,14 +148,3 @@ def _arrays_hash(*arrays: np.ndarray[Any, np.dtype[np.float64]]) -> str:
     for array in arrays:
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return digest.hexdigest()
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - any JSON value in, the same out
-    """Replace numbers that JSON has no word for by null."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return value

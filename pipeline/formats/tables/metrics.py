@@ -1,4 +1,4 @@
-"""`metrics.csv`: one row a season and class, units in the columns' names."""
+"""`metrics.csv`: one row per season and class, with units in the column names."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
     from pipeline.model import RouteMetrics
 
-# Column in the file -> field of RouteMetrics. Fuel is in the planner's own, scaled units, as is
-# length_planner_m; every other `_m` is true metres.
+# Column in the file -> field of RouteMetrics. Fuel and length_planner_m are in the planner's scaled
+# units, every other `_m` in true metres.
 COLUMNS = {
     "season": "season",
     "rank": "rank",
@@ -42,7 +42,7 @@ def write_metrics(result: RunResult, path: Path) -> None:
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:
-    """Spell a figure so that it reads back the same; empty where there is none."""
+    """Format a figure so that it reads back exactly; empty if it is not finite."""
     value = getattr(metrics, field)
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""

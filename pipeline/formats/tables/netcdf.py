@@ -1,15 +1,14 @@
-"""`currents.nc`: the seasons' currents as they were planned on, after the CF conventions 1.11.
+"""`currents.nc`: the seasons' currents that were planned with, by the CF conventions 1.11.
 
 One dataset for all seasons, `uo` and `vo` (season, lat, lon): `xarray.open_dataset("currents.nc")`,
-then `uo.sel(season="summer")`. What is told of each season, such as its source and time, goes along
-as coordinates.
+then `uo.sel(season="summer")`. Facts about each season, such as its source and time, are auxiliary
+coordinates.
 
-Seasons may come from different sources, on different grids, so the axes hold the lines of all their
-grids. The planner takes a current to be bilinear between the points of its grid, and a bilinear
-field that is written on more lines is still the same field: nothing is lost. Read bilinearly, the
-file gives what the season's own grid gives, and nothing where that gives nothing: outside it, or
-in a cell with a point without figure. At the points of its own grid stand the source's figures,
-bit for bit.
+Seasons may come from different sources on different grids, so the axes hold the grid lines of all
+of them. The planner takes a current to be bilinear between its grid points, and a bilinear field
+sampled on more lines is still the same field. Read bilinearly, the file gives the same values as
+the season's own grid, and NaN where that has none: outside the grid, or in a cell with a point
+without a value. At the points of its own grid a season has the source's values, bit for bit.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ if TYPE_CHECKING:
 _CONVENTIONS = "CF-1.11"
 _REFERENCES = "RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways, AAAI 2026"
 _COMMENT = (
-    "The axes hold the lines of all seasons' grids. At the points of its own grid a season has its "
-    "source's figures, between them bilinear ones; it has none outside its grid, and none in a "
-    "cell with a point that the source has no figure for. The planner takes the current to be "
-    "bilinear too, and fills points without a figure from those around them."
+    "The axes hold the grid lines of all seasons. At the points of its own grid a season has its "
+    "source's values, between them bilinearly interpolated ones; it has no value outside its grid, "
+    "nor in a cell with a point for which the source has none. The planner interpolates "
+    "bilinearly too, and fills points without a value from their neighbours."
 )
 _CRS = {
     "grid_mapping_name": "latitude_longitude",
@@ -50,23 +49,23 @@ _AXES = {
 }
 _TIME = {
     "standard_name": "time",
-    "long_name": "middle of the time that the figures stand for",
+    "long_name": "middle of the period that the values represent",
     "units": "seconds since 1970-01-01 00:00:00",
     "calendar": "standard",
-    # As Python's own timestamps count, and every library that reads them.
+    # Python's timestamps, and those of the libraries that read the file, ignore leap seconds.
     "units_metadata": "leap_seconds: none",
 }
-# Lines of two grids that are nearer are one: less than a tenth of a millimetre apart.
-_ONE_LINE_DEG = 1e-9
+# Distance, degrees, below which lines of two grids are one: a tenth of a millimetre.
+_SAME_LINE_DEG = 1e-9
 
 
 def has_currents(result: RunResult) -> bool:
-    """Whether there is a grid to write: a planar scenario gives its current as a formula."""
+    """Whether there is a grid to write: a planar scenario's current is a formula."""
     return bool(result.fetched.currents)
 
 
 def write_currents(result: RunResult, path: Path) -> None:
-    """Write the currents of all seasons to a new file at `path`; see `has_currents`.
+    """Write the currents of all seasons to a new file at `path`, if the run `has_currents`.
 
     Raises
     ------
@@ -81,21 +80,21 @@ def write_currents(result: RunResult, path: Path) -> None:
             dataset.setncatts(_about(result))
             _put_crs(dataset)
             _put_names(dataset, grids)
-            told = [*_put_texts(dataset, result), *_put_time(dataset, grids)]
+            coordinates = [*_put_texts(dataset, result), *_put_time(dataset, grids)]
             lat = _put_axis(dataset, "lat", [grid.lat for grid in grids])
             lon = _put_axis(dataset, "lon", [grid.lon for grid in grids])
-            uo = _put_component(dataset, "uo", "eastward", told)
-            vo = _put_component(dataset, "vo", "northward", told)
-            for place, grid in enumerate(grids):
-                for component, figures in ((uo, grid.u), (vo, grid.v)):
-                    along = _on_lines(lon, grid.lon, figures, axis=1)
-                    component[place] = np.ma.masked_invalid(_on_lines(lat, grid.lat, along, axis=0))
+            uo = _put_component(dataset, "uo", "eastward", coordinates)
+            vo = _put_component(dataset, "vo", "northward", coordinates)
+            for index, grid in enumerate(grids):
+                for component, values in ((uo, grid.u), (vo, grid.v)):
+                    rows = _on_lines(lon, grid.lon, values, axis=1)
+                    component[index] = np.ma.masked_invalid(_on_lines(lat, grid.lat, rows, axis=0))
     except RuntimeError as error:  # HDF5's
         raise os_error(path, error) from error
 
 
 def _about(result: RunResult) -> dict[str, str]:
-    """Attributes of the file, of those that say something."""
+    """Global attributes, without empty ones."""
     made = result.created.strftime("%Y-%m-%dT%H:%M:%SZ")
     software = f"renew-planner {versions().get('renew-planner', '')}".strip()
     used = result.current_credits
@@ -115,7 +114,7 @@ def _about(result: RunResult) -> dict[str, str]:
 
 
 def _put_crs(dataset: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
-    """Write which longitudes and latitudes are meant."""
+    """Write the coordinate reference system."""
     crs = dataset.createVariable("crs", "i4")
     crs.setncatts(_CRS)
     crs[...] = 0
@@ -124,8 +123,8 @@ def _put_crs(dataset: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
 def _put_names(dataset: Any, grids: Sequence[CurrentGrid]) -> None:  # noqa: ANN401 - as above
     """Write the seasons' names as an axis.
 
-    As characters: CF 1.12 forbids a string the name of its dimension, and readers that know of an
-    axis of names know it in this form.
+    As characters: CF 1.12 forbids a string variable with the name of its dimension, and readers
+    that support an axis of names support this form.
     """
     names = np.array([_storable(grid.season).encode() for grid in grids])
     dataset.createDimension("season", len(names))
@@ -136,31 +135,34 @@ def _put_names(dataset: Any, grids: Sequence[CurrentGrid]) -> None:  # noqa: ANN
 
 
 def _put_texts(dataset: Any, result: RunResult) -> list[str]:  # noqa: ANN401 - as above
-    """Write what is told of each season; what it is called."""
+    """Write facts about each season as texts; returns the names of their variables."""
     grids = result.fetched.currents
-    told = {
-        "season_title": ("season for readers", [result.season_title(g.season) for g in grids]),
-        "valid": ("time that the figures stand for", [g.valid for g in grids]),
-        "source": ("source of the figures", [g.credit.name for g in grids]),
-        "references": ("where the source is described", [g.credit.url for g in grids]),
+    facts = {
+        "season_title": ("title of the season", [result.season_title(g.season) for g in grids]),
+        "valid": ("period that the values represent", [g.valid for g in grids]),
+        "source": ("source of the values", [g.credit.name for g in grids]),
+        "references": ("description of the source", [g.credit.url for g in grids]),
         "license": ("licence of the source", [g.credit.licence for g in grids]),
         "acknowledgement": ("credit due to the source", [g.credit.text for g in grids]),
-        "notes": ("what there is to know of the figures", [_listed(g.notes) for g in grids]),
+        "notes": ("notes on the values", [_listed(g.notes) for g in grids]),
     }
-    for name, (meaning, texts) in told.items():
+    for name, (meaning, texts) in facts.items():
         variable = dataset.createVariable(name, str, ("season",))
         variable.long_name = meaning
         variable[:] = np.array([_storable(text) for text in texts], dtype=object)
-    return list(told)
+    return list(facts)
 
 
 def _put_time(dataset: Any, grids: Iterable[CurrentGrid]) -> list[str]:  # noqa: ANN401 - as above
-    """Write the seasons' times with their bounds, if each can be told: none may be missing."""
+    """Write the seasons' times with their bounds, if all are known: CF forbids a missing one.
+
+    Returns the names of the variables.
+    """
     periods = [_period(grid.valid) for grid in grids]
-    told = [valid for valid in periods if valid is not None]
-    if len(told) < len(periods):
+    known = [valid for valid in periods if valid is not None]
+    if len(known) < len(periods):
         return []
-    bounds = np.array([(valid.begin.timestamp(), valid.end.timestamp()) for valid in told])
+    bounds = np.array([(valid.begin.timestamp(), valid.end.timestamp()) for valid in known])
     time = dataset.createVariable("time", "f8", ("season",))
     time.setncatts({**_TIME, "bounds": "time_bounds"})
     time[:] = bounds.mean(axis=1)
@@ -170,9 +172,9 @@ def _put_time(dataset: Any, grids: Iterable[CurrentGrid]) -> list[str]:  # noqa:
 
 
 def _put_axis(dataset: Any, name: str, parts: Sequence[FloatArray]) -> FloatArray:  # noqa: ANN401 - as above
-    """Write all lines of the seasons' grids (degrees), each once; longitudes go on across 180."""
+    """Write the grid lines of all seasons (degrees), each once; continuous across 180 degrees."""
     lines = np.unique(np.concatenate(parts))
-    lines = lines[np.diff(lines, prepend=-np.inf) > _ONE_LINE_DEG]
+    lines = lines[np.diff(lines, prepend=-np.inf) > _SAME_LINE_DEG]
     dataset.createDimension(name, len(lines))
     axis = dataset.createVariable(name, "f8", (name,))
     axis.setncatts({**_AXES[name], "long_name": _AXES[name]["standard_name"]})
@@ -180,8 +182,8 @@ def _put_axis(dataset: Any, name: str, parts: Sequence[FloatArray]) -> FloatArra
     return lines
 
 
-def _put_component(dataset: Any, name: str, direction: str, told: Iterable[str]) -> Any:  # noqa: ANN401 - as above
-    """Write what a component of the current is, and which variables tell of its seasons."""
+def _put_component(dataset: Any, name: str, direction: str, coordinates: Iterable[str]) -> Any:  # noqa: ANN401 - as above
+    """Create the variable of a component of the current, with its auxiliary coordinates."""
     import netCDF4
 
     component = dataset.createVariable(
@@ -197,31 +199,30 @@ def _put_component(dataset: Any, name: str, direction: str, told: Iterable[str])
             "long_name": f"{direction} surface current",
             "units": "m s-1",
             "grid_mapping": "crs",
-            "coordinates": " ".join(told),
+            "coordinates": " ".join(coordinates),
         }
     )
     return component
 
 
-def _on_lines(lines: FloatArray, own: FloatArray, figures: FloatArray, axis: int) -> FloatArray:
-    """Interpolate figures linearly from a grid's own lines to those of the file, along an axis.
+def _on_lines(lines: FloatArray, own: FloatArray, values: FloatArray, axis: int) -> FloatArray:
+    """Interpolate values linearly from a grid's own lines to those of the file, along an axis.
 
-    Where a line is the grid's own its figures stay as they are; there are none beyond its ends,
-    nor beside one that is NaN.
+    Values at the grid's own lines stay exact; NaN beyond its ends and next to NaN.
     """
-    # The first of several that count as one is kept: each is the last that isn't beyond.
-    stands_at = lines[np.searchsorted(lines, own, side="right") - 1]
+    # Of lines that count as one the file has the first, which is at or below the grid's own.
+    on_file = lines[np.searchsorted(lines, own, side="right") - 1]
 
-    def row(values: FloatArray) -> FloatArray:
-        return np.interp(lines, stands_at, values, left=np.nan, right=np.nan)
+    def interpolated(row: FloatArray) -> FloatArray:
+        return np.interp(lines, on_file, row, left=np.nan, right=np.nan)
 
-    return np.apply_along_axis(row, axis, figures)
+    return np.apply_along_axis(interpolated, axis, values)
 
 
 def _period(valid: str) -> Period | None:
-    """Read one time, or the first and last of several ('2024-01-03/2024-01-28'); None for others.
+    """Read a period, or the first and last of several ('2024-01-03/2024-01-28').
 
-    A source may call its time what it likes.
+    None for any other text: sources name their periods freely.
     """
     first, _, last = valid.partition("/")
     try:
@@ -231,10 +232,10 @@ def _period(valid: str) -> Period | None:
 
 
 def _listed(texts: Iterable[str]) -> str:
-    """Texts that say something, each once."""
+    """Join texts that are not empty, each once."""
     return "; ".join(dict.fromkeys(text for text in texts if text))
 
 
 def _storable(text: str) -> str:
-    """Replace what no UTF-8 or no C string can hold."""
+    """Replace what UTF-8 or C strings can't hold."""
     return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")

@@ -1,14 +1,14 @@
-"""Join the land between which no route could pass, by a flood through a triangulation of the water.
+"""Close gaps that are too narrow for a route, by flooding a triangulation of the water.
 
-The water is triangulated with its corners on land and no others (constrained Delaunay). An edge
-from coast to coast that is shorter than the gap is a closed gate. The water that a flood from the
-points to be kept reaches through open gates stays; everything else, narrow straits, bays behind
-narrow mouths, lakes and pools, becomes land. Gates that are closed with water on both sides, as
-between two lone rocks, get a thin bar of land, so that no route can cross them either.
+The water is triangulated with vertices on the coast only (constrained Delaunay). An edge from coast
+to coast that is shorter than the gap is a closed gate. Water that a flood from the endpoints
+reaches through open gates stays; everything else becomes land: narrow straits, bays behind narrow
+mouths, lakes and pools. A closed gate with water on both sides, as between two lone rocks, is
+barred by a thin strip of land, so that no route can cross it either.
 
-Where the points to be kept are parted by closed gates, those on the widest way between them (the
-path in the maximum spanning tree of the dual graph; Hu, *The maximum capacity route problem*, 1961)
-are opened again.
+Where closed gates separate the endpoints, those on the widest way between them are opened again:
+the path in the maximum spanning tree of the dual graph (Hu, *The maximum capacity route problem*,
+1961).
 """
 
 from __future__ import annotations
@@ -35,30 +35,31 @@ if TYPE_CHECKING:
     BoolArray = npt.NDArray[np.bool_]
     Geometries = npt.NDArray[np.object_]
 
-# The coast is cut into pieces of this share of the gap, so that a strait beside a long straight
-# coast is crossed by an edge hardly longer than the strait is wide (by 3 % at most).
+# Length of the pieces into which the coast is divided, as a share of the gap: a strait along a
+# straight coast is then crossed by an edge at most 3 % longer than the strait is wide.
 _PIECE = 0.5
-# Width of the bar across a closed gate, as a share of the gap, and of the narrowest gate opened.
+# Width of the bar across a closed gate, as a share of the gap, and of the narrowest opened gate.
 _BAR = 1 / 20
 _BAR_IN_OPENING = 1 / 8
-# Gates of the ways up to this many times the gap are told of: later simplification shall not narrow
-# them to nothing.
-_TIGHT = 4.0
-# An islet is no longer than this many times the gap across which it is merged: going around it
-# instead of behind it is a detour of that order.
+# Width up to which a gate on a way counts as an opening, as a multiple of the gap: simplification
+# must not narrow those to nothing.
+_NARROW = 4.0
+# Maximum length of an islet, as a multiple of the gap across which it is merged: passing it on the
+# other side is a detour of about that length.
 _ISLET = 3.0
-# Where polygons touch in a point, at least this much land (m) is laid around it.
-_LEAST_WELD_M = 0.5
-# Grid (m) for overlays: edges that were cut are off their line by rounding; no slit may come of it.
+# Minimum size of the land that is added where two polygons touch in a point, m.
+_MIN_CONTACT_M = 0.5
+# Grid for overlays, m: the vertices that divide an edge are off its line by rounding, which must
+# not leave a slit.
 _GRID_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A gate through which the points to be kept meet, and none too wide.
+    """A narrow gate on the way between two endpoints.
 
-    `middle` (x, y) and `width_m` are the gate's; `way` runs through it from the gate before to the
-    gate behind; `reopened` says that it would be closed but for the points.
+    `middle` (x, y) and `width_m` are the gate's; `way` runs through it from the previous gate to
+    the next; `reopened` says that it would be closed if it did not connect endpoints.
     """
 
     middle: tuple[float, float]
@@ -68,19 +69,19 @@ class Opening:
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
-    """The joined land as valid polygons with no point in common; the openings to be kept open."""
+class ClosedLand:
+    """Land with closed gaps: valid polygons with no point in common; the openings to stay open."""
 
     polygons: Geometries
     openings: tuple[Opening, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class _Mesh:
+class _WaterMesh:
     """Triangles of the water and the gates between them.
 
-    `triangles` (t,) are polygons; gate g parts the triangles `sides[g]` and runs between the points
-    (p, 2) numbered `ends[g]`, `width[g]` metres apart.
+    `triangles` (t,) are polygons; gate g separates the triangles `sides[g]` and runs between the
+    points (p, 2) with indices `ends[g]`, `width[g]` metres apart.
     """
 
     triangles: Geometries
@@ -95,74 +96,82 @@ class _Mesh:
         return middles
 
 
-def join(
+def close_gaps(
     land: BaseGeometry,
     extent: Polygon,
     gap_m: float,
-    keep: FloatArray,
-    overrun_m: float,
+    endpoints: FloatArray,
+    overlap_m: float,
     merge_m: float = 0.0,
-) -> Joined:
-    """Join land across gaps narrower than `gap_m`.
+) -> ClosedLand:
+    """Close gaps narrower than `gap_m` with land.
 
     Parameters
     ----------
     land
-        Planar metres; the result covers it wherever it lies inside the domain, which is the extent
-        grown by `overrun_m`.
+        Planar metres; the result covers it inside the domain, the extent grown by `overlap_m`.
     extent
-        Where routes may go. Its edge is no coast: a way between coast and edge is open where half
-        the gap is left, else land fills it.
-    keep
-        Points (n, 2) in the water that must stay so and stay joined to each other, if they are.
-        Without any, all water larger than the gap (or `merge_m`) squared is kept.
-    overrun_m
-        Above 0: land that meets the extent's edge shall run over it, not end on it.
+        Where routes may go. Its edge is no coast: a passage between coast and edge is open where it
+        has half the gap, otherwise it becomes land.
+    endpoints
+        Points (n, 2) in water that stay in water, and connected if they are. Without any, all water
+        larger than the gap (or `merge_m`) squared stays.
+    overlap_m
+        Above 0, so that land that meets the extent's edge extends beyond it.
     merge_m
         Where above `gap_m`: islets up to a few times as long as this are merged with each other or
-        one other piece of land across gaps narrower than this. A strait between two larger pieces
-        never closes that way.
+        with one other piece of land across gaps narrower than this. A strait between two larger
+        pieces is never closed by it.
     """
     widest_m = max(gap_m, merge_m)
-    domain = extent.buffer(overrun_m, join_style="mitre")
+    domain = extent.buffer(overlap_m, join_style="mitre")
     coast = shapely.intersection(land, domain)
     if widest_m > 0:
         domain, coast = shapely.segmentize([domain, coast], _PIECE * widest_m)
-    mesh = _mesh(shapely.difference(domain, coast, grid_size=_GRID_M))
+    mesh = _triangulated(shapely.difference(domain, coast, grid_size=_GRID_M))
     if len(mesh.triangles) == 0:
-        return Joined(np.array([domain], dtype=object), ())
+        return ClosedLand(np.array([domain], dtype=object), ())
     piece = _pieces_at(mesh.points, coast)
-    is_open = _open_gates(mesh, piece, extent, gap_m, gap_m + 2 * overrun_m)
+    is_open = _open_gates(mesh, piece, extent, gap_m, gap_m + 2 * overlap_m)
     is_open &= ~_merging_gates(mesh, piece, coast, is_open, merge_m)
-    label = _flood(mesh, is_open)
-    if len(keep):
-        at = _triangles_at(mesh, keep)
-        ways = _widest_ways(mesh, at)
-        crossed = mesh.sides[[gate for way in ways for gate in way]]
-        kept = np.isin(label, label[np.concatenate([at, crossed.ravel()])])
-    else:
-        ways = []
-        kept = np.bincount(label, shapely.area(mesh.triangles))[label] > widest_m**2
-    openings = _openings(mesh, keep, ways, is_open, _TIGHT * widest_m)
-    barred = ~is_open & kept[mesh.sides].any(axis=1) & (np.diff(piece[mesh.ends])[:, 0] != 0)
+    ways, stays = _remaining_water(mesh, is_open, endpoints, widest_m**2)
+    openings = _openings(mesh, endpoints, ways, is_open, _NARROW * widest_m)
+    barred = ~is_open & stays[mesh.sides].any(axis=1) & (np.diff(piece[mesh.ends])[:, 0] != 0)
     barred[[gate for way in ways for gate in way]] = False
     bars_m = min([_BAR * widest_m, *(_BAR_IN_OPENING * opening.width_m for opening in openings)])
-    bars = _bars(shapely.linestrings(mesh.points[mesh.ends[barred]]), bars_m, keep)
-    sea = shapely.coverage_union_all(mesh.triangles[kept])
+    bars = _bars(shapely.linestrings(mesh.points[mesh.ends[barred]]), bars_m, endpoints)
+    sea = shapely.coverage_union_all(mesh.triangles[stays])
     solid = shapely.union_all(
         [shapely.difference(domain, sea, grid_size=_GRID_M), *bars.tolist()], grid_size=_GRID_M
     )
-    polygons = _welded(shapely.get_parts(_without_pools(solid, keep)), max(bars_m, _LEAST_WELD_M))
-    # Water that the flood did not reach, and that no land encloses, lies in the extent's corners.
+    parts = shapely.get_parts(_without_lakes(solid, endpoints))
+    polygons = _joined_at_contacts(parts, max(bars_m, _MIN_CONTACT_M))
+    # Water that the flood did not reach and no land encloses lies in the extent's corners.
     real = shapely.intersects(polygons, extent) & shapely.intersects(polygons, coast)
-    return Joined(polygons[real], openings)
+    return ClosedLand(polygons[real], openings)
 
 
-def _mesh(water: BaseGeometry) -> _Mesh:
-    """Triangulate the water and find what parts its triangles."""
+def _remaining_water(
+    mesh: _WaterMesh, is_open: BoolArray, endpoints: FloatArray, min_area: float
+) -> tuple[list[list[int]], BoolArray]:
+    """Return the widest ways between the endpoints, and which triangles (t,) stay water.
+
+    Without endpoints, water of more than `min_area` (m²) stays, and there are no ways.
+    """
+    body = _flooded(mesh, is_open)
+    if len(endpoints) == 0:
+        return [], np.bincount(body, shapely.area(mesh.triangles))[body] > min_area
+    at = _triangles_at(mesh, endpoints)
+    ways = _widest_ways(mesh, at)
+    crossed = mesh.sides[[gate for way in ways for gate in way]]
+    return ways, np.isin(body, body[np.concatenate([at, crossed.ravel()])])
+
+
+def _triangulated(water: BaseGeometry) -> _WaterMesh:
+    """Triangulate the water and find the gates between its triangles."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(water))
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    # As complex numbers, points sort and compare in one go; shared corners are equal to the bit.
+    # As complex numbers, points can be sorted and compared; shared corners are equal bit by bit.
     flat, number = np.unique(corners[..., 0] + 1j * corners[..., 1], return_inverse=True)
     points = np.stack([flat.real, flat.imag], axis=-1)
     number = number.reshape(-1, 3)
@@ -173,42 +182,42 @@ def _mesh(water: BaseGeometry) -> _Mesh:
     ends = edges[order[shared]]
     sides = np.stack([order[shared], order[shared + 1]], axis=-1) // 3
     width = np.hypot(*(points[ends[:, 1]] - points[ends[:, 0]]).T)
-    return _Mesh(triangles, points, ends, sides, width)
+    return _WaterMesh(triangles, points, ends, sides, width)
 
 
 def _pieces_at(points: FloatArray, land: BaseGeometry) -> IntArray:
-    """Return which polygon of the land each point (p,) lies on; -1 at the domain's border."""
+    """Return the index of the polygon on which each point (p,) lies; -1 on the domain's border."""
     vertices, owner = shapely.get_coordinates(shapely.get_parts(land), return_index=True)
     if len(vertices) == 0:
         return np.full(len(points), -1, dtype=np.int64)
-    # No corner was added, so a corner on land is one of its vertices, off by the grid at most.
+    # The triangulation adds no points, so that a point on land is one of its vertices, to the grid.
     apart, nearest = KDTree(vertices).query(points, distance_upper_bound=2 * _GRID_M)
     return np.where(np.isfinite(apart), np.append(owner, -1)[nearest], -1)
 
 
 def _open_gates(
-    mesh: _Mesh, piece: IntArray, extent: Polygon, gap_m: float, behind_m: float
+    mesh: _WaterMesh, piece: IntArray, extent: Polygon, gap_m: float, along_edge_m: float
 ) -> BoolArray:
-    """Say of each gate (g,) whether a route could pass it.
+    """Say of each gate (g,) whether a route can pass it.
 
-    One to the border longer than `behind_m` runs along the extent's edge: nothing is closed by it.
+    A gate to the border that is longer than `along_edge_m` runs along the extent's edge: open.
     """
     is_open: BoolArray = mesh.width >= gap_m
     to_border = np.flatnonzero((piece[mesh.ends] < 0).any(axis=1))
     lines = shapely.linestrings(mesh.points[mesh.ends[to_border]])
-    # Between two points of the border there is no land to be joined.
+    # Between two points of the border there is no land.
     free = (piece[mesh.ends[to_border]] < 0).all(axis=1)
     inside = shapely.length(shapely.intersection(lines, extent))
-    is_open[to_border] = free | (inside >= gap_m / 2) | (mesh.width[to_border] > behind_m)
+    is_open[to_border] = free | (inside >= gap_m / 2) | (mesh.width[to_border] > along_edge_m)
     return is_open
 
 
 def _merging_gates(
-    mesh: _Mesh, piece: IntArray, coast: BaseGeometry, is_open: BoolArray, merge_m: float
+    mesh: _WaterMesh, piece: IntArray, coast: BaseGeometry, is_open: BoolArray, merge_m: float
 ) -> BoolArray:
     """Say which gates (g,) merge an islet with its nearest land, or close a pool between the two.
 
-    Kruskal's algorithm: the narrowest gates first, never joining two groups that are both large.
+    Kruskal's algorithm: the narrowest gates first, never merging two groups that are both large.
     """
     one, other = piece[mesh.ends].T
     merging = np.zeros(len(is_open), dtype=np.bool_)
@@ -228,47 +237,47 @@ def _merging_gates(
             if is_open[gate] and min(_size(boxes[a]), _size(boxes[b])) > _ISLET * merge_m:
                 continue
             group[a] = b
-            boxes[b] = _around(boxes[a], boxes[b])
+            boxes[b] = _common_bounds(boxes[a], boxes[b])
         merging[gate] = True
     return merging
 
 
 def _size(box: Sequence[float]) -> float:
-    """Diagonal of bounds."""
+    """Return the diagonal of bounds."""
     return math.hypot(box[2] - box[0], box[3] - box[1])
 
 
-def _around(one: Sequence[float], other: Sequence[float]) -> list[float]:
-    """Return the bounds around two bounds."""
+def _common_bounds(one: Sequence[float], other: Sequence[float]) -> list[float]:
+    """Return the bounds that enclose two bounds."""
     low = [min(pair) for pair in zip(one[:2], other[:2], strict=True)]
     return low + [max(pair) for pair in zip(one[2:], other[2:], strict=True)]
 
 
-def _flood(mesh: _Mesh, is_open: BoolArray) -> IntArray:
-    """Label (t,) the triangles by the water body that the open gates make of them."""
+def _flooded(mesh: _WaterMesh, is_open: BoolArray) -> IntArray:
+    """Label each triangle (t,) by the body of water to which open gates connect it."""
     graph = _dual(mesh, np.flatnonzero(is_open), np.ones(len(mesh.width)))
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _dual(mesh: _Mesh, gates: IntArray, weight: FloatArray) -> sparse.csr_array:
-    """Return the graph (t, t) of the triangles that some gates join."""
+def _dual(mesh: _WaterMesh, gates: IntArray, weight: FloatArray) -> sparse.csr_array:
+    """Return the graph (t, t) of the triangles that some gates connect."""
     size = len(mesh.triangles)
     return sparse.csr_array((weight[gates], mesh.sides[gates].T), shape=(size, size))
 
 
-def _triangles_at(mesh: _Mesh, points: FloatArray) -> IntArray:
+def _triangles_at(mesh: _WaterMesh, points: FloatArray) -> IntArray:
     """Return the triangle (n,) that holds each point, or the nearest one."""
     which, found = shapely.STRtree(mesh.triangles).query_nearest(shapely.points(points))
-    # A point on a gate is in two triangles: either will do.
+    # A point on a gate is in two triangles: either one will do.
     _, first = np.unique(which, return_index=True)
     return np.asarray(found[first], dtype=np.int64)
 
 
-def _widest_ways(mesh: _Mesh, at: IntArray) -> list[list[int]]:
+def _widest_ways(mesh: _WaterMesh, at: IntArray) -> list[list[int]]:
     """Return the gates on the widest way from the first triangle to each of the others.
 
-    Between two nodes of a maximum spanning tree runs the path whose narrowest gate is the widest.
-    Empty where no way exists.
+    The path between two nodes of a maximum spanning tree is the one whose narrowest gate is widest.
+    Empty where there is no way.
     """
     tree = csgraph.minimum_spanning_tree(_dual(mesh, np.arange(len(mesh.width)), 1 / mesh.width))
     _, before = csgraph.breadth_first_order(tree, at[0], directed=False)
@@ -284,18 +293,18 @@ def _widest_ways(mesh: _Mesh, at: IntArray) -> list[list[int]]:
 
 
 def _openings(
-    mesh: _Mesh,
-    keep: FloatArray,
+    mesh: _WaterMesh,
+    endpoints: FloatArray,
     ways: Sequence[Sequence[int]],
     is_open: BoolArray,
-    tight_m: float,
+    narrow_m: float,
 ) -> tuple[Opening, ...]:
-    """Return the gates on the ways that are narrower than `tight_m`, each once."""
+    """Return the gates on the ways that are narrower than `narrow_m`, each once."""
     openings = {}
-    for way, last in zip(ways, keep[1:], strict=True):
-        line = np.concatenate([keep[:1], mesh.middles(way), last[None]])
+    for way, last in zip(ways, endpoints[1:], strict=True):
+        line = np.concatenate([endpoints[:1], mesh.middles(way), last[None]])
         for position, gate in enumerate(way):
-            if mesh.width[gate] < tight_m:
+            if mesh.width[gate] < narrow_m:
                 through = shapely.linestrings(line[position : position + 3])
                 x, y = line[position + 1].tolist()
                 width = float(mesh.width[gate])
@@ -303,37 +312,36 @@ def _openings(
     return tuple(openings.values())
 
 
-def _bars(gates: Geometries, width_m: float, keep: FloatArray) -> Geometries:
-    """Return bars across gates: narrower where a point to be kept is near, none where it is on."""
-    apart = (
-        shapely.distance(gates[:, None], shapely.points(keep)) if len(keep) else np.empty((0, 0))
-    )
-    room = apart.min(axis=1) if apart.size else np.full(len(gates), np.inf)
+def _bars(gates: Geometries, width_m: float, endpoints: FloatArray) -> Geometries:
+    """Return bars across gates: narrower where an endpoint is near, none where it is on one."""
+    room = np.full(len(gates), np.inf)
+    if len(gates) and len(endpoints):
+        room = shapely.distance(gates[:, None], shapely.points(endpoints)).min(axis=1)
     half = np.minimum(width_m, room)[room > _GRID_M] / 2
     bars: Geometries = shapely.buffer(gates[room > _GRID_M], half, cap_style="square")
     return bars
 
 
-def _welded(polygons: Geometries, size_m: float) -> Geometries:
-    """Join polygons that touch in a point, by a little land around it."""
+def _joined_at_contacts(polygons: Geometries, size_m: float) -> Geometries:
+    """Join polygons that touch in a point, by land of the given size (m) around it."""
     one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     pair = one < other
     if not pair.any():
         return polygons
     contacts = shapely.intersection(polygons[one[pair]], polygons[other[pair]])
-    weld = shapely.buffer(contacts, size_m, cap_style="square", quad_segs=1)
-    welded: Geometries = shapely.get_parts(shapely.union_all([*polygons, *weld], grid_size=_GRID_M))
-    return welded
+    added = shapely.buffer(contacts, size_m, cap_style="square", quad_segs=1)
+    union = shapely.union_all([*polygons, *added], grid_size=_GRID_M)
+    return np.asarray(shapely.get_parts(union))
 
 
-def _without_pools(land: BaseGeometry, keep: FloatArray) -> BaseGeometry:
-    """Fill the holes of the land, but for those that hold a point to be kept (all, if none is)."""
-    if len(keep) == 0 or land.is_empty:
+def _without_lakes(land: BaseGeometry, endpoints: FloatArray) -> BaseGeometry:
+    """Fill the holes of the land that hold no endpoint; without endpoints, fill none."""
+    if len(endpoints) == 0 or land.is_empty:
         return land
     parts = shapely.get_parts(land)
     filled = shapely.polygons(shapely.get_exterior_ring(parts))
     rings, owner = shapely.get_rings(parts, return_index=True)
     is_hole = np.concatenate([[False], owner[1:] == owner[:-1]])
     holes = shapely.polygons(rings[is_hole])
-    wanted = shapely.intersects(holes[:, None], shapely.points(keep)).any(axis=1)
-    return shapely.difference(shapely.union_all(filled), shapely.union_all(holes[wanted]))
+    stays = shapely.intersects(holes[:, None], shapely.points(endpoints)).any(axis=1)
+    return shapely.difference(shapely.union_all(filled), shapely.union_all(holes[stays]))

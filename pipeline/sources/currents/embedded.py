@@ -1,4 +1,4 @@
-"""Currents of a small table that travels with the catalogue, for who has no account anywhere."""
+"""Currents from a small table in the catalogue: they need neither account nor network."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import near_miss
+from pipeline.sources.quality.coverage import cell_bounds, sides_beyond
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,31 +24,31 @@ if TYPE_CHECKING:
 
     from pipeline.model import Land
     from pipeline.scenario.catalogue import EmbeddedTableSpec
-    from pipeline.scenario.model import Season
+    from pipeline.scenario.season import Season
 
     FloatArray = npt.NDArray[np.float64]
 
-# Coordinates of the table have four decimals: a step may be off by two roundings.
+# Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
 _STEP_TOLERANCE_DEG = 2e-4
 
 
 @dataclass(frozen=True)
 class EmbeddedTable:
-    """A CSV table (season, lon, lat, u, v) whose points lie on one regular grid a season.
+    """A CSV table (season, lon, lat, u, v) whose points lie on one regular grid per season.
 
-    Missing points are NaN: land, or water that the table has no figure for.
+    Missing points are NaN: land, or water without data.
     """
 
     spec: EmbeddedTableSpec
 
-    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Never."""
         del region, season, folder
         return False
 
     @cached_property
     def _bytes(self) -> bytes:
-        """The table as it stands on disk."""
+        """The table's file."""
         return catalogue.table(self.spec.table).read_bytes()
 
     def identity(self, season: Season) -> tuple[str, ...]:
@@ -55,11 +56,11 @@ class EmbeddedTable:
         digest = hashlib.sha256(self._bytes).hexdigest()
         return (self.spec.name, digest, season.name, self.spec.model_dump_json())
 
-    def unavailable(self) -> str:
-        """Nothing stands in its way."""
+    def unavailable_reason(self) -> str:
+        """Always available."""
         return ""
 
-    def uncovered(self, region: Polygon, season: Season) -> str:
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
         if season.name not in self.spec.seasons:
             return (
@@ -67,27 +68,16 @@ class EmbeddedTable:
                 f"{near_miss(season.name, self.spec.seasons)}"
             )
         lon, lat, _, _ = self._grid(season.name)
-        west, south, east, north = cell_bounds(lon, lat)
-        bounds = region.bounds
-        lacking = [
-            f"{side} of {limit:g} (the region reaches {value:g})"
-            for side, limit, value, is_beyond in (
-                ("west", west, bounds[0], bounds[0] < west),
-                ("south", south, bounds[1], bounds[1] < south),
-                ("east", east, bounds[2], bounds[2] > east),
-                ("north", north, bounds[3], bounds[3] > north),
-            )
-            if is_beyond
-        ]
+        lacking = sides_beyond(region.bounds, cell_bounds(lon, lat))
         if not lacking:
             return ""
         return (
-            f"{self.spec.name} has no figures {' nor '.join(lacking)}; shrink the region or name "
+            f"{self.spec.name} has no data {' nor '.join(lacking)}; shrink the region or name "
             "another source in 'currents'"
         )
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Return the season's whole grid: it is small, and its surroundings do no harm."""
+        """Return the season's whole grid, as it is small."""
         del region, land, folder
         entry = self.spec.seasons[season.name]
         lon, lat, u, v = self._grid(season.name)
@@ -101,22 +91,22 @@ class EmbeddedTable:
         return CurrentGrid(season.name, lon, lat, u, v, entry.valid, credit)
 
     def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where the table is silent."""
+        """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
         points = self._points(season)
         name = self.spec.table
         if not len(points):
-            raise StageError(f"{name} has no rows for season {season!r}; mend the table")
+            raise StageError(f"{name} has no rows for season {season!r}; correct the table")
         lon, column = _axis(points[:, 0], f"{name}, {season}, lon")
         lat, row = _axis(points[:, 1], f"{name}, {season}, lat")
         u = np.full((lat.size, lon.size), np.nan)
         v = u.copy()
         u[row, column], v[row, column] = points[:, 2], points[:, 3]
         if np.count_nonzero(np.isfinite(u)) != len(points):
-            raise StageError(f"{name}, {season}: a point comes twice; mend the table")
+            raise StageError(f"{name}, {season}: a point comes twice; correct the table")
         return lon, lat, u, v
 
     def _points(self, season: str) -> FloatArray:
-        """Rows (n, 4) of lon, lat, u, v."""
+        """The season's rows (n, 4) of lon, lat, u, v."""
         lines = self._bytes.decode("utf-8").splitlines()
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         found = [
@@ -127,29 +117,18 @@ class EmbeddedTable:
         return np.array(found, dtype=float).reshape(-1, 4)
 
 
-def cell_bounds(lon: FloatArray, lat: FloatArray) -> tuple[float, float, float, float]:
-    """West, south, east and north edge of a regular grid's outer cells: half a cell beyond."""
-    half_x, half_y = (lon[1] - lon[0]) / 2, (lat[1] - lat[0]) / 2
-    return (
-        float(lon[0] - half_x),
-        float(lat[0] - half_y),
-        float(lon[-1] + half_x),
-        float(lat[-1] + half_y),
-    )
-
-
-def _axis(values: FloatArray, what: str) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """Regular axis through all values, and each value's place on it."""
+def _axis(values: FloatArray, name: str) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    """Regular axis through all values, and each value's index on it."""
     distinct = np.unique(values)
     if distinct.size < 2:
-        raise StageError(f"{what}: only one value, no grid; mend the table")
-    # Lines without a single figure leave wider gaps: the least gap is the step.
+        raise StageError(f"{name}: only one value, no grid; correct the table")
+    # A grid line without data leaves a wider gap, so the least gap is the step.
     step = float(np.diff(distinct).min())
     steps = np.rint((distinct - distinct[0]) / step).astype(np.intp)
-    # The mean step, as four decimals a value would add up over a long axis.
+    # The mean step, as the rounding to four decimals would add up over a long axis.
     step = float((distinct[-1] - distinct[0]) / steps[-1])
     axis = distinct[0] + step * np.arange(steps[-1] + 1)
-    place = np.rint((values - distinct[0]) / step).astype(np.intp)
-    if np.abs(axis[place] - values).max() > _STEP_TOLERANCE_DEG:
-        raise StageError(f"{what}: the values lie on no regular grid; mend the table")
-    return axis, place
+    index = np.rint((values - distinct[0]) / step).astype(np.intp)
+    if np.abs(axis[index] - values).max() > _STEP_TOLERANCE_DEG:
+        raise StageError(f"{name}: the values lie on no regular grid; correct the table")
+    return axis, index

@@ -1,1 +1,1 @@
-"""Adapters for land and charts: OpenStreetMap, S-57 cells, vector files, overlays."""
+"""Adapters for land and charts: OpenStreetMap, S-57 cells, vector files, overlays of them."""

@@ -1,8 +1,8 @@
-"""Land of OpenStreetMap for any region, offline, out of the `roaring-landmask` package.
+"""OpenStreetMap land for any region, offline, from the package `roaring-landmask`.
 
 The package carries the world as one WKB MultiPolygon: 745,676 whole polygons (cut at 180 degrees
 only), 9.6 million vertices, 154 MB, simplified by its makers to 0.0005 degrees. Building them all
-takes 1.1 GB; here they are built a few thousand at a time and only those near the region stay.
+takes 1.1 GB, so they are built a few thousand at a time and only those near the region are kept.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pipeline.sources.land.polygons import (
     BEYOND_M,
     box_around,
     clipped,
-    mended,
-    mended_note,
-    polygonal,
-    turns_into,
+    extract_polygons,
+    near_box,
+    repair_note,
+    repaired,
 )
 
 if TYPE_CHECKING:
@@ -35,14 +35,15 @@ if TYPE_CHECKING:
     Polygons = npt.NDArray[np.object_]
 
 NAME = "roaring-landmask"
-# 0.0005 degrees are 55.7 m along a meridian: how far the thinned coast may lie off the mapped one.
+# Accuracy of the coast, m: it is simplified by 0.0005 degrees, 55.7 m along a meridian.
 ACCURACY_M = 60.0
 
-# Polygons built at one time: 20,000 are 250,000 vertices on average, some 30 MB.
+# Number of polygons built at a time: 20,000 are 250,000 vertices on average, some 30 MB.
 _CHUNK = 20_000
 
-# WKB (OGC 06-103r4, 8.2), little endian: byte order 1, type 6 MultiPolygon, count of polygons; each
-# of them byte order, type 3, count of rings; each ring a count of points of two float64.
+# WKB (OGC 06-103r4, 8.2), little endian: byte order 1, type 6 MultiPolygon, number of polygons;
+# then for each of them byte order, type 3, number of rings; for each ring its number of points,
+# and the points as two float64 each.
 _MULTIPOLYGON = b"\x01" + struct.pack("<I", 6)
 _COUNT = struct.Struct("<I")
 _HEADER = len(_MULTIPOLYGON)
@@ -51,27 +52,27 @@ _POINT = 16
 
 @dataclass(frozen=True, slots=True)
 class LandPolygons:
-    """Valid polygons in lon/lat degrees near a region, and what had to be done to them.
+    """Valid polygons in lon/lat degrees near a region, and what was done to them.
 
-    `mended` counts invalid polygons made valid, `duplicates` those left out because they came
-    twice, `seams` how many pieces cut at 180 degrees went into joined polygons.
+    `repaired` counts invalid polygons made valid, `duplicates` those dropped because they came
+    twice, and `seam_pieces` the pieces cut at 180 degrees that were joined.
     """
 
     polygons: tuple[Polygon, ...]
-    mended: int
+    repaired: int
     duplicates: int
-    seams: int
+    seam_pieces: int
 
 
 def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
     found = land_polygons(region, beyond_m)
-    notes = mended_note("OpenStreetMap land", found.mended)
+    notes = repair_note("OpenStreetMap land", found.repaired)
     return Land(found.polygons, (credit(),), ACCURACY_M, notes=notes)
 
 
 def credit() -> Credit:
-    """Return the line that the Open Database License asks for."""
+    """Return the credit line that the Open Database License asks for."""
     release = version(NAME)
     return Credit(
         name=f"OpenStreetMap land polygons (roaring-landmask {release})",
@@ -90,49 +91,49 @@ def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
     region
         Lon/lat degrees, continuous across 180 (170 to 190).
     beyond_m
-        How far outside the region's bounds land is kept (true metres, about). Mainland is cut
-        along that box.
+        Distance outside the region's bounds up to which land is kept (true metres, about). Mainland
+        is cut along that box.
 
     Returns
     -------
     LandPolygons
-        Valid, in the region's own longitudes; whole where they don't cross the box. Pieces that
-        the source cuts at 180 degrees are joined again.
+        Valid, in the region's own longitudes, and whole unless they cross the box: pieces that the
+        source cuts at 180 degrees are joined again.
     """
     # Imported late: loading its library of 110 MB takes a moment that `renew --help` must not.
     from roaring_landmask import LandmaskProvider, Shapes
 
     box = box_around(region, beyond_m)
-    return tidy(near(Shapes.wkb(LandmaskProvider.Osm), box), box)
+    return clean(read_near(Shapes.wkb(LandmaskProvider.Osm), box), box)
 
 
-def near(wkb: bytes, box: Polygon) -> Polygons:
-    """Return the polygons of a WKB MultiPolygon whose bounds meet a box (degrees), as they are.
+def read_near(wkb: bytes, box: Polygon) -> Polygons:
+    """Return the polygons of a WKB MultiPolygon whose bounds meet a box (degrees), unchanged.
 
-    Each is moved by whole turns into the box's longitudes; one that meets it both ways round comes
-    twice, moved.
+    They are moved by whole turns into the box's longitudes; one that meets the box both ways round
+    comes twice.
     """
     return np.concatenate(
-        [np.empty(0, dtype=object), *(turns_into(polygons, box)[0] for polygons in _chunks(wkb))]
+        [np.empty(0, dtype=object), *(near_box(polygons, box)[0] for polygons in _chunks(wkb))]
     )
 
 
-def tidy(polygons: Polygons, box: Polygon) -> LandPolygons:
-    """Mend, clip to the box, leave out duplicates and join along 180 degrees."""
-    sound, unsound = mended(polygons)
-    parts = clipped(sound, box)
-    single = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
-    joined, seams = _join_seam(single)
+def clean(polygons: Polygons, box: Polygon) -> LandPolygons:
+    """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees."""
+    valid, repairs = repaired(polygons)
+    parts = clipped(valid, box)
+    distinct = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
+    joined, seam_pieces = _joined_at_180(distinct)
     return LandPolygons(
         polygons=tuple(joined.tolist()),
-        mended=unsound,
-        duplicates=len(parts) - len(single),
-        seams=seams,
+        repaired=repairs,
+        duplicates=len(parts) - len(distinct),
+        seam_pieces=seam_pieces,
     )
 
 
 def _chunks(wkb: bytes) -> Iterator[Polygons]:
-    """Yield a MultiPolygon's polygons, so many at a time that memory stays low."""
+    """Yield a MultiPolygon's polygons, a few at a time to save memory."""
     total: int = _COUNT.unpack_from(wkb, _HEADER)[0]
     position = begin = _HEADER + _COUNT.size
     for first in range(0, total, _CHUNK):
@@ -147,10 +148,10 @@ def _chunks(wkb: bytes) -> Iterator[Polygons]:
         begin = position
 
 
-def _join_seam(polygons: Polygons) -> tuple[Polygons, int]:
-    """Join the polygons that share an edge on an odd multiple of 180 degrees; count such pieces.
+def _joined_at_180(polygons: Polygons) -> tuple[Polygons, int]:
+    """Join the polygons with an edge on an odd multiple of 180 degrees; count these pieces.
 
-    Only they are touched: a union of everything would cost seconds and merge what merely touches.
+    Only they are merged: a union of all would take seconds and merge polygons that merely touch.
     """
     if len(polygons) == 0:
         return polygons, 0
@@ -158,5 +159,5 @@ def _join_seam(polygons: Polygons) -> tuple[Polygons, int]:
     at_seam = ((xmin % 360 == 180) | (xmax % 360 == 180)) & (xmax - xmin < 360)
     if not at_seam.any():
         return polygons, 0
-    merged = polygonal(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
+    merged = extract_polygons(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
     return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OsmLand:
-    """The world's land as `roaring-landmask` carries it; always there, never asks the network."""
+    """The world's land from the package `roaring-landmask`; always available, no network."""
 
     @property
     def identity(self) -> tuple[str, ...]:
@@ -22,7 +22,7 @@ class OsmLand:
         return ("osm-land", version("roaring-landmask"))
 
     def land(self, region: Polygon) -> Land:
-        """Land near a region (lon/lat degrees)."""
+        """Return the land near a region (lon/lat degrees)."""
         from pipeline.sources.land import osm
 
         return osm.land(region)

@@ -1,4 +1,4 @@
-"""Several charts laid on top of each other: what one of them forbids is no-go."""
+"""Several charts as one: what any of them forbids is no-go."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from pipeline.model import Land, Zone
-from pipeline.sources.land.polygons import polygonal
+from pipeline.sources.land.polygons import extract_polygons
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,29 +22,29 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Stack:
-    """Sources of land, one or more, as one."""
+class Overlay:
+    """One or more sources of land as one."""
 
     sources: tuple[LandSource, ...]
 
     @property
     def identity(self) -> tuple[str, ...]:
-        """What each of them depends on, in their order."""
+        """The identities of all sources, in their order."""
         return tuple(part for source in self.sources for part in (*source.identity, ""))
 
     def land(self, region: Polygon) -> Land:
-        """Land of all of them near a region (lon/lat degrees)."""
-        return stacked([source.land(region) for source in self.sources])
+        """Return the land of all sources near a region (lon/lat degrees)."""
+        return overlay([source.land(region) for source in self.sources])
 
 
-def stacked(lands: Sequence[Land]) -> Land:
-    """Lay charts on top of each other; what none of them covers is no-go as well.
+def overlay(lands: Sequence[Land]) -> Land:
+    """Combine charts: no-go is what any of them forbids, and what none of them covers.
 
-    The coast is as uncertain as the worst of them says.
+    The accuracy of the coast is that of the least accurate chart.
     """
     zones = [zone for land in lands for zone in land.zones if zone.kind != "uncharted"]
     blank = reduce(shapely.intersection, (_uncharted(land) for land in lands))
-    uncharted = polygonal(np.array([blank], dtype=object))
+    uncharted = extract_polygons(np.array([blank], dtype=object))
     if len(uncharted):
         zones.append(Zone("uncharted", "", "no chart covers it", shapely.union_all(uncharted)))
     return Land(
@@ -57,5 +57,5 @@ def stacked(lands: Sequence[Land]) -> Land:
 
 
 def _uncharted(land: Land) -> BaseGeometry:
-    """What a chart does not reach over."""
+    """The area that a chart does not cover."""
     return shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])

@@ -1,10 +1,10 @@
-"""From S-57 cells to what a vessel must not enter.
+"""No-go zones of a vessel from the objects of S-57 cells.
 
 IHO S-57 3.1, appendix A (object catalogue). Depth areas and dredged areas cover the sea without a
-gap, so the sea that a vessel may use is just those whose shallow limit (DRVAL1) is not below its
-safety depth; everything else is no-go: land, drying and shoal water, areas that nobody has sounded
-and those without a figure. Out of that sea are taken the objects that stand in it, and those on its
-bed that are not known to lie deep enough. Where cells overlap, that of the larger scale holds.
+gap. So the safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its
+safety depth, and everything else is no-go: land, drying and shoal water, unsurveyed areas and those
+of unknown depth. Objects that stand in the safe water are taken out of it, and those on its bed
+that are not known to lie deep enough. Where cells overlap, the larger scale takes precedence.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ import numpy as np
 import shapely
 
 from pipeline.model import Credit, Land, Zone
-from pipeline.sources.land.polygons import less, mended_note, merged, off_edge, polygonal, widened
+from pipeline.sources.land.polygons import (
+    buffered,
+    extract_polygons,
+    inner_lines,
+    merged,
+    repair_note,
+    subtract,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -29,17 +36,18 @@ if TYPE_CHECKING:
 
     Geometries = npt.NDArray[np.object_]
 
-_DEPTHS = ("DEPARE", "DRGARE")
-# On the bed, with a depth (VALSOU) or an unknown one.
+# Areas with a depth range.
+_DEPTH_CLASSES = ("DEPARE", "DRGARE")
+# Objects on the bed, their depth (VALSOU) known or not.
 _SUNKEN = ("OBSTRN", "WRECKS", "UWTROC", "MARCUL")
-# Hard whatever the depth is. As areas most of them are land to the vessel already; as points and
-# lines (islets, piles, breakwaters) they stand in water.
+# Fixed objects, dangerous at any depth. Most areas of these classes are outside the safe water
+# anyway; points and lines (islets, piles, breakwaters) stand in it.
 _FIXED = (
     *("LNDARE", "COALNE", "SLCONS", "DAMCON", "DYKCON", "CAUSWY", "GATCON", "OILBAR", "LOGPON"),
     *("BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP", "LIGHTS", "PILPNT", "PYLONS", "OFSPLF"),
     *("CRANES", "FSHFAC", "PONTON", "FLODOC", "HULKES"),
 )
-# They swing on their chains.
+# Moored objects, which swing on their chains.
 _FLOATING = (
     *("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"),
     *("LITFLT", "LITVES", "MORFAC"),
@@ -53,8 +61,8 @@ _TRAFFIC = {
     "PRCARE": "precautionary area",
     "DWRTPT": "deep water route",
 }
-CLASSES = (*_DEPTHS, *_SUNKEN, *_FIXED, *_FLOATING, *_TRAFFIC, "RESARE", "M_QUAL")
-# RESTRN: those of its values that concern a vessel which only passes.
+CLASSES = (*_DEPTH_CLASSES, *_SUNKEN, *_FIXED, *_FLOATING, *_TRAFFIC, "RESARE", "M_QUAL")
+# Values of RESTRN (restriction) that concern a passing vessel.
 _RULES = {
     "7": "entry prohibited",
     "8": "entry restricted",
@@ -64,31 +72,31 @@ _RULES = {
 }
 _NO_ENTRY = {"entry prohibited", "area to be avoided"}
 
-# A chart is drawn to half a millimetre; what it shows as a point is no larger than one.
-_DRAWN_M = 0.5e-3
-# Half the size of a point or the width of a line, at the least: a pile with its fender, a mark; and
-# how far a buoy may lie off its place.
-_FIXED_M, _FLOATING_M = 10.0, 25.0
-# Zones of confidence (CATZOC) in which positions may be off by 500 m, or by an unknown distance.
-_POOR_ZOC = 4
-# Shares of the region below this are no news.
-_LEAST_SHARE = 0.005
-# What two areas share by rounding (1 m along a coast of 1 cm), in square degrees.
+# Drawing accuracy of a chart on paper, m; what it shows as a point is no larger.
+_DRAWING_ACCURACY_M = 0.5e-3
+# Least radius around points and lines, m: of a pile with its fender or a mark; and of a buoy, which
+# may lie off its position.
+_MIN_FIXED_RADIUS_M, _MIN_FLOATING_RADIUS_M = 10.0, 25.0
+# Zone of confidence (CATZOC) from which on positions may be off by 500 m or more, or unknown.
+_POOR_CATZOC = 4
+# Least share of the region, or of its water, that a note mentions.
+_MIN_NOTED_SHARE = 0.005
+# Overlap below which two areas only touch, square degrees: 1 cm along 1 m of coast.
 _TOUCH_DEG2 = 1e-12
 
-_NOAA_TERMS = "NOAA ENC user agreement: free use and redistribution; no official chart any more"
+_NOAA_TERMS = "NOAA ENC user agreement: free use and redistribution; no longer an official chart"
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A cell's share of the chart: its area where no cell of a larger scale covers it."""
+    """A cell, and the part of its area that no cell of a larger scale covers."""
 
     cell: Cell
     area: BaseGeometry
 
 
-def land(cells: Iterable[Cell], box: Polygon, region: Polygon, depth_m: float) -> Land:
-    """Make no-go of all that is not known to be water deep enough.
+def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: float) -> Land:
+    """Make no-go all that is not known to be water deep enough.
 
     Parameters
     ----------
@@ -97,22 +105,22 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, depth_m: float) -
     box
         Lon/lat degrees; the chart is cut along it.
     region
-        What the notes speak of.
-    depth_m
-        Safety depth: draught and under-keel clearance.
+        The part of the box that the notes and the accuracy refer to.
+    safety_depth_m
+        Draught and under-keel clearance.
     """
     parts = _parts(cells, box)
     covered = merged(np.array([part.area for part in parts], dtype=object))
     depths = [_depths(part) for part in parts]
-    sea = merged(np.concatenate([area[depth >= depth_m] for area, depth in depths]))
-    shoals = [merged(area[~(depth >= depth_m)]) for area, depth in depths]
-    # Where a cell's areas overlap against the rules, the shallower one holds.
-    sea = less(sea, merged(np.array(shoals, dtype=object)))
-    dangers = np.concatenate([_dangers(part, sea, depth_m) for part in parts])
-    dry = polygonal(np.array([less(covered, sea)], dtype=object))
-    uncharted = less(box, covered)
+    sea = merged(np.concatenate([area[depth >= safety_depth_m] for area, depth in depths]))
+    shoals = [merged(area[~(depth >= safety_depth_m)]) for area, depth in depths]
+    # A cell's depth areas must not overlap; where they do, the shallower one counts.
+    sea = subtract(sea, merged(np.array(shoals, dtype=object)))
+    dangers = np.concatenate([_dangers(part, sea, safety_depth_m) for part in parts])
+    unsafe = extract_polygons(np.array([subtract(covered, sea)], dtype=object))
+    uncharted = subtract(box, covered)
     zones = [
-        Zone("shoal", part.cell.name, f"shallower than {depth_m:g} m", shoal)
+        Zone("shoal", part.cell.name, f"shallower than {safety_depth_m:g} m", shoal)
         for part, shoal in zip(parts, shoals, strict=True)
         if not shoal.is_empty
     ]
@@ -120,25 +128,25 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, depth_m: float) -
     if not uncharted.is_empty:
         zones.append(Zone("uncharted", "", "no S-57 cell covers it", uncharted))
     used = [part for part in parts if part.area.intersects(region)]
-    told = (
-        f"no-go: what is not charted as {depth_m:g} m deep or more (draught and under-keel "
-        "clearance at chart datum; tides are not counted on)"
+    depth_note = (
+        f"no-go: all that is not charted as {safety_depth_m:g} m deep or more (draught plus "
+        "under-keel clearance, at chart datum, without tide)"
     )
     return Land(
-        polygons=(*dry.tolist(), *polygonal(dangers).tolist()),
+        polygons=(*unsafe.tolist(), *extract_polygons(dangers).tolist()),
         credits=tuple(_credits([part.cell for part in parts])),
-        accuracy_m=_DRAWN_M * max(part.cell.scale for part in used),
-        notes=(told, *_notes(parts, sea, region)),
+        accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
+        notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
     )
 
 
 def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
-    """Share the box out among the cells: the larger scale first, then the later issue."""
+    """Divide the box among the cells: the larger scale first, then the later issue."""
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
     for cell in sorted(newest, key=lambda cell: cell.scale):
-        area = less(shapely.intersection(cell.covered, box), taken)
+        area = subtract(shapely.intersection(cell.covered, box), taken)
         if area.area > 0:
             parts.append(_Part(cell, area))
             taken = shapely.union(taken, area)
@@ -146,23 +154,23 @@ def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
 
 
 def _depths(part: _Part) -> tuple[Geometries, npt.NDArray[np.float64]]:
-    """Return the areas of a part with a depth, and their shallow limits (NaN: unknown)."""
+    """Return a part's depth areas (n,) and their shallow limits (n,) in m, NaN where unknown."""
     areas: list[Geometries] = [np.empty(0, dtype=object)]
     depths: list[npt.NDArray[np.float64]] = [np.empty(0)]
-    for name in _DEPTHS:
+    for name in _DEPTH_CLASSES:
         objects = part.cell.objects.get(name)
         if objects is None:
             continue
         # Clipping leaves lines where an area only touches the part.
-        inside = _within(objects.geometry, part.area)
+        inside = _cut_to(objects.geometry, part.area)
         is_area = shapely.area(inside) > 0
         areas.append(inside[is_area])
         depths.append(objects.numbers("DRVAL1")[is_area])
     return np.concatenate(areas), np.concatenate(depths)
 
 
-def _within(geometries: Geometries, area: BaseGeometry) -> Geometries:
-    """Cut geometries along an area; those inside stay as they are, to the last digit."""
+def _cut_to(geometries: Geometries, area: BaseGeometry) -> Geometries:
+    """Cut geometries along an area; those inside stay exactly as they are."""
     shapely.prepare(area)
     inside = shapely.covers(area, geometries)
     cut = geometries.copy()
@@ -170,13 +178,13 @@ def _within(geometries: Geometries, area: BaseGeometry) -> Geometries:
     return cut
 
 
-def _dangers(part: _Part, sea: BaseGeometry, depth_m: float) -> Geometries:
-    """Return the objects of a part that stand in the sea, as areas."""
-    small = _DRAWN_M * part.cell.scale
+def _dangers(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Geometries:
+    """Return the objects of a part that are dangers in the safe water, as areas."""
+    drawn_m = _DRAWING_ACCURACY_M * part.cell.scale
     kinds = (
-        (_SUNKEN, max(_FIXED_M, small)),
-        (_FIXED, max(_FIXED_M, small)),
-        (_FLOATING, max(_FLOATING_M, small)),
+        (_SUNKEN, max(_MIN_FIXED_RADIUS_M, drawn_m)),
+        (_FIXED, max(_MIN_FIXED_RADIUS_M, drawn_m)),
+        (_FLOATING, max(_MIN_FLOATING_RADIUS_M, drawn_m)),
     )
     found: list[Geometries] = [np.empty(0, dtype=object)]
     for names, radius_m in kinds:
@@ -184,34 +192,34 @@ def _dangers(part: _Part, sea: BaseGeometry, depth_m: float) -> Geometries:
             objects = part.cell.objects.get(name)
             if objects is None:
                 continue
-            there = shapely.intersects(objects.geometry, part.area)
+            is_danger = shapely.intersects(objects.geometry, part.area)
             if names is _SUNKEN:
-                # An unknown depth compares as not deep enough.
-                there &= ~(objects.numbers("VALSOU") >= depth_m)
-            found.append(_in_sea(objects.geometry[there], sea, radius_m))
+                # An unknown depth is NaN, and so not deep enough.
+                is_danger &= ~(objects.numbers("VALSOU") >= safety_depth_m)
+            found.append(_areas_in(sea, objects.geometry[is_danger], radius_m))
     return np.concatenate(found)
 
 
-def _in_sea(geometry: Geometries, sea: BaseGeometry, radius_m: float) -> Geometries:
-    """Return as areas what objects take of the sea; areas are drawn as large as they are."""
+def _areas_in(sea: BaseGeometry, geometry: Geometries, radius_m: float) -> Geometries:
+    """Return the objects that overlap the sea as areas: points and lines buffered by a radius."""
     dimension = shapely.get_dimensions(geometry)
-    # Coasts and quays run along the sea's own edge: only lines out in it take something of it.
-    lines = off_edge(geometry[dimension == 1], sea)
-    wide = widened(np.concatenate([geometry[dimension == 0], lines]), radius_m)
-    areas = np.concatenate([geometry[dimension == 2], wide])
+    # Coasts and quays run along the edge of the sea: only lines inside it are dangers.
+    lines = inner_lines(geometry[dimension == 1], sea)
+    grown = buffered(np.concatenate([geometry[dimension == 0], lines]), radius_m)
+    areas = np.concatenate([geometry[dimension == 2], grown])
     shapely.prepare(sea)
     near: Geometries = areas[shapely.intersects(areas, sea)]
-    # Most areas only touch the sea: their edge is its own.
-    taken = shapely.area(shapely.intersection(near, sea)) > _TOUCH_DEG2
-    return np.asarray(near[taken])
+    # Most areas only touch the sea along a common edge.
+    overlaps = shapely.area(shapely.intersection(near, sea)) > _TOUCH_DEG2
+    return np.asarray(near[overlaps])
 
 
 def _zones(part: _Part) -> Iterator[Zone]:
-    """Restricted areas and traffic schemes, which a vessel may enter."""
+    """Yield restricted areas and traffic schemes, which are shown but not no-go."""
     for name, objects in part.cell.objects.items():
         if name != "RESARE" and name not in _TRAFFIC:
             continue
-        inside = _within(objects.geometry, part.area)
+        inside = _cut_to(objects.geometry, part.area)
         for area, title, codes in zip(
             inside, objects.texts("OBJNAM"), objects.texts("RESTRN"), strict=True
         ):
@@ -225,56 +233,56 @@ def _zones(part: _Part) -> Iterator[Zone]:
 
 
 def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterator[str]:
-    """What of the region has no chart, a poor one, or a rule that planning doesn't know."""
+    """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
     covered = merged(np.array([part.area for part in parts], dtype=object))
     blank = shapely.area(shapely.difference(region, covered))
-    if (share := blank / region.area) > _LEAST_SHARE:
+    if (share := blank / region.area) > _MIN_NOTED_SHARE:
         yield f"no S-57 cell covers {share:.1%} of the region: it is no-go"
     water = shapely.intersection(sea, region)
     poor = shapely.area(shapely.intersection(water, merged(_poor(parts))))
-    if water.area and (share := poor / water.area) > _LEAST_SHARE:
+    if water.area and (share := poor / water.area) > _MIN_NOTED_SHARE:
         yield (
             f"{share:.0%} of the water is charted from poor or unassessed surveys (zones of "
             "confidence C, D, U): objects may lie 500 m or more off their charted place"
         )
-    closed = [
+    prohibited = [
         zone
         for part in parts
         for zone in _zones(part)
         if _NO_ENTRY.intersection(zone.rule.split(", ")) and zone.area.intersects(region)
     ]
-    if closed:
-        names = ", ".join(dict.fromkeys(zone.name or "unnamed" for zone in closed))
-        yield f"areas where entry is prohibited or to be avoided are not kept clear of: {names}"
+    if prohibited:
+        names = ", ".join(dict.fromkeys(zone.name or "unnamed" for zone in prohibited))
+        yield f"routes may cross areas where entry is prohibited or to be avoided: {names}"
     for part in parts:
-        yield from mended_note(part.cell.name, part.cell.mended)
+        yield from repair_note(part.cell.name, part.cell.repaired)
 
 
 def _poor(parts: Sequence[_Part]) -> Geometries:
-    """Areas of parts whose positions are known poorly."""
+    """Areas in which the survey is poor or unassessed."""
     found: list[Geometries] = [np.empty(0, dtype=object)]
     for part in parts:
         quality = part.cell.objects.get("M_QUAL")
         if quality is not None:
-            poor = quality.geometry[quality.numbers("CATZOC") >= _POOR_ZOC]
+            poor = quality.geometry[quality.numbers("CATZOC") >= _POOR_CATZOC]
             found.append(shapely.intersection(poor, part.area))
     return np.concatenate(found)
 
 
 def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
-    """Name each producer's cells with their editions."""
+    """Yield a credit for each producer, naming its cells with their editions."""
     for producer in sorted({cell.producer for cell in cells}):
         own = [cell for cell in cells if cell.producer == producer]
-        whose = "NOAA" if producer == "US" else f"Producer {producer}"
+        issuer = "NOAA" if producer == "US" else f"Producer {producer}"
         editions = "; ".join(
             f"{cell.name} (1:{cell.scale:,}) edition {cell.edition}, update {cell.update}, issued "
             f"{cell.issued}"
             for cell in own
         )
         yield Credit(
-            name=f"{whose} S-57 cells {', '.join(cell.name for cell in own)}",
+            name=f"{issuer} S-57 cells {', '.join(cell.name for cell in own)}",
             kind="land",
-            text=f"{whose} electronic navigational chart: {editions}; not for navigation",
+            text=f"{issuer} electronic navigational chart: {editions}; not for navigation",
             licence=_NOAA_TERMS if producer == "US" else "the producer's terms of use",
             url="https://charts.noaa.gov/ENCs/ENCs.shtml" if producer == "US" else "",
         )

@@ -1,4 +1,4 @@
-"""A directory of S-57 cells behind the LandSource interface."""
+"""A folder of S-57 cells behind the LandSource interface."""
 
 from __future__ import annotations
 
@@ -17,47 +17,48 @@ if TYPE_CHECKING:
 
     from pipeline.model import Land
 
-# Names of cells that a fault lists.
-_SHOWN = 8
+# Largest number of cells that a message names.
+_MAX_NAMES = 8
 
 
 @dataclass(frozen=True)
 class S57Chart:
-    """Cells (.000) with their updates in a directory or below it, or one cell.
+    """Cells (.000) with their updates in a folder or below it, or one cell.
 
-    `depth_m` is the safety depth: draught and under-keel clearance.
+    `safety_depth_m` is draught plus under-keel clearance.
     """
 
-    place: Path
-    depth_m: float
+    path: Path
+    safety_depth_m: float
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """Safety depth, and hash of every file."""
-        from pipeline.sources.land.s57_cells import files_of
+        """Safety depth, and a hash of all files."""
+        from pipeline.sources.land.s57_cells import cell_files
 
         digest = hashlib.sha256()
         for base in self._bases:
-            for file in files_of(base):
+            for file in cell_files(base):
                 digest.update(file.name.encode() + file.read_bytes())
-        return ("s57", f"{self.depth_m!r}", digest.hexdigest())
+        return ("s57", f"{self.safety_depth_m!r}", digest.hexdigest())
 
     @cached_property
     def _bases(self) -> tuple[Path, ...]:
         """Base files of the cells, each cell once."""
         from pipeline.sources.land.s57_cells import base_files
 
-        found = base_files(self.place)
+        found = base_files(self.path)
         if not found:
-            raise RequestError([f"{self.place} holds no S-57 cell (no .000 file in it or below)"])
+            fault = f"{self.path} holds no S-57 cell (.000 file): name the folder of the cells"
+            raise RequestError([fault])
         twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
         if twice:
-            where = f"in {self.place}; keep the latest"
-            raise RequestError([f"cell {name} lies more than once {where}" for name in twice])
+            where = f"in {self.path}; keep the latest"
+            raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
         return found
 
     def land(self, region: Polygon) -> Land:
-        """What is no-go near a region (lon/lat degrees), with the zones of the chart."""
+        """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
         from pipeline.sources.land import s57
         from pipeline.sources.land.polygons import box_around
         from pipeline.sources.land.s57_cells import read_cell
@@ -66,10 +67,10 @@ class S57Chart:
         read = (read_cell(base, box, s57.CLASSES) for base in self._bases)
         cells = [cell for cell in read if cell is not None]
         if not any(cell.covered.intersects(region) for cell in cells):
-            names = ", ".join(base.stem for base in self._bases[:_SHOWN])
+            names = ", ".join(base.stem for base in self._bases[:_MAX_NAMES])
             fault = (
-                f"no S-57 cell in {self.place} covers any of the region; it holds {names}"
-                f"{' and others' * (len(self._bases) > _SHOWN)}: fetch the region's cells"
+                f"no S-57 cell in {self.path} covers any of the region; it holds {names}"
+                f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
             )
             raise RequestError([fault])
-        return s57.land(cells, box, region, self.depth_m)
+        return s57.land(cells, box, region, self.safety_depth_m)

@@ -1,8 +1,8 @@
-"""Cells of S-57 charts as objects of their classes, with every update applied or a refusal.
+"""Reading S-57 cells: the objects of each class, with all updates applied.
 
-IHO S-57 3.1, appendix B.1 (ENC product specification). GDAL's driver applies `.001`, `.002`, … by
-itself, but stops without a word where one is missing: the number of the last update that it
-applied is therefore held against the files that lie there.
+IHO S-57 3.1, appendix B.1 (ENC product specification). GDAL's driver applies the updates `.001`,
+`.002`, … itself, but stops silently where one is missing. So the number of the last update that it
+applied is compared with the files, and a cell that is not up to date is refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.sources.land.polygons import mended, turns_into
+from pipeline.sources.land.polygons import near_box, repaired
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 
     Geometries = npt.NDArray[np.object_]
 
-# The attributes that are read: depths of areas (DRVAL1) and of objects (VALSOU), coverage, zones of
+# Attributes that are read: depths of areas (DRVAL1) and of objects (VALSOU), coverage, zones of
 # confidence, restrictions, names.
 _COLUMNS = ("DRVAL1", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
+# Options of GDAL's driver: lists as text, no primitives, no references between objects.
 _OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
-# DSPM: horizontal datum WGS 84, depths in metres. The product specification allows no others.
+# Codes in DSPM of the horizontal datum WGS 84 and of depths in metres, the only ones that the
+# product specification allows.
 _WGS84, _METRES = 2, 1
+# Value of CATCOV for the area in which the cell has data.
 _COVERED = 1
 
 
@@ -40,15 +43,15 @@ _COVERED = 1
 class Objects:
     """Objects of one class: geometries (n,) in lon/lat degrees, and attributes (n,) by name.
 
-    A number that the chart does not give is NaN, a text empty; an attribute that the class has not
-    at all is missing.
+    A number that the chart does not give is NaN, a text is empty. `columns` has only the attributes
+    of the class.
     """
 
     geometry: Geometries
     columns: Mapping[str, npt.NDArray[np.object_]]
 
     def numbers(self, name: str) -> npt.NDArray[np.float64]:
-        """Return a numeric attribute (n,), NaN where it is not known."""
+        """Return a numeric attribute (n,), NaN where unknown."""
         if name not in self.columns:
             return np.full(len(self.geometry), math.nan)
         return self.columns[name].astype(np.float64)
@@ -65,8 +68,7 @@ class Objects:
 class Cell:
     """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
 
-    `scale` is the compilation scale's denominator, `producer` the two letters of its name that say
-    who made it, `mended` how many of its areas were invalid.
+    `scale` is the denominator of the compilation scale, `repaired` counts its invalid areas.
     """
 
     name: str
@@ -76,42 +78,44 @@ class Cell:
     scale: int
     covered: BaseGeometry
     objects: Mapping[str, Objects]
-    mended: int = 0
+    repaired: int = 0
 
     @property
     def producer(self) -> str:
-        """Code of the producer, such as US."""
+        """Code of the producing agency, such as US: the first two letters of the name."""
         return self.name[:2]
 
 
-def base_files(place: Path) -> tuple[Path, ...]:
+def base_files(path: Path) -> tuple[Path, ...]:
     """Find the base files (.000) of all cells in a folder and below it, or the one given."""
-    found = [place] if place.is_file() else place.rglob("*.[0-9][0-9][0-9]")
-    return tuple(sorted(path for path in found if path.suffix == ".000"))
+    found = [path] if path.is_file() else path.rglob("*.000")
+    return tuple(sorted(file for file in found if file.suffix == ".000"))
 
 
-def files_of(base: Path) -> tuple[Path, ...]:
+def cell_files(base: Path) -> tuple[Path, ...]:
     """Return a cell's base file and all updates beside it, in their order."""
     beside = base.parent.glob(f"{base.stem}.[0-9][0-9][0-9]")
     return tuple(sorted(path for path in beside if path.is_file()))
 
 
 def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
-    """Read a cell's objects of some classes in a box (lon/lat degrees); None if it lies elsewhere.
+    """Read a cell's objects of some classes near a box (lon/lat degrees).
+
+    None where the cell has no data near it.
 
     Raises
     ------
     RequestError
-        It can't be read, an update is missing, or it breaks the product specification.
+        It can't be read, an update is missing, or it violates the product specification.
     """
     import pyogrio
 
     try:
         layers = {str(name) for name, _ in pyogrio.list_layers(base)}
-        head = _identification(base)
+        identification = _identification(base)
         coverage, _ = _objects(base, "M_COVR", box)
         covered = coverage.geometry[coverage.numbers("CATCOV") == _COVERED]
-        _check(base, head)
+        _check(base, identification)
         if not len(covered):
             return None
         read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
@@ -122,58 +126,59 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
         raise RequestError([fault]) from error
     return Cell(
         name=base.stem,
-        edition=str(head["DSID_EDTN"]),
-        update=str(head["DSID_UPDN"]),
-        issued=_date(str(head["DSID_ISDT"])),
-        scale=int(str(head["DSPM_CSCL"])),
+        edition=str(identification["DSID_EDTN"]),
+        update=str(identification["DSID_UPDN"]),
+        issued=_iso_date(str(identification["DSID_ISDT"])),
+        scale=int(str(identification["DSPM_CSCL"])),
         covered=shapely.union_all(covered),
         objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
-        mended=sum(count for _, count in read.values()),
+        repaired=sum(count for _, count in read.values()),
     )
 
 
 def _identification(base: Path) -> dict[str, object]:
-    """Read the fields that say what the cell is."""
+    """Read the cell's identification and parameters: the fields of DSID and DSPM."""
     import pyogrio
 
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
     return {name: column[0] for name, column in zip(meta["fields"], columns, strict=True)}
 
 
-def _check(base: Path, head: Mapping[str, object]) -> None:
-    """Refuse a cell that is not as the product specification has it, or not up to date."""
+def _check(base: Path, identification: Mapping[str, object]) -> None:
+    """Refuse a cell that violates the product specification, or is not up to date."""
     faults = []
-    applied, last = int(str(head["DSID_UPDN"])), int(files_of(base)[-1].suffix[1:])
+    applied = int(str(identification["DSID_UPDN"]))
+    last = int(cell_files(base)[-1].suffix[1:])
     if applied < last:
         faults.append(
-            f"{base.name}: update .{last:03d} lies there, but only those up to .{applied:03d} "
-            f"could be applied: .{applied + 1:03d} is missing or damaged; fetch it"
+            f"{base.name}: update .{last:03d} is there, but only those up to .{applied:03d} could "
+            f"be applied: .{applied + 1:03d} is missing or damaged; fetch it"
         )
-    if head["DSPM_HDAT"] != _WGS84:
+    if identification["DSPM_HDAT"] != _WGS84:
         faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
-    if head["DSPM_DUNI"] != _METRES:
+    if identification["DSPM_DUNI"] != _METRES:
         faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
     if faults:
         raise RequestError(faults)
 
 
 def _objects(base: Path, layer: str, box: Polygon) -> tuple[Objects, int]:
-    """Read a class's objects that meet a box, mended and in its longitudes; count the mended."""
+    """Read a class's objects that meet a box, valid and in its longitudes; count the repairs."""
     import pyogrio
 
     meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
     geometry = shapely.force_2d(shapely.from_wkb(wkb))
-    there = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
-    near, index = turns_into(geometry[there], box)
-    index = there[index]
-    sound, count = mended(near)
+    present = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
+    near, index = near_box(geometry[present], box)
+    index = present[index]
+    valid, count = repaired(near)
     values = {
         str(name): column[index].astype(object)
         for name, column in zip(meta["fields"], columns, strict=True)
     }
-    return Objects(sound, values), count
+    return Objects(valid, values), count
 
 
-def _date(digits: str) -> str:
-    """Spell a date of S-57, 20260108, as 2026-01-08."""
+def _iso_date(digits: str) -> str:
+    """Write a date of S-57, 20260108, as 2026-01-08."""
     return f"{digits[:4]}-{digits[4:6]}-{digits[6:]}" if len(digits) == 8 else digits

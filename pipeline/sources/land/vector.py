@@ -1,8 +1,8 @@
-"""Land out of a file of the user's: GeoPackage, GeoJSON, Shapefile, whatever GDAL reads.
+"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile, anything that GDAL reads.
 
-Any CRS; invalid rings mended; points and lines (rocks, breakwaters, a coast that is no area) taken
-as wide as the user says. What can't be told from the file is asked for, and not guessed: which
-layer of several, the CRS where none is given.
+In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast that is no
+area) are buffered by a radius that the user gives. What the file does not say (which of several
+layers, the CRS, that radius) is asked for, not guessed.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 import shapely
 
 from pipeline.model import Credit, Land
-from pipeline.sources.land.polygons import box_around, mended_note, polygonal, widened
-from pipeline.sources.land.vector_layer import fault, open_layer
+from pipeline.sources.land.polygons import box_around, buffered, extract_polygons, repair_note
+from pipeline.sources.land.vector_layer import chart_fault, open_layer
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,31 +26,33 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
+    from pipeline.errors import RequestError
     from pipeline.scenario.catalogue import VectorSpec
     from pipeline.scenario.region import ChartSource
     from pipeline.sources.land.vector_layer import VectorLayer
 
     Geometries = npt.NDArray[np.object_]
 
+# Dimensions of geometries.
 _POINT, _LINE, _AREA = 0, 1, 2
-# Of a file that nobody speaks for: what a coast of 1:100,000 is drawn to.
+# Accuracy of the coast where it is not given, m: that of a chart of 1:100,000.
 _ASSUMED_ACCURACY_M = 50.0
 
 
 @dataclass(frozen=True)
 class VectorFile:
-    """One layer of a vector file; `asked` says which, and what the file does not say itself.
+    """One layer of a vector file; `source` is what the scenario says about it.
 
-    `entry` is that of the catalogue for such a file, where one was named.
+    `entry` is the catalogue's entry for such files, where the scenario names one.
     """
 
     path: Path
-    asked: ChartSource
+    source: ChartSource
     entry: VectorSpec | None = None
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """What is asked of the file, and hash of it and of the files that belong to it."""
+        """What the scenario says about the file, and a hash of it and its sidecar files."""
         digest = hashlib.sha256()
         for file in sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.*")):
             # A file geodatabase is a folder.
@@ -60,76 +62,76 @@ class VectorFile:
                     with part.open("rb") as content:
                         digest.update(hashlib.file_digest(content, "sha256").digest())
         entry = self.entry.model_dump_json() if self.entry else ""
-        return ("vector", self.asked.model_dump_json(), entry, digest.hexdigest())
+        return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
 
     @property
     def credit(self) -> Credit:
-        """What the scenario says of the file, else what the catalogue does."""
-        entry, asked = self.entry, self.asked
+        """The credit that the scenario gives, else the catalogue's."""
+        entry, source = self.entry, self.source
         return Credit(
             name=entry.title if entry else self.path.name,
             kind="land",
-            text=asked.credit or (entry.credit if entry else f"{self.path.name}, the user's own"),
-            licence=asked.licence or (entry.licence if entry else "the user's own to know"),
+            text=source.credit or (entry.credit if entry else f"{self.path.name}, user's file"),
+            licence=source.licence or (entry.licence if entry else "not given"),
             url=entry.url if entry else "",
         )
 
     @property
     def accuracy_m(self) -> float:
-        """How far the file's coast may be off, in metres."""
-        if self.asked.accuracy_m is not None:
-            return self.asked.accuracy_m
+        """How far the file's coast may be off, m."""
+        if self.source.accuracy_m is not None:
+            return self.source.accuracy_m
         return self.entry.accuracy_m if self.entry else _ASSUMED_ACCURACY_M
 
     def land(self, region: Polygon) -> Land:
-        """Land near a region (lon/lat degrees)."""
+        """Return the land near a region (lon/lat degrees)."""
         box = box_around(region)
-        layer = open_layer(self.path, self.asked.layer, self.asked.crs)
+        layer = open_layer(self.path, self.source.layer, self.source.crs)
         found, count = layer.near(box)
         if len(found) == 0:
-            raise self._elsewhere(layer)
+            raise self._nothing_near(layer)
         return Land(
             polygons=tuple(self._areas(found).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
-            notes=(*mended_note(self.path.name, count), *self._accuracy_note()),
+            notes=(*repair_note(self.path.name, count), *self._accuracy_note()),
         )
 
     def _areas(self, geometry: Geometries) -> Geometries:
-        """Take areas as they are, points and lines as wide as asked for."""
+        """Return areas as they are, and points and lines buffered by the radius given."""
         parts = shapely.get_parts(shapely.get_parts(geometry))
         dimension = shapely.get_dimensions(parts)
         thin = parts[dimension < _AREA]
-        if len(thin) and self.asked.radius_m is None:
-            what = [
+        if len(thin) and self.source.radius_m is None:
+            counts = [
                 f"{count:,} {name}"
                 for kind, name in ((_POINT, "points"), (_LINE, "lines"))
                 if (count := int((dimension == kind).sum()))
             ]
-            raise fault(
+            raise chart_fault(
                 self.path,
-                f"has {' and '.join(what)} near the region, which are no areas: make polygons of "
-                f'them, or say how wide they are: {{ path = "{self.path.name}", radius_m = 20 }}',
+                f"has {' and '.join(counts)} near the region, which are not areas: make polygons "
+                "of them, or give the radius in metres that is no-go around them: "
+                f'{{ path = "{self.path.name}", radius_m = 20 }}',
             )
-        return polygonal(
-            np.concatenate([parts[dimension == _AREA], widened(thin, self.asked.radius_m or 0.0)])
-        )
+        grown = buffered(thin, self.source.radius_m or 0.0)
+        return extract_polygons(np.concatenate([parts[dimension == _AREA], grown]))
 
-    def _elsewhere(self, layer: VectorLayer) -> Exception:
+    def _nothing_near(self, layer: VectorLayer) -> RequestError:
         """Say where the file's land is, when none is near the region."""
         bounds = ", ".join(f"{bound:g}" for bound in layer.bounds())
-        return fault(
+        return chart_fault(
             self.path,
-            f"has nothing near the region (its bounds in {layer.crs.name}: {bounds}): leave it out "
-            "or, if it should, name its right CRS",
+            f"has nothing near the region (its bounds in {layer.crs.name}: {bounds}): leave it "
+            "out, or name the right CRS if that is wrong",
         )
 
     def _accuracy_note(self) -> tuple[str, ...]:
-        """Say where an accuracy is assumed."""
-        if self.entry or self.asked.accuracy_m is not None:
+        """Say that an accuracy is assumed, if so."""
+        if self.entry or self.source.accuracy_m is not None:
             return ()
         note = (
-            f"{self.path.name}: its coast is taken to be right to {_ASSUMED_ACCURACY_M:g} m, as "
-            "its accuracy is not given (accuracy_m)"
+            f"{self.path.name}: its coast is assumed to be accurate to {_ASSUMED_ACCURACY_M:g} m, "
+            "as no accuracy is given (accuracy_m)"
         )
         return (note,)

@@ -1,1 +1,1 @@
-"""Checks of a current's figures: acceptance, plausibility, shift, component signs."""
+"""Quality checks of current fields: acceptance, plausibility, misregistration, signs."""

@@ -1,8 +1,8 @@
-"""Is a downloaded field what was asked for? Nothing is planned on before it has passed here.
+"""Acceptance check of a downloaded field: is it what was requested? Nothing is planned on before.
 
-A chunk that fails to download comes as NaN with success, a file cut short may open, and a field
-shifted by half a degree looks like any other. So the axes are compared with the request, the
-speeds with what the sea does, and the gaps with the land and with every other time step's.
+A chunk that fails to download arrives as NaN without an error, a truncated file may still open, and
+a field shifted by half a degree looks like any other. So the axes are compared with the request,
+the speeds with what the sea does, and the gaps with the land and between time steps.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.errors import StageError
-from pipeline.sources.quality import plausibility as plausible
-from pipeline.sources.quality.field import Field, Shore
+from pipeline.sources.quality.coverage import sides_beyond, widened
+from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
+from pipeline.sources.quality.plausibility import assess, count_misplaced, dilated
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pipeline.model import Land
+    from pipeline.sources.quality.coverage import Bounds
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -30,49 +32,49 @@ _STANDARD_NAMES = {
     "eastward": ("eastward", "_x_velocity"),
     "northward": ("northward", "_y_velocity"),
 }
-# Steps of an axis kept in float32 (6e-6 degrees at 122) may differ by this share of a cell.
+# Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
+# cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# Surface levels lie above this depth.
-_SURFACE_M = 2.0
-# How far a cell may stand out from all of its neighbours, as a bit that has flipped makes it: so
-# many m/s and so many times what these differ by among themselves, and in any case no more than
-# that share of the strongest current. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1,
-# 1/4 and 1/10 degree) none does by 0.2 m/s and 3 times, and none by 0.6 m/s.
-_SPIKE_M_S, _SPIKE_TIMES, _SPIKE_SHARE = 0.3, 4.0, 0.25
-_FEWEST_NEIGHBOURS = 5
-# Share of the cells far from any land that may lack figures, and of those far inland that may not:
-# straits and shallows that the model leaves out.
-_MOST_MISPLACED = 0.02
+# How far a cell may stand out from all of its neighbours, as one with a flipped bit does: speed in
+# m/s, and multiple of the differences among the neighbours; but in no case above that share of the
+# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
+# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+_SPIKE_M_S, _SPIKE_RATIO, _SPIKE_SHARE = 0.3, 4.0, 0.25
+# Least number of neighbours with data that a cell is compared with.
+_MIN_NEIGHBOURS = 5
+# Largest share of open water without data, and of cells far inland with data: models leave out
+# straits and shallows.
+_MAX_MISPLACED_SHARE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What was asked for: time steps, a region (west, south, east, north) and the field's ways.
+    """What was requested: time steps, a region, and how the dataset behaves.
 
-    The field is the sum of the steps by their `weights`; a step's time, written by `form`
-    (strftime), is its label. `missing` are boxes of cells (centres, west, south, east, north) that
-    the service had nothing for, as it has it for land. `gaps_vary` where ice comes and goes.
+    The field is the sum of the steps times their `weights`; `labels` are the steps' times in
+    `label_format` (strftime). `missing_boxes` hold the centres of the cells for which the service
+    has no chunk, which should be land. `gaps_vary` where ice comes and goes.
     """
 
     labels: tuple[str, ...]
     weights: tuple[float, ...]
-    form: str
-    region: tuple[float, float, float, float]
+    label_format: str
+    region: Bounds
     cell_deg: float
     eastward: str
     northward: str
     speed_limit_m_s: float
-    missing: tuple[tuple[float, float, float, float], ...] = ()
+    missing_boxes: tuple[Bounds, ...] = ()
     gaps_vary: bool = False
 
 
 def accept(path: Path, expected: Expected, land: Land) -> Field:
-    """Read a NetCDF file and return its field, or refuse it with every reason.
+    """Read a NetCDF file and return its field, or refuse it with all reasons.
 
     Raises
     ------
     StageError
-        The file can't be read, or is not what was asked for.
+        The file can't be read, or is not what was requested.
     """
     import netCDF4
 
@@ -82,19 +84,19 @@ def accept(path: Path, expected: Expected, land: Land) -> Field:
     except (OSError, RuntimeError, KeyError, ValueError, IndexError) as error:
         raise StageError(f"{path.name} can't be read as NetCDF: {error}") from None
     if field is not None:
-        shore = Shore.of(land, expected.region)
-        faults = _missing_faults(field, expected, shore) + faults + _gap_faults(field, shore)
+        mask = LandMask.from_land(land, expected.region)
+        faults = _missing_chunk_faults(field, expected, mask) + faults + _gap_faults(field, mask)
         if not faults:
-            verdict = plausible.judged(field, shore, expected.speed_limit_m_s)
-            faults = list(verdict.faults)
-            field = replace(field, doubts=verdict.doubts)
+            assessment = assess(field, mask, expected.speed_limit_m_s)
+            faults = list(assessment.faults)
+            field = replace(field, warnings=assessment.warnings)
     if faults or field is None:
-        raise StageError(f"{path.name} is not what was asked for: {'; '.join(faults)}")
+        raise StageError(f"{path.name} is not what was requested: {'; '.join(faults)}")
     return field
 
 
 def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:
-    """Read axes and field, with the faults of both; no field where it makes no sense."""
+    """Read axes and field, with the faults of both; no field where the axes are wrong."""
     wanted = {"eastward": expected.eastward, "northward": expected.northward}
     absent = [name for name in wanted.values() if name not in dataset.variables]
     if absent:
@@ -104,44 +106,43 @@ def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:
         for direction, name in wanted.items()
         for fault in _variable_faults(dataset[name], direction)
     ]
-    lon, flip_x, lon_faults = _axis(dataset, "longitude", expected.cell_deg)
-    lat, flip_y, lat_faults = _axis(dataset, "latitude", expected.cell_deg)
+    lon, lon_step, lon_faults = _axis(dataset, "longitude", expected.cell_deg)
+    lat, lat_step, lat_faults = _axis(dataset, "latitude", expected.cell_deg)
     faults += lon_faults + lat_faults + _time_faults(dataset, expected)
     faults += _depth_faults(dataset)
     if faults:
         return faults, None
-    faults, u, v = _sum(dataset, expected, (lat.size, lon.size))
-    # Longitudes of whole turns away are the same place.
+    faults, u, v = _weighted_sum(dataset, expected, (lat.size, lon.size))
+    # Longitudes a whole turn away are the same place.
     west, _, east, _ = expected.region
-    centre = (west + east) / 2
-    lon = lon + 360 * np.round((centre - lon.mean()) / 360)
+    lon = lon + 360 * np.round(((west + east) / 2 - lon.mean()) / 360)
     faults += _extent_faults(lon, lat, expected)
-    order = (slice(None, None, flip_y), slice(None, None, flip_x))
-    return faults, Field(lon, lat, u[order], v[order])
+    ascending = (slice(None, None, lat_step), slice(None, None, lon_step))
+    return faults, Field(lon, lat, u[ascending], v[ascending])
 
 
-def _sum(
+def _weighted_sum(
     dataset: Any, expected: Expected, shape: tuple[int, int]
 ) -> tuple[list[str], FloatArray, FloatArray]:
-    """Both components, the steps weighted, as they lie in the file; the faults of any step.
+    """Weighted sum of the steps of both components (ny, nx), and the first faulty step's faults.
 
-    One step after the other: a month of hours need not lie in memory.
+    Step by step, so that a month of hours need not fit in memory.
     """
     u_sum, v_sum = np.zeros(shape), np.zeros(shape)
-    gaps = None
-    for place, (label, weight) in enumerate(zip(expected.labels, expected.weights, strict=True)):
+    first_gap = None
+    for step, (label, weight) in enumerate(zip(expected.labels, expected.weights, strict=True)):
         u, v = (
-            _layer(dataset[name], place, shape) for name in (expected.eastward, expected.northward)
+            _layer(dataset[name], step, shape) for name in (expected.eastward, expected.northward)
         )
         gap = ~np.isfinite(u)
-        gaps = gap if gaps is None else gaps
+        first_gap = gap if first_gap is None else first_gap
         faults = []
         if (gap == np.isfinite(v)).any():
             faults.append("one component has gaps where the other has none")
-        if not expected.gaps_vary and (differ := int((gap != gaps).sum())):
+        if not expected.gaps_vary and (changed := int((gap != first_gap).sum())):
             faults.append(
-                f"at {label} {differ} cells have gaps and at {expected.labels[0]} have none, or "
-                "the other way round: a part was not delivered"
+                f"{changed} cells have gaps either at {label} or at {expected.labels[0]}, not at "
+                "both: a part was not delivered"
             )
         strongest = float(np.max(np.hypot(u, v), initial=0.0, where=np.isfinite(u * v)))
         if strongest > expected.speed_limit_m_s:
@@ -149,8 +150,8 @@ def _sum(
                 f"at {label} speeds reach {strongest:.3g} m/s, above {expected.speed_limit_m_s:g}: "
                 "another unit, or damaged"
             )
-        most = _SPIKE_SHARE * expected.speed_limit_m_s
-        if spike := max(_spike(u, most), _spike(v, most)):
+        limit_m_s = _SPIKE_SHARE * expected.speed_limit_m_s
+        if spike := max(largest_spike(u, limit_m_s), largest_spike(v, limit_m_s)):
             faults.append(
                 f"at {label} a cell stands out from its neighbours by {spike:.3g} m/s: damaged"
             )
@@ -161,28 +162,30 @@ def _sum(
     return [], u_sum, v_sum
 
 
-def _spike(values: FloatArray, most_m_s: float) -> float:
-    """How far the worst cell stands out from its neighbours where it does by too much, else 0."""
+def largest_spike(values: FloatArray, limit_m_s: float) -> float:
+    """How far a cell stands out from all of its neighbours, m/s; 0 where that is within limits."""
     from scipy.ndimage import convolve, maximum_filter
 
-    around = np.ones((3, 3), dtype=int)
-    around[1, 1] = 0
+    neighbours = np.ones((3, 3), dtype=int)
+    neighbours[1, 1] = 0
     known = np.isfinite(values)
-    judged = known & (convolve(known.astype(int), around, mode="constant") >= _FEWEST_NEIGHBOURS)
+    counts = convolve(known.astype(int), neighbours, mode="constant")
+    is_judged = known & (counts >= _MIN_NEIGHBOURS)
 
-    def highest(side: FloatArray) -> FloatArray:
-        filled = np.where(known, side, -np.inf)
-        found = maximum_filter(filled, footprint=around, mode="constant", cval=-np.inf)
+    def highest_neighbour(values: FloatArray) -> FloatArray:
+        filled = np.where(known, values, -np.inf)
+        found = maximum_filter(filled, footprint=neighbours, mode="constant", cval=-np.inf)
         return np.asarray(found, dtype=float)
 
-    above, below = highest(values), highest(-values)
-    out = np.maximum(values - above, -values - below)
-    allowed = np.maximum(_SPIKE_M_S, _SPIKE_TIMES * (above + below))
-    return float(np.max(out, initial=0.0, where=judged & (out > np.minimum(allowed, most_m_s))))
+    highest, negated_lowest = highest_neighbour(values), highest_neighbour(-values)
+    spike = np.maximum(values - highest, -values - negated_lowest)
+    allowed = np.maximum(_SPIKE_M_S, _SPIKE_RATIO * (highest + negated_lowest))
+    is_spike = is_judged & (spike > np.minimum(allowed, limit_m_s))
+    return float(np.max(spike, initial=0.0, where=is_spike))
 
 
 def _variable_faults(variable: Any, direction: str) -> list[str]:
-    """Units and standard name of a component."""
+    """Whether a component has the right unit and standard name."""
     faults = []
     units = getattr(variable, "units", "")
     if units.strip() not in _UNITS:
@@ -194,24 +197,23 @@ def _variable_faults(variable: Any, direction: str) -> list[str]:
 
 
 def _axis(dataset: Any, name: str, cell_deg: float) -> tuple[FloatArray, int, list[str]]:
-    """Ascending axis, the step (1 or -1) that its data are to be read with, and its faults."""
+    """Ascending axis, the slice step (1 or -1) that sorts its data, and its faults."""
     values = np.ma.filled(dataset[name][:], np.nan).astype(float)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         return values.ravel(), 1, [f"{name} is no axis: shape {values.shape}"]
-    flip = 1 if values[-1] > values[0] else -1
-    values = values[::flip]
-    step = np.diff(values)
-    if np.abs(step - cell_deg).max() > _STEP_TOLERANCE * cell_deg:
-        return (
-            values,
-            flip,
-            [f"{name} steps by {step.min():.5g} to {step.max():.5g} degrees, not {cell_deg:.5g}"],
+    order = 1 if values[-1] > values[0] else -1
+    values = values[::order]
+    steps = np.diff(values)
+    faults = []
+    if np.abs(steps - cell_deg).max() > _STEP_TOLERANCE * cell_deg:
+        faults.append(
+            f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
         )
-    return values, flip, []
+    return values, order, faults
 
 
 def _time_faults(dataset: Any, expected: Expected) -> list[str]:
-    """Exactly the time steps that were asked for."""
+    """Whether the time steps are exactly those requested."""
     import netCDF4
 
     if "time" not in dataset.variables:
@@ -219,90 +221,82 @@ def _time_faults(dataset: Any, expected: Expected) -> list[str]:
     time = dataset["time"]
     calendar = getattr(time, "calendar", "standard")
     stamps = np.atleast_1d(np.asarray(netCDF4.num2date(time[:], time.units, calendar)))
-    labels = tuple(stamp.strftime(expected.form) for stamp in stamps)
+    labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)
     if labels == expected.labels:
         return []
-    return [f"its times are {_listed(labels)}, not {_listed(expected.labels)}"]
+    return [f"its times are {_shortened(labels)}, not {_shortened(expected.labels)}"]
 
 
-def _listed(labels: tuple[str, ...]) -> str:
-    """Spell labels out, the first and the last where they are many."""
+def _shortened(labels: tuple[str, ...]) -> str:
+    """List labels, but only the first and the last where there are many."""
     if len(labels) <= 3:
         return str(list(labels))
     return f"[{labels[0]!r} … {labels[-1]!r}] ({len(labels)})"
 
 
 def _depth_faults(dataset: Any) -> list[str]:
-    """At most one level, at the surface."""
+    """Whether there is no more than one level, at the surface."""
     for name in ("depth", "elevation"):
         if name in dataset.variables:
             levels = np.abs(np.atleast_1d(np.ma.filled(dataset[name][:], np.nan)))
-            if levels.size != 1 or not levels[0] < _SURFACE_M:
+            if levels.size != 1 or not levels[0] < SURFACE_DEPTH_M:
                 return [f"its levels are {levels[:4].tolist()} m, not the surface alone"]
     return []
 
 
-def _layer(variable: Any, place: int, shape: tuple[int, int]) -> FloatArray:
-    """The variable's layer (ny, nx) at a time step, NaN where masked; ValueError where it is none.
+def _layer(variable: Any, step: int, shape: tuple[int, int]) -> FloatArray:
+    """The variable (ny, nx) at a time step, NaN where masked; ValueError for another shape.
 
-    A level of depth may lie between, as long as it is the only one.
+    There may be a depth dimension, of one level.
     """
     if variable.dimensions[0] != "time" or variable.shape[-2:] != shape:
         raise ValueError(f"{variable.name} has {variable.dimensions} of {variable.shape}")
-    values = np.ma.filled(np.ma.asarray(variable[place]).astype(float), np.nan)
+    values = np.ma.filled(np.ma.asarray(variable[step]).astype(float), np.nan)
     return np.asarray(values, dtype=float).reshape(shape)
 
 
 def _extent_faults(lon: FloatArray, lat: FloatArray, expected: Expected) -> list[str]:
-    """The axes reach over the region: to its edge, or half a cell short at the grid's own end."""
+    """Whether the cells cover the region."""
     half = expected.cell_deg / 2
-    west, south, east, north = expected.region
-    return [
-        f"{name} ends at {end:.4f}; the region reaches {limit:g}"
-        for name, end, limit, is_short in (
-            ("longitude", lon[0], west, lon[0] > west + half),
-            ("longitude", lon[-1], east, lon[-1] < east - half),
-            ("latitude", lat[0], south, lat[0] > south + half),
-            ("latitude", lat[-1], north, lat[-1] < north - half),
-        )
-        if is_short
-    ]
+    grid = widened((lon[0], lat[0], lon[-1], lat[-1]), half, half)
+    lacking = sides_beyond(expected.region, grid)
+    return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 
-def _gap_faults(field: Field, shore: Shore) -> list[str]:
-    """Gaps lie where the land is: neither in open water, nor figures far inland."""
-    counts = plausible.misplaced(field, shore)
-    said = (
-        "in open water have no figures: a part was not delivered",
-        "far inland have figures: the field is shifted",
+def _gap_faults(field: Field, mask: LandMask) -> list[str]:
+    """Whether gaps lie where the land is: not in open water, and no data far inland."""
+    messages = (
+        "in open water have no data: a part was not delivered",
+        "far inland have data: the field is shifted",
     )
     return [
-        f"{wrong} of {cells} cells {what}"
-        for (wrong, cells), what in zip(counts, said, strict=True)
-        if wrong > _MOST_MISPLACED * max(cells, 1)
+        f"{wrong} of {cells} cells {message}"
+        for (wrong, cells), message in zip(count_misplaced(field, mask), messages, strict=True)
+        if wrong > _MAX_MISPLACED_SHARE * max(cells, 1)
     ]
 
 
-def _missing_faults(field: Field, expected: Expected, shore: Shore) -> list[str]:
-    """What the service had nothing for is land: so it keeps it, and so it answers when it fails.
+def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> list[str]:
+    """Whether the chunks that the service does not have are all land.
 
-    Cells beside land may be land to a coarse model; there the water beside them fills in anyway.
+    It stores no chunk without data, and gives the same answer when it fails. Cells beside land may
+    be land to a coarse model; there the gap is filled from the water beside it anyway.
     """
-    if not expected.missing:
+    if not expected.missing_boxes:
         return []
-    half = expected.cell_deg / 2
-    west, south, east, north = expected.region
+    cell = expected.cell_deg
     missing = np.zeros(field.u.shape, dtype=bool)
-    for box_west, box_south, box_east, box_north in expected.missing:
-        # Counted eastward from the box's own west, whatever turn either is in.
-        column = (field.lon - box_west + half) % 360 <= box_east - box_west + 2 * half
-        row = (field.lat >= box_south - half) & (field.lat <= box_north + half)
+    for west, south, east, north in expected.missing_boxes:
+        # Counted eastward from the box's west edge, as both may be whole turns apart.
+        column = (field.lon - west + cell / 2) % 360 <= east - west + cell
+        row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
-    # Further out nothing is read of the field, and the land is not known.
-    column = (field.lon > west - 2 * half) & (field.lon < east + 2 * half)
-    row = (field.lat > south - 2 * half) & (field.lat < north + 2 * half)
+    # Further out the field is not used, and the land is not known.
+    west, south, east, north = widened(expected.region, cell, cell)
+    column = (field.lon > west) & (field.lon < east)
+    row = (field.lat > south) & (field.lat < north)
     wet = missing & row[:, None] & column[None, :]
-    wet &= ~plausible.grown(shore.cells(field.lon, field.lat), 1, at_edge=False)
+    wet &= ~dilated(mask.on_grid(field.lon, field.lat), 1, edge_counts=False)
     if not wet.any():
         return []
     return [

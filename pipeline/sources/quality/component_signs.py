@@ -1,13 +1,14 @@
 """Whether a component of a current has the wrong sign, or the two are swapped.
 
-At the scales of a grid the sea turns far more than it diverges: it is nearly in geostrophic
-balance, and water is not piled up for long. With one sign wrong, or with the components swapped,
-what was shear and stretching is taken for divergence, and the other way round. So of the field as
-it is and of its twins, the right one diverges least (Okubo 1970, for the four combinations of
-derivatives; the error is that of a delete-one jackknife over blocks, Efron & Stein 1981).
+At the scales of a grid the sea rotates far more than it diverges: it is nearly in geostrophic
+balance, and water does not pile up for long. With one sign wrong, or with the components swapped,
+shear and strain appear as divergence, and divergence as shear and strain. So among the field as it
+is and its variants, the right one diverges least. The four combinations of derivatives are those
+of Okubo (1970); the standard error is that of a delete-one jackknife over blocks (Efron and Stein
+1981).
 
-With both signs wrong all four are the same in size: that can't be told from the figures. Nor is a
-quarter turn told for sure, as waves and tides diverge more than they turn.
+With both signs wrong the divergence has the same size, so that this can't be detected. A quarter
+turn is never certain either, as waves and tides diverge more than they rotate.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.geo.earth import EARTH_RADIUS_M
+
 if TYPE_CHECKING:
     import numpy.typing as npt
 
@@ -24,20 +27,21 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-_EARTH_RADIUS_M = 6_371_000.0
-# The grid is parted into this many blocks a side: what they agree on is no chance.
-_BLOCKS = 6
-_FEWEST_BLOCKS = 8
-# Corners between four cells of water that some current passes.
-_FEWEST_CORNERS = 40
+# Blocks per side that the grid is divided into for the standard error.
+_BLOCKS_PER_SIDE = 6
+# Least number of blocks with moving water: with fewer the standard error means nothing.
+_MIN_BLOCKS = 8
+# Least number of corners between four cells of moving water.
+_MIN_CORNERS = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Twin:
-    """A way in which the field may be turned, and how strongly the figures say so.
+class Variant:
+    """A way in which the components may be mixed up, and how strongly the data say so.
 
-    `contrast` is (own - twin) / (own + twin) of the mean squared divergences, -1 to 1; `certainty`
-    is that in its standard errors. Above 0 the twin diverges less than the field as it is.
+    `contrast` is (own - variant) / (own + variant) of the mean squared divergences, -1 to 1;
+    `certainty` is the contrast in its standard errors. Above 0 the variant diverges less than the
+    field as it is.
     """
 
     name: str
@@ -47,47 +51,47 @@ class Twin:
 
 FLIPPED = "one component has the wrong sign"
 SWAPPED = "the components are swapped"
-QUARTER = "the components are swapped and one has the wrong sign"
+ROTATED = "the components are swapped and one has the wrong sign"
 
 
-def likeliest(field: Field) -> Twin | None:
-    """Return the twin that diverges least; None where the field itself does, or nothing is told."""
+def likeliest_variant(field: Field) -> Variant | None:
+    """Return the variant that diverges least; None where the field itself does, or too few data."""
     own = _divergence(field, field.u, field.v) ** 2
-    moving = np.isfinite(own) & (_turning(field) > 0)
-    if np.count_nonzero(moving) < _FEWEST_CORNERS:
+    moving = np.isfinite(own) & (_variation(field) > 0)
+    if np.count_nonzero(moving) < _MIN_CORNERS:
         return None
-    block = _blocks(own.shape)[moving]
+    block = _block_numbers(own.shape)[moving]
     candidates = {
         FLIPPED: (-field.u, field.v),
         SWAPPED: (field.v, field.u),
-        QUARTER: (field.v, -field.u),
+        ROTATED: (field.v, -field.u),
     }
     sums = {
-        name: _summed(block, (_divergence(field, *uv) ** 2)[moving])
+        name: _block_sums(block, (_divergence(field, *uv) ** 2)[moving])
         for name, uv in candidates.items()
     }
-    mine = _summed(block, own[moving])
+    own_sums = _block_sums(block, own[moving])
     name = min(sums, key=lambda name: float(sums[name].sum()))
-    if sums[name].sum() >= mine.sum():
+    if sums[name].sum() >= own_sums.sum():
         return None
-    return _twin(name, mine, sums[name])
+    return _variant(name, own_sums, sums[name])
 
 
-def _twin(name: str, own: FloatArray, twin: FloatArray) -> Twin | None:
-    """Weigh a twin by blocks (n,); None where too few of them say anything."""
-    used = own + twin > 0
-    difference, total = (own - twin)[used], (own + twin)[used]
+def _variant(name: str, own: FloatArray, other: FloatArray) -> Variant | None:
+    """Contrast and certainty from block sums (n,); None where too few blocks have moving water."""
+    used = own + other > 0
+    difference, total = (own - other)[used], (own + other)[used]
     count = len(total)
-    if count < _FEWEST_BLOCKS:
+    if count < _MIN_BLOCKS:
         return None
     contrast = float(difference.sum() / total.sum())
-    without = (difference.sum() - difference) / (total.sum() - total)
-    error = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
-    return Twin(name, contrast, contrast / max(float(error), 1e-9))
+    without_one = (difference.sum() - difference) / (total.sum() - total)
+    error = np.sqrt((count - 1) / count * np.square(without_one - without_one.mean()).sum())
+    return Variant(name, contrast, contrast / max(float(error), 1e-9))
 
 
 def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Divergence (ny - 1, nx - 1) in 1/s between four cells each; NaN beside land."""
+    """Divergence (ny - 1, nx - 1) in 1/s at the corners between four cells; NaN beside land."""
     cosine = np.cos(np.radians(field.lat))[:, None]
     middle = (cosine[1:] + cosine[:-1]) / 2
     east = (u[1:, 1:] + u[:-1, 1:] - u[1:, :-1] - u[:-1, :-1]) / 2
@@ -95,15 +99,15 @@ def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:
     north = (through[1:, 1:] + through[1:, :-1] - through[:-1, 1:] - through[:-1, :-1]) / 2
     dx = np.radians(np.diff(field.lon))[None, :]
     dy = np.radians(np.diff(field.lat))[:, None]
-    return np.asarray((east / dx + north / dy) / (_EARTH_RADIUS_M * middle))
+    return np.asarray((east / dx + north / dy) / (EARTH_RADIUS_M * middle))
 
 
-def _summed(block: npt.NDArray[np.intp], values: FloatArray) -> FloatArray:
+def _block_sums(block: npt.NDArray[np.intp], values: FloatArray) -> FloatArray:
     """Sum of the values in each block (n,)."""
-    return np.asarray(np.bincount(block, values, _BLOCKS**2), dtype=float)
+    return np.asarray(np.bincount(block, values, _BLOCKS_PER_SIDE**2), dtype=float)
 
 
-def _turning(field: Field) -> FloatArray:
+def _variation(field: Field) -> FloatArray:
     """Squared differences (ny - 1, nx - 1) between the cells around a corner: 0 in still water."""
     total = np.zeros((field.lat.size - 1, field.lon.size - 1))
     for part in (field.u, field.v):
@@ -112,7 +116,7 @@ def _turning(field: Field) -> FloatArray:
     return total
 
 
-def _blocks(shape: tuple[int, int]) -> npt.NDArray[np.intp]:
+def _block_numbers(shape: tuple[int, int]) -> npt.NDArray[np.intp]:
     """Number of the block that each corner lies in: (ny, nx)."""
-    row, column = (np.arange(size) * _BLOCKS // size for size in shape)
-    return np.asarray(row[:, None] * _BLOCKS + column[None, :])
+    row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in shape)
+    return np.asarray(row[:, None] * _BLOCKS_PER_SIDE + column[None, :])

@@ -1,4 +1,4 @@
-"""A current on its source's own grid, and the land that it is held against."""
+"""A current on its source's own grid, and the land mask that it is checked against."""
 
 from __future__ import annotations
 
@@ -17,34 +17,38 @@ if TYPE_CHECKING:
     FloatArray = npt.NDArray[np.float64]
     BoolArray = npt.NDArray[np.bool_]
 
+# Depth above which a level counts as the surface, m: the uppermost level of ocean models is
+# 0.5 to 1.5 m deep.
+SURFACE_DEPTH_M = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) m/s, NaN where no water.
+    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) in m/s, NaN where no data.
 
-    `doubts` say what speaks against it, where that is not enough to refuse it.
+    `warnings` say what is suspicious about it but not enough to refuse it.
     """
 
     lon: FloatArray
     lat: FloatArray
     u: FloatArray
     v: FloatArray
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def gap(self) -> BoolArray:
-        """Cells (ny, nx) without figures."""
+        """Cells (ny, nx) without data."""
         return ~(np.isfinite(self.u) & np.isfinite(self.v))
 
     @property
-    def cell(self) -> tuple[float, float]:
-        """Usual step in longitude and in latitude, degrees."""
+    def cell_deg(self) -> tuple[float, float]:
+        """Size of a cell in longitude and latitude, degrees: the median step of each axis."""
         return float(np.median(np.diff(self.lon))), float(np.median(np.diff(self.lat)))
 
 
 @dataclass(frozen=True, slots=True)
-class Shore:
-    """Where land is: `is_land` of lon, lat (n,) in degrees.
+class LandMask:
+    """Where land is: `is_land` takes lon (n,) and lat (n,) in degrees.
 
     It is known inside `bounds` (west, south, east, north). A cell is land where its centre is.
     """
@@ -53,8 +57,8 @@ class Shore:
     bounds: tuple[float, float, float, float]
 
     @classmethod
-    def of(cls, land: Land, bounds: tuple[float, float, float, float]) -> Shore:
-        """Take a land's polygons, known in the region that they were fetched for."""
+    def from_land(cls, land: Land, bounds: tuple[float, float, float, float]) -> LandMask:
+        """Make a mask of land polygons, known in the region that they were fetched for."""
         import shapely
 
         tree = shapely.STRtree(land.polygons)
@@ -68,19 +72,19 @@ class Shore:
         return cls(is_land, bounds)
 
     @classmethod
-    def world(cls) -> Shore:
-        """Take OpenStreetMap's land the world over, as a raster of some 500 m."""
+    def world(cls) -> LandMask:
+        """Make a mask of OpenStreetMap's land of the whole world, a raster of about 500 m."""
         from roaring_landmask import LandmaskProvider, RoaringMask
 
         mask = RoaringMask.new(LandmaskProvider.Osm)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
-            turned = (lon + 180) % 360 - 180
-            return np.asarray(mask.contains_many(turned, np.clip(lat, -90, 90)), dtype=bool)
+            wrapped = (lon + 180) % 360 - 180
+            return np.asarray(mask.contains_many(wrapped, np.clip(lat, -90, 90)), dtype=bool)
 
         return cls(is_land, (-np.inf, -90.0, np.inf, 90.0))
 
-    def cells(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
+    def on_grid(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
         """Which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
         x, y = np.meshgrid(lon, lat)
         return self.is_land(x.ravel(), y.ravel()).reshape(x.shape)

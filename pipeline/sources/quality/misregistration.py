@@ -1,9 +1,9 @@
-"""Does a current lie where it should? Its gaps are held against the land, here and at offsets.
+"""Misregistration: whether a current field is shifted against the land.
 
-Gaps reach a little further than the land in many fields, ice and lakes make more of them, and
-coarse cells blur the coast. None of that puts figures on dry land, and least of all on one side
-only. So a field is shifted where cells that are wholly land have figures, and lose them at an
-offset where the gaps fit the land better on the whole.
+The field's gaps are compared with the land, in place and at trial offsets. Gaps reach a little
+beyond the land in many fields, ice and lakes add more, and coarse cells blur the coast; but none of
+that puts data on dry land, least of all on one side only. So a field counts as shifted where cells
+that are entirely land have data, and lose them at an offset where the gaps match the land better.
 """
 
 from __future__ import annotations
@@ -16,142 +16,141 @@ import numpy as np
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.sources.quality.field import Field, Shore
+    from pipeline.sources.quality.field import Field, LandMask
 
     FloatArray = npt.NDArray[np.float64]
     BoolArray = npt.NDArray[np.bool_]
 
-# Points of the land's raster a cell and side; offsets are tried at their step or coarser.
-_PARTS = 4
-# Offsets are looked for up to this far (degrees), and two cells at least, at so many steps a side.
-_REACH_DEG = 1.5
-_FEWEST_CELLS = 2
-_STEPS = 8
-# A region that is known no further than its edge can't be moved by more than this share of itself.
-_LARGEST_SHARE = 1 / 6
-# Cells with at least (most) this share of land are wholly land (water).
-_LAND, _WATER = 0.95, 0.05
-# Steps of an axis may differ by this share; on other grids an offset is no whole number of cells.
-_IRREGULAR = 0.02
+# Raster points of the land per cell and side; offsets are whole numbers of them.
+_POINTS_PER_CELL = 4
+# Largest trial offset: degrees, or cells where these are larger.
+_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS = 1.5, 2
+# Number of trial offsets to each side.
+_TRIALS_PER_SIDE = 8
+# Largest trial offset as a share of the region, where the land beyond the region is unknown.
+_MAX_OFFSET_SHARE = 1 / 6
+# A cell with at least (at most) this share of land is entirely land (water).
+_LAND_SHARE, _WATER_SHARE = 0.95, 0.05
+# Relative variation of an axis's steps up to which an offset is a whole number of raster points.
+_MAX_STEP_VARIATION = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """How far a field lies from its place: `east` and `north` in degrees, as it was moved.
+    """By how much a field was moved from its place: `east` and `north`, in degrees.
 
-    Of the `possible` cells of land that a move by so much would bring figures to, `explained` have
-    figures that they have not once it is taken back.
+    `land_cells` counts the cells to which such a move would bring data although they are land, and
+    `explained` those of them that have data here and lose them when the move is undone.
     """
 
     east: float
     north: float
     explained: int
-    possible: int
+    land_cells: int
 
     @property
     def share(self) -> float:
-        """Share of the figures on land that such a move would bring, up to 1."""
-        return self.explained / max(self.possible, 1)
+        """Share of the land cells that the shift explains, up to 1."""
+        return self.explained / max(self.land_cells, 1)
 
 
-def shift(field: Field, shore: Shore) -> Shift | None:
-    """Find the offset at which the field's gaps fit the land best; None where none does better."""
-    window = _known(field, shore)
+def find_shift(field: Field, mask: LandMask) -> Shift | None:
+    """Find the offset at which the field's gaps match the land best; None where it is in place."""
+    window = _testable_window(field, mask)
     if window is None:
         return None
     rows, columns, reach = window
     lon, lat, gap = field.lon[columns], field.lat[rows], field.gap[rows, columns]
     if gap.all() or not gap.any():
         return None
-    ground = _Ground.around(lon, lat, field.cell, shore, reach)
-    dry, wet = ground.wholly(0, 0)
-    misplaced = int((dry & ~gap).sum() + (wet & gap).sum())
-    best, found = misplaced, None
-    stride = max(1, max(reach) // _STEPS)
-    steps = [range(-most + most % stride, most + 1, stride) for most in reach]
-    for east in steps[0]:
-        for north in steps[1]:
-            land, water = ground.wholly(east, north)
-            left = int((land & ~gap).sum() + (water & gap).sum())
-            if left < best:
-                best = left
-                explained = int((dry & ~gap).sum() - (land & ~gap).sum())
-                found = (east, north, explained, int((dry & ~land).sum()))
-    if found is None:
+    shares = _LandShares.sample(lon, lat, field.cell_deg, mask, reach)
+    land, water = shares.entirely(0, 0)
+    fewest_mismatches, best = int((land & ~gap).sum() + (water & gap).sum()), None
+    stride = max(1, max(reach) // _TRIALS_PER_SIDE)
+    trials = [range(-most + most % stride, most + 1, stride) for most in reach]
+    for east in trials[0]:
+        for north in trials[1]:
+            moved_land, moved_water = shares.entirely(east, north)
+            mismatches = int((moved_land & ~gap).sum() + (moved_water & gap).sum())
+            if mismatches < fewest_mismatches:
+                fewest_mismatches = mismatches
+                explained = int((land & ~gap).sum() - (moved_land & ~gap).sum())
+                best = (east, north, explained, int((land & ~moved_land).sum()))
+    if best is None:
         return None
-    east, north, explained, possible = found
-    # The land fits at this offset: the field itself was moved the other way.
+    east, north, explained, land_cells = best
+    # The land matches at this offset, so the field itself was moved the other way.
     return Shift(
-        east=-east / _PARTS * field.cell[0],
-        north=-north / _PARTS * field.cell[1],
+        east=-east / _POINTS_PER_CELL * field.cell_deg[0],
+        north=-north / _POINTS_PER_CELL * field.cell_deg[1],
         explained=explained,
-        possible=possible,
+        land_cells=land_cells,
     )
 
 
-def _known(field: Field, shore: Shore) -> tuple[slice, slice, tuple[int, int]] | None:
-    """Rows and columns that can be moved by a reach (raster points east, north) and stay known."""
-    places, reaches = [], []
-    sides = (shore.bounds[0::2], shore.bounds[1::2])
-    for axis, cell, (low, high) in zip((field.lon, field.lat), field.cell, sides, strict=True):
-        if np.abs(np.diff(axis) - cell).max() > _IRREGULAR * cell:
+def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[int, int]] | None:
+    """Rows and columns around which the land is known up to a reach (raster points east, north)."""
+    slices, reaches = [], []
+    limits = (mask.bounds[0::2], mask.bounds[1::2])
+    axes = zip((field.lon, field.lat), field.cell_deg, limits, strict=True)
+    for axis, cell, (low, high) in axes:
+        if np.abs(np.diff(axis) - cell).max() > _MAX_STEP_VARIATION * cell:
             return None
         span = min(float(axis[-1]), high) - max(float(axis[0]), low)
-        furthest = max(_REACH_DEG, _FEWEST_CELLS * cell)
+        furthest = max(_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS * cell)
         if np.isfinite(high - low):
-            furthest = min(furthest, _LARGEST_SHARE * span)
+            furthest = min(furthest, _MAX_OFFSET_SHARE * span)
         cells = int(furthest / cell)
         margin = (cells + 0.5) * cell
         inside = np.flatnonzero((axis - margin >= low) & (axis + margin <= high))
         if cells < 1 or inside.size < 2:
             return None
-        places.append(slice(int(inside[0]), int(inside[-1]) + 1))
-        reaches.append(cells * _PARTS)
-    return places[1], places[0], (reaches[0], reaches[1])
+        slices.append(slice(int(inside[0]), int(inside[-1]) + 1))
+        reaches.append(cells * _POINTS_PER_CELL)
+    return slices[1], slices[0], (reaches[0], reaches[1])
 
 
 @dataclass(frozen=True, slots=True)
-class _Ground:
-    """Land under a grid as sums over a raster, so that any offset costs four look-ups a cell."""
+class _LandShares:
+    """Share of land in the cells of a grid at any offset, from a summed-area table of a raster."""
 
-    sums: FloatArray
+    table: FloatArray
     shape: tuple[int, int]
     reach: tuple[int, int]
 
     @classmethod
-    def around(
+    def sample(
         cls,
         lon: FloatArray,
         lat: FloatArray,
         cell: tuple[float, float],
-        shore: Shore,
+        mask: LandMask,
         reach: tuple[int, int],
-    ) -> _Ground:
+    ) -> _LandShares:
         """Sample the land in a grid's cells and `reach` raster points beyond them."""
         fine = [
             axis[0]
             - step / 2
-            + step / _PARTS * (np.arange(axis.size * _PARTS + 2 * beyond) - beyond + 0.5)
+            + step
+            / _POINTS_PER_CELL
+            * (np.arange(axis.size * _POINTS_PER_CELL + 2 * beyond) - beyond + 0.5)
             for axis, step, beyond in zip((lon, lat), cell, reach, strict=True)
         ]
-        land = shore.cells(fine[0], fine[1])
-        sums = np.zeros((land.shape[0] + 1, land.shape[1] + 1))
-        sums[1:, 1:] = land.cumsum(axis=0).cumsum(axis=1)
-        return cls(sums, (lat.size, lon.size), reach)
+        land = mask.on_grid(fine[0], fine[1])
+        table = np.zeros((land.shape[0] + 1, land.shape[1] + 1))
+        table[1:, 1:] = land.cumsum(axis=0).cumsum(axis=1)
+        return cls(table, (lat.size, lon.size), reach)
 
-    def wholly(self, east: int, north: int) -> tuple[BoolArray, BoolArray]:
-        """Cells (ny, nx) that are wholly land, and wholly water, so many raster points away."""
+    def entirely(self, east: int, north: int) -> tuple[BoolArray, BoolArray]:
+        """Cells (ny, nx) that are entirely land, and entirely water, at a raster offset."""
         ny, nx = self.shape
+        size = _POINTS_PER_CELL
         row, column = self.reach[1] + north, self.reach[0] + east
         share = np.zeros(self.shape)
-        for down, right, sign in ((_PARTS, _PARTS, 1), (0, 0, 1), (0, _PARTS, -1), (_PARTS, 0, -1)):
-            begin_row, begin_column = row + down, column + right
-            share += (
-                sign
-                * self.sums[
-                    begin_row : begin_row + _PARTS * ny : _PARTS,
-                    begin_column : begin_column + _PARTS * nx : _PARTS,
-                ]
-            )
-        share /= _PARTS**2
-        return share >= _LAND, share <= _WATER
+        for up, right, sign in ((size, size, 1), (0, 0, 1), (0, size, -1), (size, 0, -1)):
+            first_row, first_column = row + up, column + right
+            rows = slice(first_row, first_row + size * ny, size)
+            columns = slice(first_column, first_column + size * nx, size)
+            share += sign * self.table[rows, columns]
+        share /= size**2
+        return share >= _LAND_SHARE, share <= _WATER_SHARE

@@ -1,8 +1,8 @@
-"""Could the sea run like this? What the figures of a current say against it, whatever its source.
+"""Plausibility of a current field, whatever its source: its speeds, position and directions.
 
-Limits are set by real fields: GLO12 (1 degree, January 2024), DUACS (1/4 degree, February 2019),
-OSCAR (1/3 degree, monthly climatology) and the Central Weather Administration's OCM (1/10 degree,
-June 2020). Strong evidence is a fault, weak evidence a doubt that the reader is told of.
+The thresholds come from real fields: GLO12 (1 degree, January 2024), DUACS (1/4 degree, February
+2019), OSCAR (1/3 degree, monthly climatology) and the Central Weather Administration's OCM (1/10
+degree, June 2020). Strong evidence is a fault, weak evidence a warning to the reader.
 """
 
 from __future__ import annotations
@@ -12,150 +12,159 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.sources.quality import component_signs as turned
-from pipeline.sources.quality import misregistration as shifted
+from pipeline.sources.quality.component_signs import ROTATED, likeliest_variant
+from pipeline.sources.quality.misregistration import find_shift
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.sources.quality.field import Field, Shore
+    from pipeline.sources.quality.field import Field, LandMask
 
     FloatArray = npt.NDArray[np.float64]
     BoolArray = npt.NDArray[np.bool_]
 
-# Root mean square speed of moving water over a field of at least so many degrees (both ways): above
-# the first it is doubted, above the second refused. Real ones reach 0.9, 0.75, 0.52 and 0.44.
+# Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,
+# from which they hold; speed in m/s above which to warn; above which to refuse). Real fields of
+# these widths reach 0.9, 0.75, 0.52 and 0.44 m/s.
 _FAST_M_S = ((8.0, 1.0, 1.6), (20.0, 0.8, 1.1), (60.0, 0.6, 0.75), (100.0, 0.5, 0.6))
-# Over that many degrees a real field is faster than this.
+# Width in degrees from which a field slower than this speed in m/s is suspicious.
 _SLOW_DEG, _SLOW_M_S = 20.0, 0.02
-# Figures that stand for gaps, such as -999 and 1e20, are beyond this.
+# Speed above which a value is a fill value such as -999 or 1e20, m/s.
 _FILL_M_S = 900.0
-# No two cells of a real field are alike to this share of the speed.
-_ALIKE = 1e-6
-_FEWEST_CELLS = 20
-# Cells this many cells or more from any land on every side should have figures, and cells as far
-# inland none. Straits and shallows that a model leaves out make up for some. Of coarse cells fewer.
-FAR_CELLS, _FAR_DEG = 3, 0.75
-# Contrast of divergences, and its certainty in standard errors, for a doubt and for a fault. Of
-# 3000 real windows of 6 to 24 degrees 3 gave a doubt and none a fault.
-_CONTRAST, _DOUBTED, _CERTAIN = 0.1, 2.0, 4.0
-# Least offset in cells, and figures on land that it explains, as a count and as a share of those to
-# be expected. Real fields reach 11 cells and 0.01 over 120 degrees, 16 and, of few, 0.6 over 24.
-_SHIFT_DOUBTED = (0.3, 30, 0.03)
-_SHIFT_CERTAIN = (0.45, 40, 0.12)
+# Variation of the components, as a share of the speed, up to which a field is constant, and the
+# least number of cells to judge that by: no real field is constant.
+_CONSTANT_SHARE, _MIN_CELLS = 1e-6, 20
+# Distance from the coast beyond which cells are open water (or inland): cells, or degrees where
+# these are less. Nearer to it models leave out straits and shallows, or have water on land.
+OFFSHORE_CELLS, _OFFSHORE_DEG = 3, 0.75
+# Least contrast between divergences, and its certainty in standard errors for a warning and for a
+# fault. Of 3000 real windows of 6 to 24 degrees 3 gave a warning and none a fault.
+_MIN_CONTRAST, _WARNING_CERTAINTY, _FAULT_CERTAINTY = 0.1, 2.0, 4.0
+# Least shift for a warning and for a fault: offset in cells, number of land cells that it explains,
+# and their share. Real fields reach 11 cells with a share of 0.01 over 120 degrees, and 16 cells
+# with a share of 0.6 over 24 degrees.
+_SHIFT_WARNING = (0.3, 30, 0.03)
+_SHIFT_FAULT = (0.45, 40, 0.12)
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """What speaks against a field: `faults` strongly enough to refuse it, `doubts` not."""
+class Assessment:
+    """What is wrong with a field: `faults` refuse it, `warnings` do not."""
 
     faults: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
-    def __add__(self, other: Verdict) -> Verdict:
+    def __add__(self, other: Assessment) -> Assessment:
         """Both together."""
-        return Verdict(self.faults + other.faults, self.doubts + other.doubts)
+        return Assessment(self.faults + other.faults, self.warnings + other.warnings)
 
 
-def judged(field: Field, shore: Shore, limit_m_s: float) -> Verdict:
-    """Judge a field's speeds (against a limit in m/s), its place and its directions."""
-    speeds = speed_verdict(field, limit_m_s)
+def assess(field: Field, mask: LandMask, limit_m_s: float) -> Assessment:
+    """Assess a field's speeds (against a limit in m/s), its position and its directions."""
+    speeds = _assess_speeds(field, limit_m_s)
     if speeds.faults:
         return speeds
-    return speeds + _place_verdict(field, shore) + _direction_verdict(field)
+    return speeds + _assess_position(field, mask) + _assess_directions(field)
 
 
-def speed_verdict(field: Field, limit_m_s: float) -> Verdict:
-    """Some water, some movement, not alike everywhere, and no speed that the sea does not know."""
+def _assess_speeds(field: Field, limit_m_s: float) -> Assessment:
+    """Whether there is water, it moves, not the same everywhere, and not impossibly fast."""
     u, v = field.u[~field.gap], field.v[~field.gap]
     speed = np.hypot(u, v)
     if not speed.size:
-        return Verdict(("it has no figures at all",))
+        return Assessment(("it has no data at all",))
     strongest = float(speed.max())
     if strongest == 0:
-        return Verdict(("every speed is 0",))
+        return Assessment(("every speed is 0",))
     if strongest > limit_m_s:
-        cause = "a gap's figure" if strongest > _FILL_M_S else "another unit"
-        said = f"speeds reach {strongest:.3g} m/s, above {limit_m_s:g}: {cause}, or damaged"
-        return Verdict((said,))
-    if u.size >= _FEWEST_CELLS and max(np.ptp(u), np.ptp(v)) <= _ALIKE * strongest:
-        return Verdict((f"it is the same everywhere ({u[0]:.3g} east, {v[0]:.3g} m/s north)",))
-    return _unit_verdict(field, float(np.sqrt(np.mean(speed[speed > 0] ** 2))))
+        cause = "a fill value" if strongest > _FILL_M_S else "another unit"
+        fault = f"speeds reach {strongest:.3g} m/s, above {limit_m_s:g}: {cause}, or damaged"
+        return Assessment((fault,))
+    if u.size >= _MIN_CELLS and max(np.ptp(u), np.ptp(v)) <= _CONSTANT_SHARE * strongest:
+        return Assessment((f"it is the same everywhere ({u[0]:.3g} east, {v[0]:.3g} m/s north)",))
+    return _assess_unit(field, float(np.sqrt(np.mean(speed[speed > 0] ** 2))))
 
 
-def _unit_verdict(field: Field, usual_m_s: float) -> Verdict:
-    """Whether the speeds are those of another unit: 3.6 km/h are 1 m/s."""
+def _assess_unit(field: Field, rms_m_s: float) -> Assessment:
+    """Whether the speeds look like those of another unit: 3.6 km/h are 1 m/s."""
     span = min(float(np.ptp(field.lon)), float(np.ptp(field.lat)))
-    limits = [limits for wide, *limits in _FAST_M_S if span >= wide]
-    if limits and usual_m_s > limits[-1][0]:
-        said = (
-            f"its water moves at {usual_m_s:.2g} m/s (root mean square over {span:.0f} degrees), "
-            f"faster than any sea that wide: probably km/h or another unit, given as m/s"
+    limits = [limits for width, *limits in _FAST_M_S if span >= width]
+    if limits and rms_m_s > limits[-1][0]:
+        message = (
+            f"its water moves at {rms_m_s:.2g} m/s (root mean square over {span:.0f} degrees), "
+            "faster than any sea of that width: probably km/h or another unit, given as m/s"
         )
-        return Verdict((said,)) if usual_m_s > limits[-1][1] else Verdict((), (said,))
-    if span >= _SLOW_DEG and usual_m_s < _SLOW_M_S:
-        said = (
-            f"its water moves at {usual_m_s:.2g} m/s (root mean square over {span:.0f} degrees), "
-            "slower than any sea that wide: probably another unit"
+        is_fault = rms_m_s > limits[-1][1]
+        return Assessment((message,)) if is_fault else Assessment((), (message,))
+    if span >= _SLOW_DEG and rms_m_s < _SLOW_M_S:
+        message = (
+            f"its water moves at {rms_m_s:.2g} m/s (root mean square over {span:.0f} degrees), "
+            "slower than any sea of that width: probably another unit"
         )
-        return Verdict((), (said,))
-    return Verdict()
+        return Assessment((), (message,))
+    return Assessment()
 
 
-def _place_verdict(field: Field, shore: Shore) -> Verdict:
+def _assess_position(field: Field, mask: LandMask) -> Assessment:
     """Whether the gaps lie where the land is, or would at an offset."""
-    found = shifted.shift(field, shore)
-    if found is None:
-        return Verdict()
-    cells = float(np.hypot(found.east / field.cell[0], found.north / field.cell[1]))
+    shift = find_shift(field, mask)
+    if shift is None:
+        return Assessment()
+    cells = float(np.hypot(shift.east / field.cell_deg[0], shift.north / field.cell_deg[1]))
 
     def exceeds(offset: float, count: int, share: float) -> bool:
-        return cells >= offset and found.explained >= count and found.share >= share
+        return cells >= offset and shift.explained >= count and shift.share >= share
 
-    said = (
-        f"the field is shifted by {_degrees(found.east, 'east', 'west')} and "
-        f"{_degrees(found.north, 'north', 'south')}: {found.explained} cells of dry land have "
-        "figures that they have not where it is moved back"
+    message = (
+        f"the field is shifted by {_offset(shift.east, 'east', 'west')} and "
+        f"{_offset(shift.north, 'north', 'south')}: {shift.explained} cells of dry land have data "
+        "that they would not have if it were moved back"
     )
-    if exceeds(*_SHIFT_CERTAIN):
-        return Verdict((said,))
-    return Verdict((), (f"perhaps {said}",)) if exceeds(*_SHIFT_DOUBTED) else Verdict()
+    if exceeds(*_SHIFT_FAULT):
+        return Assessment((message,))
+    return Assessment((), (f"perhaps {message}",)) if exceeds(*_SHIFT_WARNING) else Assessment()
 
 
-def _degrees(offset: float, ahead: str, back: str) -> str:
-    """Spell an offset: "0.50 degrees west"."""
-    return f"{abs(offset):.2f} degrees {ahead if offset >= 0 else back}"
+def _offset(degrees: float, positive: str, negative: str) -> str:
+    """Write an offset: "0.50 degrees west"."""
+    return f"{abs(degrees):.2f} degrees {positive if degrees >= 0 else negative}"
 
 
-def _direction_verdict(field: Field) -> Verdict:
+def _assess_directions(field: Field) -> Assessment:
     """Whether a component has the wrong sign, or the two are swapped."""
-    twin = turned.likeliest(field)
-    if twin is None or twin.contrast < _CONTRAST or twin.certainty < _DOUBTED:
-        return Verdict()
-    said = (
-        f"{twin.name}: set right, the water would converge and diverge less (by a contrast of "
-        f"{twin.contrast:.2f}, {min(twin.certainty, 99):.0f} standard errors)"
+    variant = likeliest_variant(field)
+    if (
+        variant is None
+        or variant.contrast < _MIN_CONTRAST
+        or variant.certainty < _WARNING_CERTAINTY
+    ):
+        return Assessment()
+    message = (
+        f"{variant.name}: corrected, the water would converge and diverge less (by a contrast of "
+        f"{variant.contrast:.2f}, {min(variant.certainty, 99):.0f} standard errors)"
     )
-    if twin.name != turned.QUARTER and twin.certainty >= _CERTAIN:
-        return Verdict((said,))
-    waves = ", or it is waves and tides more than currents"
-    return Verdict((), (f"perhaps {said}{waves if twin.name == turned.QUARTER else ''}",))
+    if variant.name == ROTATED:
+        waves = ", or it is waves and tides more than currents"
+        return Assessment((), (f"perhaps {message}{waves}",))
+    if variant.certainty >= _FAULT_CERTAINTY:
+        return Assessment((message,))
+    return Assessment((), (f"perhaps {message}",))
 
 
-def misplaced(
-    field: Field, shore: Shore, bounds: tuple[float, float, float, float] | None = None
+def count_misplaced(
+    field: Field, mask: LandMask, bounds: tuple[float, float, float, float] | None = None
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Count gaps in open water and figures far inland, each with the cells that there are.
+    """Count gaps in open water, of all its cells, and cells with data far inland, of all of those.
 
-    Inside `bounds` (west, south, east, north), if not everywhere.
+    Only inside `bounds` (west, south, east, north) where given.
     """
     west, south, east, north = bounds or (-np.inf, -np.inf, np.inf, np.inf)
     inside = ((field.lat >= south) & (field.lat <= north))[:, None]
     inside = inside & ((field.lon >= west) & (field.lon <= east))[None, :]
-    is_land = shore.cells(field.lon, field.lat)
-    far = max(1, min(FAR_CELLS, round(_FAR_DEG / max(field.cell))))
-    open_water = inside & ~grown(is_land, far)
-    inland = inside & ~grown(~is_land, far)
+    is_land = mask.on_grid(field.lon, field.lat)
+    distance = max(1, min(OFFSHORE_CELLS, round(_OFFSHORE_DEG / max(field.cell_deg))))
+    open_water = inside & ~dilated(is_land, distance)
+    inland = inside & ~dilated(~is_land, distance)
     gap = field.gap
     return (
         (int((open_water & gap).sum()), int(open_water.sum())),
@@ -163,9 +172,9 @@ def misplaced(
     )
 
 
-def grown(cells: BoolArray, by: int, *, at_edge: bool = True) -> BoolArray:
-    """Cells within so many of a marked one, or of the grid's edge: outside is not known."""
+def dilated(cells: BoolArray, distance: int, *, edge_counts: bool = True) -> BoolArray:
+    """Cells within a distance of a marked one or, as nothing is known outside, of the edge."""
     from scipy.ndimage import binary_dilation
 
-    square = np.ones((2 * by + 1,) * 2, dtype=bool)
-    return np.asarray(binary_dilation(cells, square, border_value=at_edge), dtype=bool)
+    square = np.ones((2 * distance + 1,) * 2, dtype=bool)
+    return np.asarray(binary_dilation(cells, square, border_value=edge_counts), dtype=bool)

@@ -1,4 +1,4 @@
-"""`renew plot`: figures of a run that was, or of one that is planned for them."""
+"""`renew plot`: figures of an earlier run, or of one that is planned for them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def scenario(**changes: object) -> Scenario:
-    """The catalogue's single gyre, quickly planned."""
+    """Return the catalogue's single gyre with few classes."""
     table = read_toml(scenario_path("single-gyre"))
     table["planner"]["classes"] = 2
     return parse_scenario(table | changes)
@@ -35,7 +35,7 @@ def scenario(**changes: object) -> Scenario:
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the results of a run, without figures."""
+    """Return the results of a run, without figures."""
     folder = tmp_path_factory.mktemp("plot") / "outputs"
     run(scenario(), folder)
     return folder
@@ -44,8 +44,8 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -> None:
     before = tree(output)
     settings = dict(mpl.rcParams)
-    heard: list[Event] = []
-    drawn = plot(scenario(), output, listen=heard.append)
+    events: list[Event] = []
+    drawn = plot(scenario(), output, on_event=events.append)
     assert drawn.failures == ()
     folder = output / "single-gyre" / "figures"
     assert drawn.directory == folder
@@ -58,8 +58,8 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
     assert {name for name in after if name not in before} == {
         f"single-gyre/figures/{file.name}" for file in drawn.files
     }
-    # The run's plan was taken as it lay there; nothing was written but figures.
-    assert "write" not in {event.stage for event in heard}
+    # The stored plan was used; nothing but figures was written.
+    assert "write" not in {event.stage for event in events}
     assert dict(mpl.rcParams) == settings
     for file in drawn.files:
         assert imread(file).shape[1] >= 1000
@@ -75,7 +75,7 @@ def test_the_same_figure_is_the_same_file(output: Path) -> None:
         assert again.read_bytes() == was
 
 
-def test_a_pdf_and_an_svg_are_what_they_say(output: Path) -> None:
+def test_pdf_and_svg_files_have_their_format(output: Path) -> None:
     (pdf,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.PDF).files
     assert pdf.read_bytes().startswith(b"%PDF-1.")
     (svg,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.SVG).files
@@ -86,19 +86,19 @@ def test_a_pdf_and_an_svg_are_what_they_say(output: Path) -> None:
     assert len(re.findall("<path", text)) > 20
 
 
-def test_what_no_run_planned_is_planned_and_only_figures_are_written(tmp_path: Path) -> None:
+def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_path: Path) -> None:
     drawn = plot(scenario(), tmp_path / "new", kinds=(Kind.ALONG,))
     visible = [name for name in tree(tmp_path / "new") if not name.startswith(".artefacts")]
     assert visible == ["single-gyre/figures/gyre-along.png"]
     assert [str(file.relative_to(tmp_path / "new")) for file in drawn.files] == visible
     plans = tree(tmp_path / "new" / ".artefacts" / "plan")
     assert plans
-    # A run goes on from there.
+    # A run continues from there.
     assert run(scenario(), tmp_path / "new").fresh
     assert tree(tmp_path / "new" / ".artefacts" / "plan") == plans
 
 
-def test_a_season_that_fails_does_not_take_the_others_figures_with_it(tmp_path: Path) -> None:
+def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
     seasons = [
         {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},
         {"name": "torrent", "uniform": {"u": 3.0, "v": 0.0}},
@@ -126,12 +126,12 @@ def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(tmp_path: Pa
     assert (tmp_path / "single-gyre" / "figures").read_text() == "in the way"
 
 
-def test_a_figure_that_breaks_off_leaves_the_earlier_one_whole(
+def test_an_interrupted_figure_leaves_the_earlier_one_complete(
     output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
     whole = tree(output)
-    # A resolution that no memory holds.
+    # A resolution that exceeds any memory.
     monkeypatch.setattr(plot_module, "_DPI", 1e6)
     with pytest.raises((ValueError, MemoryError)):
         plot(scenario(), output, kinds=(Kind.MESH,))
@@ -140,7 +140,7 @@ def test_a_figure_that_breaks_off_leaves_the_earlier_one_whole(
 
 
 def invoke(*arguments: str) -> tuple[int, str, str]:
-    """Type a command: exit code, standard output, standard error."""
+    """Run a command; return exit code, standard output and standard error."""
     done = CliRunner().invoke(app, ["plot", *arguments], catch_exceptions=False)
     return done.exit_code, done.stdout, done.stderr
 
@@ -153,7 +153,7 @@ def test_the_command_names_its_files(tmp_path: Path) -> None:
     assert out.strip() == str(tmp_path / "single-gyre" / "figures" / "gyre-mesh.svg")
 
 
-def test_wrong_requests_end_with_2_and_a_line(tmp_path: Path) -> None:
+def test_wrong_requests_exit_with_2_and_one_line(tmp_path: Path) -> None:
     place = ("--output", str(tmp_path / "none"))
     code, out, err = invoke("single-gyre", "--season", "spring", *place)
     assert (code, out) == (2, "")

@@ -1,4 +1,4 @@
-"""A page as the standard library's HTML parser reads it."""
+"""An HTML page, parsed by the standard library."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _VOID = {"meta", "link", "br", "img", "input", "hr", "source"}
 
 @dataclass
 class Element:
-    """An element with its own attributes and all text in it."""
+    """An element with its attributes and all text inside it."""
 
     tag: str
     attributes: dict[str, str]
@@ -19,7 +19,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def all(self, tag: str) -> list[Element]:
-        """Elements of a tag below this one, in the page's order."""
+        """Elements with a tag inside this one, in the page's order."""
         found = [child for child in self.children if child.tag == tag]
         return [
             element
@@ -28,13 +28,13 @@ class Element:
         ]
 
     @property
-    def words(self) -> str:
-        """The text with white space made even."""
+    def flat_text(self) -> str:
+        """The text with runs of white space replaced by single spaces."""
         return " ".join(self.text.split())
 
 
 class Page(HTMLParser):
-    """Parses a whole page; `root` holds everything, `unbalanced` the tags that don't pair."""
+    """Parses a page; `root` contains all elements, `unbalanced` the tags without a partner."""
 
     def __init__(self, html: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -69,9 +69,9 @@ class Page(HTMLParser):
             element.text += data
 
     def all(self, tag: str) -> list[Element]:
-        """All elements of a tag."""
+        """All elements with a tag."""
         return [element for element in self.elements if element.tag == tag]
 
     def with_class(self, name: str) -> list[Element]:
-        """All elements of a class."""
+        """All elements with a class."""
         return [e for e in self.elements if name in e.attributes.get("class", "").split()]

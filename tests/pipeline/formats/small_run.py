@@ -1,4 +1,4 @@
-"""A small run, really planned: two islands east of Palawan, two seasons, made up currents."""
+"""A small run, really planned: two islands east of Palawan, two seasons, made-up currents."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from pipeline.model import (
     Evaluation,
     Fetched,
     Land,
+    PassedOver,
     RouteKey,
     RouteMetrics,
     Scene,
     SeasonPlan,
     Simplified,
     Zone,
+    current_notes,
 )
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
@@ -30,7 +32,8 @@ from pipeline.stages.project import project
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
 STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")
 PREFERRED = Credit("Better source", "current", "Figures made up with more care", "CC BY 4.0")
-REASON = "summer: better-source needs an account"
+PASSED_OVER = PassedOver("better-source", "better-source needs an account")
+REASON = f"summer: {PASSED_OVER.reason}"
 NOTES = (REASON, "summer: planned on Test table, valid 2020-06-17")
 SPACING = 4.0
 
@@ -105,6 +108,7 @@ def fetched(asked: Scenario) -> Fetched:
             np.where(gap, np.nan, v),
             valid,
             credit,
+            passed_over=(PASSED_OVER,) if credit is STAND_IN else (),
         )
         for season, valid, credit, u, v in (
             ("summer", "2020-06-17", STAND_IN, 0.3 + 0.1 * north, 0.05 * north),
@@ -112,7 +116,7 @@ def fetched(asked: Scenario) -> Fetched:
         )
         if season in {spec.name for spec in asked.seasons}
     )
-    return Fetched(Land(islands, (LAND,), 60.0), grids, NOTES)
+    return Fetched(Land(islands, (LAND,), 60.0), grids, current_notes(grids))
 
 
 def metrics(
@@ -123,7 +127,7 @@ def metrics(
     route: renew.Route,
     found: renew.Contingency,
 ) -> RouteMetrics:
-    """A route's figures, as simply as they can be had."""
+    """A route's metrics, computed in the simplest way."""
     line, land = shapely.LineString(route.path), shapely.union_all(scene.land)
     middle = shapely.line_interpolate_point(line, 0.5, normalized=True)
     return RouteMetrics(
@@ -148,7 +152,7 @@ def metrics(
 
 @cache
 def parts(*, planar: bool = False) -> RunResult:
-    """Run the scenario once a test session."""
+    """Run the scenario, once per test session."""
     asked = planar_scenario() if planar else scenario()
     got = fetched(asked)
     simplified = Simplified(
@@ -156,7 +160,7 @@ def parts(*, planar: bool = False) -> RunResult:
         original_vertices=sum(len(shapely.get_coordinates(p)) for p in got.land.polygons),
         vertices=24,
         tolerance_m=100.0,
-        joined_gap_m=500.0,
+        closed_gap_m=500.0,
         margin_m=60.0,
     )
     scene = project(asked, got, simplified)
@@ -193,8 +197,8 @@ def parts(*, planar: bool = False) -> RunResult:
 def with_zones(result: RunResult, name: str = "Whale & calf", rule: str = "") -> RunResult:
     """The same run on a chart with zones.
 
-    A restricted area that juts out of the chart and that the best route of the first season runs
-    through, a traffic scheme that no route meets, another beyond the chart, and a shoal that is
+    A restricted area that extends beyond the chart and that the first season's best route runs
+    through, a traffic scheme that no route meets, another outside the chart, and a shoal that is
     the second island's western half.
     """
     start = result.scenario.start
@@ -211,14 +215,14 @@ def with_zones(result: RunResult, name: str = "Whale & calf", rule: str = "") ->
 
 
 def with_a_failed_season(result: RunResult) -> RunResult:
-    """The same run, had winter not been planned."""
+    """The same run, but without a plan for winter."""
     failed = SeasonPlan("winter", None, "no water joins start and goal <b>at all</b>", 0.5)
-    kept: dict[RouteKey, renew.Contingency] = {
+    remaining: dict[RouteKey, renew.Contingency] = {
         key: found for key, found in result.evaluation.contingency.items() if key[0] != "winter"
     }
     rows = tuple(row for row in result.evaluation.routes if row.season != "winter")
     return replace(
         result,
         plans=tuple(failed if entry.season == "winter" else entry for entry in result.plans),
-        evaluation=Evaluation(rows, kept),
+        evaluation=Evaluation(rows, remaining),
     )

@@ -13,7 +13,7 @@ from pipeline.scenario.period import Period, period
 
 
 @given(st.dates(max_value=date(9998, 12, 31)))
-def test_a_month_and_a_day_last_as_long_as_the_calendar_says(when: date) -> None:
+def test_months_and_days_agree_with_the_calendar(when: date) -> None:
     month, day = period(when.isoformat()[:7]), period(when.isoformat())
     assert month.end - month.begin == timedelta(calendar.monthrange(when.year, when.month)[1])
     assert month.begin.day == month.end.day == 1
@@ -22,7 +22,7 @@ def test_a_month_and_a_day_last_as_long_as_the_calendar_says(when: date) -> None
     assert month.begin <= day.begin < day.end <= month.end
 
 
-def test_an_instant_lasts_no_time_and_all_are_utc() -> None:
+def test_an_instant_has_no_duration_and_all_are_utc() -> None:
     moment = datetime(2024, 7, 1, 18, 30, tzinfo=UTC)
     assert period("2024-07-01T18:30Z") == Period(moment, moment)
     assert period("2024-07-01T18:30Z").is_instant
@@ -52,7 +52,7 @@ def test_an_instant_lasts_no_time_and_all_are_utc() -> None:
         "\u0662\u0660\u0662\u0664-\u0660\u0667",
     ],
 )
-def test_what_is_no_time_is_refused_with_what_to_write(valid: str) -> None:
+def test_other_texts_are_refused_with_the_remedy(valid: str) -> None:
     with pytest.raises(ValueError, match="give a month 'YYYY-MM', a day") as caught:
         period(valid)
     assert repr(valid) in str(caught.value)

@@ -1,28 +1,22 @@
-"""Routes judged against the original land, and the side that they take."""
+"""Routes measured against the original land."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
-from pipeline.stages.evaluate import evaluate_season, joined
-from pipeline.stages.passing_side import Sides
+from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
 from renew.inputs.fuel import passage_times
+from renew.turns.reach_bound import TurnReach
 from tests.true_scale import clearance_m
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
 
 GEOD = pyproj.Geod(ellps="WGS84")
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
@@ -31,7 +25,7 @@ SCALE = 1000.0
 
 
 def lonlat_scene() -> tuple[Scene, shapely.Polygon]:
-    """Make a scene at 1:1000 around one island, planned on a wider one; the island in lon/lat."""
+    """Return a scene at 1:1000 whose chart has a wider island, and the island in lon/lat."""
     projection = Projection.for_region(REGION, SCALE)
     island = shapely.Polygon([(118, 9), (119, 9.5), (119.5, 11), (118.8, 10.5)])
     planar = projection.geometry_to_plane(island)
@@ -62,7 +56,7 @@ def test_lengths_clearances_and_times_are_true_ones(
     planned: tuple[Scene, shapely.Polygon, SeasonPlan],
 ) -> None:
     scene, island, plan = planned
-    evaluation = joined([evaluate_season(scene, plan, SCALE, seed=0)])
+    evaluation = combine_seasons([evaluate_season(scene, plan, SCALE, seed=0)])
     assert plan.plan is not None
     assert len(evaluation.routes) == len(plan.plan.routes) == 2
     coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.002))
@@ -92,8 +86,10 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     # the route near the edge lies further off in the plane than one 40.2 km off in the middle.
     region = shapely.box(118, 22, 148, 45)
     projection = Projection.for_region(region, 2000.0)
-    ends = projection.to_plane([(119.0, 22.5), (147.0, 44.0)])
-    line = projection.to_lonlat(ends[0] + np.linspace(0, 1, 20_001)[:, None] * (ends[1] - ends[0]))
+    endpoints = projection.to_plane([(119.0, 22.5), (147.0, 44.0)])
+    line = projection.to_lonlat(
+        endpoints[0] + np.linspace(0, 1, 20_001)[:, None] * (endpoints[1] - endpoints[0])
+    )
     islands = []
     for step, apart in ((400, 40_000.0), (10_000, 40_200.0)):
         here, ahead = line[step].tolist(), line[step + 1].tolist()
@@ -101,22 +97,24 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
         lon, lat, _ = GEOD.fwd(here[0], here[1], azimuth + 90, apart)
         islands.append(shapely.box(lon - 1e-3, lat - 1e-3, lon + 1e-3, lat + 1e-3))
     planar = projection.geometry_to_plane(np.array(islands, dtype=object))
-    there = shapely.distance(planar, shapely.LineString(ends))
-    assert there[1] < there[0], "the plane has it the wrong way round"
+    there = shapely.distance(planar, shapely.LineString(endpoints))
+    assert there[1] < there[0], "in the plane the other island is nearer"
     scene = Scene(
         chart=renew.Chart(projection.geometry_to_plane(region)),
         land=tuple(planar),
         currents={"still": renew.UniformCurrent(0.0, 0.0)},
-        start=ends[0],
-        goal=ends[1],
+        start=endpoints[0],
+        goal=endpoints[1],
         projection=projection,
         vessel=VESSEL,
     )
-    plan = renew.plan(scene.chart, scene.currents["still"], VESSEL, *ends, classes=1)
-    length = float(np.linalg.norm(ends[1] - ends[0]))
+    plan = renew.plan(scene.chart, scene.currents["still"], VESSEL, *endpoints, classes=1)
+    length = float(np.linalg.norm(endpoints[1] - endpoints[0]))
     share = np.linspace(0, 1, 2_000)[:, None]
-    track = np.hstack([share * length, ends[0] + share * (ends[1] - ends[0]), 0 * share])
-    straight = replace(plan.best, path=ends, trajectory=track, length=length, duration=length)
+    track = np.hstack(
+        [share * length, endpoints[0] + share * (endpoints[1] - endpoints[0]), 0 * share]
+    )
+    straight = replace(plan.best, path=endpoints, trajectory=track, length=length, duration=length)
     season = SeasonPlan("still", replace(plan, routes=(straight,)), "", 1.0)
     (row,) = evaluate_season(scene, season, 2000.0, seed=0).routes
     assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
@@ -124,7 +122,7 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     assert row.duration_s == pytest.approx(row.length_m, rel=1e-3), "1 m/s in still water"
 
 
-def test_a_route_over_land_is_found_out(
+def test_a_route_over_land_is_detected(
     planned: tuple[Scene, shapely.Polygon, SeasonPlan],
 ) -> None:
     scene, island, plan = planned
@@ -133,7 +131,7 @@ def test_a_route_over_land_is_found_out(
     route = replace(plan.plan.best, path=np.array([scene.start, middle, scene.goal]))
     over = SeasonPlan("still", replace(plan.plan, routes=(route,)), "", 1.0)
     row = evaluate_season(scene, over, SCALE, seed=0).routes[0]
-    # Crossing the island in lon/lat, where legs are all but straight too.
+    # The crossing in lon/lat, where the legs are almost straight too.
     legs = shapely.LineString([(120.3, 12.8), (118.9, 10.0), (116.8, 7.7)])
     inside = shapely.get_coordinates(shapely.intersection(shapely.segmentize(legs, 0.01), island))
     assert row.land_m == pytest.approx(GEOD.line_length(*inside.T), rel=0.03)
@@ -148,52 +146,17 @@ def test_a_season_without_a_plan_has_no_rows() -> None:
     assert evaluation.routes == ()
 
 
-def plane_scene(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.ArrayLike) -> Scene:
-    """Make a scene in metres at 0 N 0 E: north is up."""
-    return Scene(
-        chart=renew.Chart(shapely.box(-500, -500, 500, 500), islands),
-        land=tuple(islands),
-        currents={},
-        start=np.asarray(start, dtype=float),
-        goal=np.asarray(goal, dtype=float),
-        projection=Projection.at(0.0, 0.0),
-        vessel=VESSEL,
-    )
-
-
-@given(
-    st.floats(0, 2 * math.pi),
-    st.integers(0, 2**32 - 1),
-    st.booleans(),
-)
-def test_the_side_is_where_the_way_round_lies(angle: float, seed: int, is_left: bool) -> None:
-    """Go round a random island at a fixed radius: the side is known from how the path was made."""
-    rng = np.random.default_rng(seed)
-    spokes = np.sort(rng.uniform(0, 2 * math.pi, 9))
-    radii = rng.uniform(20, 90, 9)
-    island = shapely.Polygon(np.stack([radii * np.cos(spokes), radii * np.sin(spokes)], -1))
-    if not island.is_valid or not island.contains(shapely.Point(0, 0)):
-        return
-    ahead = np.array([math.cos(angle), math.sin(angle)])
-    left = np.array([-ahead[1], ahead[0]])
-    # A half turn round the island with a random, even zigzagging, radius beyond it.
-    turn = np.linspace(0, math.pi, 40)[1:-1]
-    reach = rng.uniform(100, 400, turn.size)
-    hand = 1 if is_left else -1
-    around = reach[:, None] * (-np.cos(turn)[:, None] * ahead + hand * np.sin(turn)[:, None] * left)
-    path = np.concatenate([[-300 * ahead], around, [300 * ahead]])
-    rock = shapely.box(430, 430, 440, 440)
-    mainland = shapely.box(-500, -500, -400, 500)
-    scene = plane_scene([rock, island, mainland], path[0], path[-1])
-    side = Sides(scene).side(path)
-    bearing = math.degrees(math.atan2((hand * left)[0], (hand * left)[1])) % 360
-    names = {"north": 0, "east": 90, "south": 180, "west": 270}
-    off = abs((names[side] - bearing + 180) % 360 - 180)
-    assert off <= 45 + 1e-6
-
-
-def test_no_island_between_means_no_side() -> None:
-    behind = shapely.box(-300, -10, -250, 10)
-    mainland = shapely.box(-500, 300, 500, 500)
-    scene = plane_scene([behind, mainland], (-200, 0), (200, 0))
-    assert Sides(scene).side(np.array([(-200.0, 0.0), (200.0, 0.0)])) == ""
+@pytest.mark.parametrize(("reaches", "is_included"), [(0.97, True), (1.5, False)])
+def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
+    planned: tuple[Scene, shapely.Polygon, SeasonPlan], reaches: float, *, is_included: bool
+) -> None:
+    """The bound on a turn's reach is the planner's own, not a copy of it."""
+    scene, _, plan = planned
+    current = renew.UniformCurrent(0.6, 0.0)
+    reach = TurnReach.of(current.table(scene.chart.bounds), VESSEL).furthest.max()
+    west = min(plan.ranked_routes, key=lambda route: route.path[:, 0].min())
+    begin, end = west.path[:2]
+    along = (end - begin) / np.linalg.norm(end - begin)
+    rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
+    chart = land_within_reach(replace(scene, land=(rock,)), current, (west,))
+    assert bool(chart.no_go) == is_included

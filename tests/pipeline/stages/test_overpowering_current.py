@@ -1,4 +1,4 @@
-"""Water that outruns the vessel is told of, with its place."""
+"""Water whose current is as fast as the vessel is noted, with its place."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pytest
 import shapely
 
 from pipeline.model import Credit, CurrentGrid
-from pipeline.stages.overpowering_current import outrun_note
+from pipeline.stages.overpowering_current import overpowering_notes
 
 REGION = shapely.box(130.0, 30.0, 140.0, 40.0)
 
 
 def grid(u: np.ndarray) -> CurrentGrid:
-    """Put a current to the east on a grid of whole degrees, that reaches beyond the region."""
+    """Return an eastward current on a grid of whole degrees that extends beyond the region."""
     lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
     return CurrentGrid("winter", lon, lat, u, 0 * u, "2024-02", Credit("c", "current", "c", ""))
 
@@ -24,7 +24,7 @@ def test_share_strength_and_place() -> None:
     u[5, 7] = 1.6  # 135 E
     u[0, 0] = 3.0  # outside the region
     u[8:10, 3:6] = np.nan
-    (note,) = outrun_note(grid(u), REGION, 1.0)
+    (note,) = overpowering_notes(grid(u), REGION, 1.0)
     lat = np.arange(31.0, 40.0)
     row, cell = np.cos(np.radians(33.0)), np.cos(np.radians(lat)).sum()
     land = 3 * np.cos(np.radians([36.0, 37.0])).sum()
@@ -34,5 +34,5 @@ def test_share_strength_and_place() -> None:
 
 
 @pytest.mark.parametrize("strength", [0.99, np.nan])
-def test_nothing_is_said_where_none_does(strength: float) -> None:
-    assert outrun_note(grid(np.full((15, 15), strength)), REGION, 1.0) == ()
+def test_no_note_where_the_current_is_weaker(strength: float) -> None:
+    assert overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0) == ()

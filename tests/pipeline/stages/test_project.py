@@ -1,4 +1,4 @@
-"""Into the plane: extent, currents, and what a chart with no water for its ends is told."""
+"""Projection to the plane: the extent, and the current."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid
-from pipeline.stages.project import extent_polygon, filled, gridded
+from pipeline.stages.project import extent_polygon, fill_gaps, planar_current
 
 CREDIT = Credit("made up", "current", "", "")
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -21,7 +21,7 @@ PALAWAN = shapely.box(115.5, 7, 122, 13.5)
 
 
 def grid_of(function: object, step: float = 0.5, region: shapely.Polygon = PALAWAN) -> CurrentGrid:
-    """Make a grid that reaches a cell beyond a region, from a function of lon and lat."""
+    """Return a grid that extends a cell beyond a region, from a function of lon and lat."""
     west, south, east, north = region.bounds
     lon = np.arange(west - step, east + 1.5 * step, step)
     lat = np.arange(south - step, north + 1.5 * step, step)
@@ -48,14 +48,14 @@ def test_the_extent_has_few_corners_and_follows_the_region(region: shapely.Polyg
     assert extent.hausdorff_distance(dense) < 0.003 * np.hypot(xmax - xmin, ymax - ymin)
 
 
-def test_palawans_extent_is_no_more_than_a_dozen_corners() -> None:
+def test_palawans_extent_has_at_most_twelve_corners() -> None:
     projection = Projection.for_region(PALAWAN, 1000.0)
     assert len(extent_polygon(PALAWAN, projection).exterior.coords) - 1 <= 12
 
 
 @pytest.mark.parametrize("region", [PALAWAN, shapely.box(-40, 60, -10, 72)])
 @pytest.mark.parametrize("scale", [1.0, 1000.0])
-def test_a_current_carries_a_drifter_the_same_way_in_the_plane_and_on_the_globe(
+def test_a_drifter_moves_the_same_way_in_the_plane_and_on_the_globe(
     region: shapely.Polygon, scale: float
 ) -> None:
     def field(lon: np.ndarray, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +64,7 @@ def test_a_current_carries_a_drifter_the_same_way_in_the_plane_and_on_the_globe(
     grid = grid_of(field, 0.25, region)
     projection = Projection.for_region(region, scale)
     bounds = extent_polygon(region, projection).bounds
-    current = gridded(grid, projection, bounds)
+    current = planar_current(grid, projection, bounds)
     rng = np.random.default_rng(1)
     west, south, east, north = region.bounds
     for lon, lat in rng.uniform((west, south), (east, north), (50, 2)):
@@ -79,10 +79,10 @@ def test_a_current_carries_a_drifter_the_same_way_in_the_plane_and_on_the_globe(
         assert np.linalg.norm(current(begin) - drift) < 3e-3
 
 
-def test_nodes_stand_at_half_the_sources_cell() -> None:
+def test_nodes_are_half_of_a_source_cell_apart() -> None:
     projection = Projection.for_region(PALAWAN, 1000.0)
     bounds = extent_polygon(PALAWAN, projection).bounds
-    current = gridded(grid_of(lambda lon, lat: (0 * lon, 0 * lat)), projection, bounds)
+    current = planar_current(grid_of(lambda lon, lat: (0 * lon, 0 * lat)), projection, bounds)
     half_cell = 0.25 * 111.2
     assert 0.8 * half_cell < np.diff(current.x).max() <= half_cell
     assert 0.8 * half_cell < np.diff(current.y).max() <= half_cell
@@ -105,11 +105,11 @@ def test_gaps_are_filled_from_water_only(field: np.ndarray, random: object) -> N
     holed = field.copy()
     for j, i in gaps:
         holed[j, i] = np.nan
-    whole = filled(holed)
+    whole = fill_gaps(holed)
     known = np.isfinite(holed)
     assert np.array_equal(whole[known], field[known])
     assert np.isfinite(whole).all()
-    # Land adds nothing of its own: no fill leaves the range of the water's figures.
+    # Land adds nothing of its own: filled values stay in the range of the water's.
     for c in range(2):
         values = field[..., c][known[..., c]]
         assert whole[..., c].min() >= values.min() - 1e-12
@@ -126,6 +126,6 @@ def test_gaps_are_filled_from_water_only(field: np.ndarray, random: object) -> N
             assert np.allclose(whole[j, i], np.mean(around, axis=0))
 
 
-def test_a_current_without_a_figure_is_refused() -> None:
-    with pytest.raises(RequestError, match="no figures at all"):
-        filled(np.full((3, 3, 2), np.nan))
+def test_a_current_without_values_is_refused() -> None:
+    with pytest.raises(RequestError, match="no values at all"):
+        fill_gaps(np.full((3, 3, 2), np.nan))

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.scenario.model import Scenario
-from pipeline.stages.write import _formats, output_directory, safe_name, write
+from pipeline.stages.write import formats_of, output_directory, safe_name, write
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def test_all_files_appear_and_nothing_else(result: RunResult, tmp_path: Path) ->
     written = write(result, directory)
     assert sorted(path.name for path in written) == sorted(contents(directory)) == FILES
     assert written[-1].name == "manifest.json"
-    assert [path.name for path in directory.parent.iterdir()] == ["small-run"]
+    assert sorted(path.name for path in directory.parent.iterdir()) == [".results", "small-run"]
     manifest = json.loads((directory / "manifest.json").read_text())
     for name, entry in manifest["outputs"].items():
         assert hashlib.sha256((directory / name).read_bytes()).hexdigest() == entry["sha256"]
@@ -109,7 +109,7 @@ def test_the_scenario_says_when_to_leave_and_which_rtz_the_plotter_reads(
     result: RunResult, tmp_path: Path
 ) -> None:
     asked = result.scenario.model_dump(mode="json")
-    asked["outputs"]["rtz"] = "1.0"
+    asked["outputs"]["rtz_version"] = "1.0"
     asked["seasons"][0]["departure"] = "2026-07-01T08:00:00+02:00"
     write(replace(result, scenario=Scenario.model_validate_json(json.dumps(asked))), tmp_path)
     assert 'version="1.0"' in (tmp_path / "summer.rtz").read_text()
@@ -143,7 +143,7 @@ def test_every_format_tells_of_a_disk_that_is_full(
     result: RunResult, written: Path, tmp_path: Path, name: str
 ) -> None:
     """The file may not grow to half the size that it has: SQLite writes some of its own twice."""
-    writer = _formats(result)[name]
+    writer = formats_of(result)[name]
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, ((written / name).stat().st_size // 2, hard))
     try:
@@ -164,38 +164,34 @@ def test_a_file_that_cannot_be_finished_leaves_the_earlier_ones(
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-def test_a_file_that_cannot_be_placed_takes_the_others_back(
-    result: RunResult, tmp_path: Path
-) -> None:
-    """The manifest is immutable, which only shows after the others have moved."""
+def test_a_folder_that_cannot_be_replaced_stays_as_it_is(result: RunResult, tmp_path: Path) -> None:
+    """The folder around it is immutable, which only shows when all files are written."""
     earlier = put_earlier_files(tmp_path / "run")
-    (tmp_path / "run" / "report.html").unlink()
-    last = tmp_path / "run" / "manifest.json"
+    (tmp_path / ".results" / "run").mkdir(parents=True)
     chattr = shutil.which("chattr")
     if (
         not chattr
-        or subprocess.run([chattr, "+i", last], capture_output=True, check=False).returncode
+        or subprocess.run([chattr, "+i", tmp_path], capture_output=True, check=False).returncode
     ):
-        pytest.skip("making a file immutable needs root and a file system that knows how")
+        pytest.skip("making a folder immutable needs root and a file system that knows how")
     try:
         with pytest.raises(StageError, match="no permission"):
             write(result, tmp_path / "run")
     finally:
-        subprocess.run([chattr, "-i", last], check=True)
-    del earlier["report.html"]
+        subprocess.run([chattr, "-i", tmp_path], check=True)
     assert contents(tmp_path / "run") == earlier
 
 
 def test_a_folder_in_a_files_place_is_named(result: RunResult, tmp_path: Path) -> None:
     (tmp_path / "run" / "report.html").mkdir(parents=True)
-    with pytest.raises(StageError, match="a folder stands where a file should"):
+    with pytest.raises(StageError, match="a folder is in the place of a file"):
         write(result, tmp_path / "run")
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["report.html"]
 
 
 def test_a_file_in_the_folders_place_is_named(result: RunResult, tmp_path: Path) -> None:
     (tmp_path / "run").write_text("mine")
-    with pytest.raises(StageError, match="a file stands where a folder should"):
+    with pytest.raises(StageError, match="a file is in the place of a folder"):
         write(result, tmp_path / "run")
     assert (tmp_path / "run").read_text() == "mine"
 
@@ -227,20 +223,16 @@ def test_a_killed_run_leaves_the_earlier_files(result: RunResult, tmp_path: Path
     root = Path(__file__).parents[3]
     with subprocess.Popen(command, cwd=root) as process:
         deadline = time.monotonic() + 60
-        while not (begun := list(tmp_path.glob(".run.*.partial/*"))) and process.poll() is None:
+        while not (begun := list(tmp_path.glob(".results/run/*/*"))) and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(0.005)
         process.send_signal(signal.SIGKILL)
     assert begun
     assert process.returncode == -signal.SIGKILL
     assert contents(tmp_path / "run") == earlier
-    # What it left is swept a day later, and not before: another run might be at work there.
-    [left] = tmp_path.glob(".run.*.partial")
+    # What it left goes with the next run.
     write(result, tmp_path / "run")
-    assert left.exists()
-    os.utime(left, (0, 0))
-    write(result, tmp_path / "run")
-    assert not left.exists()
+    assert len(list(tmp_path.glob(".results/run/*"))) == 1
 
 
 NAMES = st.text(max_size=300)

@@ -1,14 +1,18 @@
-"""The dual graph against Euler's count."""
+"""The dual graph against Euler's formula, and its searches against networkx."""
 
 from __future__ import annotations
 
+import itertools
+
 import networkx as nx
+import pytest
 import shapely
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from shapely import box
 
 import renew
-from renew.classes.dual_graph import dual_graph
+from renew.classes.dual_graph import dual_graph, is_connected, surroundings, widest_gap
 from renew.classes.triangulation import triangulate
 from tests.strategies import SIZE, random_islands, seeds
 
@@ -22,3 +26,41 @@ def test_dual_graph_has_one_cycle_for_each_island(seed: int) -> None:
     assert nx.number_connected_components(dual) == len(parts)
     cycles = dual.number_of_edges() - dual.number_of_nodes() + len(parts)
     assert cycles == sum(len(part.interiors) for part in parts)
+
+
+def test_triangles_on_both_sides_of_a_wall_are_not_connected() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, -1, 60, 101), box(10, 10, 20, 20)])
+    triangulation = triangulate(chart)
+    dual = dual_graph(triangulation)
+    for one, other in itertools.combinations(range(len(triangulation.triangles)), 2):
+        assert is_connected(triangulation, one, other) == nx.has_path(dual, one, other)
+
+
+@settings(max_examples=10)
+@given(seed=seeds)
+def test_the_widest_gap_is_that_of_the_best_of_all_ways(seed: int) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, 3))
+    triangulation = triangulate(chart)
+    dual = dual_graph(triangulation)
+    one = 0
+    other = max(nx.node_connected_component(dual, one))
+    ways = nx.all_simple_edge_paths(dual, one, other)
+    widest = max(min(dual.edges[edge]["width"] for edge in way) for way in ways)
+    assert widest_gap(triangulation, one, other) == pytest.approx(widest)
+
+
+@given(seed=seeds, layers=st.integers(0, 3))
+@settings(max_examples=15)
+def test_surroundings_are_as_near_as_asked_and_know_the_nearest_place(
+    seed: int, layers: int
+) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, 4))
+    triangulation = triangulate(chart)
+    dual = dual_graph(triangulation)
+    row = nx.shortest_path(dual, 0, max(nx.node_connected_component(dual, 0)))
+    found = surroundings(triangulation, row, layers)
+    distance = nx.multi_source_dijkstra_path_length(dual, set(row), weight=None)
+    assert list(found)[: len(row)] == row
+    assert set(found) == {triangle for triangle, edges in distance.items() if edges <= layers}
+    for triangle, place in found.items():
+        assert nx.shortest_path_length(dual, triangle, row[place]) == distance[triangle]

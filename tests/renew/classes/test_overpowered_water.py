@@ -1,4 +1,4 @@
-"""Water as strong as the vessel: no route leads through it, and the plan says where it is."""
+"""Overpowered water: no route leads through it, and the plan says where it is."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def strength(points: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(race(points), axis=-1))
 
 
-def test_routes_lead_around_it_on_either_side() -> None:
+def test_routes_lead_around_it_on_both_sides() -> None:
     plan = renew.plan(CHART, race, PAPER_VESSEL, (10, 50), (90, 50))
     assert sorted(route.homotopy for route in plan.routes) == ["e", "s1"]
     for route in plan.routes:
@@ -33,9 +33,9 @@ def test_routes_lead_around_it_on_either_side() -> None:
         along = shapely.get_coordinates(line.segmentize(0.1))
         assert strength(along).max() < PAPER_VESSEL.speed
         assert np.isinf(route.clearance)
-    # By the grid of another planner's kind: the way round costs no more than a ring around it.
-    ring = np.array([[10, 50], [35, 85], [65, 85], [90, 50]], dtype=float)
-    assert plan.best.fuel < renew.fuel(ring, race, PAPER_VESSEL)
+    # The way round costs no more than a generous detour.
+    detour = np.array([[10, 50], [35, 85], [65, 85], [90, 50]], dtype=float)
+    assert plan.best.fuel < renew.fuel(detour, race, PAPER_VESSEL)
 
 
 def test_it_covers_all_of_it_and_little_more() -> None:
@@ -54,7 +54,7 @@ def test_it_covers_all_of_it_and_little_more() -> None:
     assert zone.within(true_zone.buffer(4 * cell))
 
 
-def test_weaker_water_is_all_open() -> None:
+def test_a_weaker_current_closes_no_water() -> None:
     plan = renew.plan(CHART, lambda p: 0.4 * race(p), PAPER_VESSEL, (10, 50), (90, 50))
     assert plan.overpowering.is_empty
     assert [route.homotopy for route in plan.routes] == ["e"]
@@ -69,11 +69,11 @@ def test_a_chart_blocked_by_it_is_unreachable() -> None:
         renew.plan(CHART, stream, PAPER_VESSEL, (10, 50), (90, 50))
 
 
-@pytest.mark.parametrize(("name", "ends"), [("start", 0), ("goal", 1)])
-def test_an_end_in_it_is_refused(name: str, ends: int) -> None:
+@pytest.mark.parametrize(("name", "first"), [("start", 0), ("goal", 1)])
+def test_a_start_or_goal_in_it_is_refused(name: str, first: int) -> None:
     points = [(50.0, 50.0), (10.0, 50.0)]
     with pytest.raises(renew.CurrentTooStrongError, match=f"at the {name} runs at 2 m/s"):
-        renew.plan(CHART, race, PAPER_VESSEL, points[ends], points[1 - ends])
+        renew.plan(CHART, race, PAPER_VESSEL, points[first], points[1 - first])
 
 
 def test_islands_keep_their_numbers() -> None:

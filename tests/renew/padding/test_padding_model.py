@@ -1,4 +1,4 @@
-"""Padding: the published pair, the closed form against integration, the risk bound."""
+"""The padding of edges beside a channel: its risk, its floor, and how it follows the risk."""
 
 from __future__ import annotations
 
@@ -19,55 +19,26 @@ from renew.padding.padding_model import PaddingModel
 from renew.padding.policy import PaddingPolicy
 from renew.padding.reach_quantile import HEADING_SPREAD
 from renew.padding.turn_reach import turn_reach
-from tests.strategies import PAPER_VESSEL, angles, random_scene, speeds, voyage_on
+from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
 
 if TYPE_CHECKING:
     from renew.inputs.arguments import Padding
 
-NORTH = np.array([0.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("towards", "published"), [(0.255, 4.47), (-0.255, 1.96)], ids=["towards", "away"]
-)
-def test_reach_is_the_published_padding(towards: float, published: float) -> None:
-    # An edge to the north, travelled along to the east, in a current of 0.255 m/s.
-    reach = turn_reach(PAPER_VESSEL, np.asarray(0.0), towards * NORTH, NORTH)
-    assert reach == pytest.approx(published, rel=0.05)
-
-
-@given(heading=angles, strength=speeds, towards=angles, normal=angles)
-def test_reach_equals_a_densely_sampled_turn(
-    heading: float, strength: float, towards: float, normal: float
-) -> None:
-    current = strength * np.array([math.cos(towards), math.sin(towards)])
-    n = np.array([math.cos(normal), math.sin(normal)])
-    time = np.linspace(0, PAPER_VESSEL.turn_period, 20_001)
-    furthest = 0.0
-    for omega in (PAPER_VESSEL.turn_rate, -PAPER_VESSEL.turn_rate):
-        # The track by integrating its velocity, not by the closed form under test.
-        theta = heading + omega * time
-        velocity = np.column_stack([np.cos(theta), np.sin(theta)]) + current
-        step = (velocity[1:] + velocity[:-1]) / 2 * np.diff(time)[:, None]
-        furthest = max(furthest, float((np.cumsum(step, axis=0) @ n).max()))
-    reach = turn_reach(PAPER_VESSEL, np.asarray(heading), current, n)
-    assert reach == pytest.approx(furthest, abs=2e-3)
-
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("risk", [0.05, 0.2])
-def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: float) -> None:
+def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, risk: float) -> None:
     chart, current, start, goal = random_scene(seed)
-    mesh = triangulate(chart)
+    triangulation = triangulate(chart)
     policy = PaddingPolicy("adaptive", clearance=0.0, risk=risk, seed=0)
-    model = PaddingModel(mesh, current, PAPER_VESSEL, policy)
+    model = PaddingModel(triangulation, current, PAPER_VESSEL, policy)
     voyage = voyage_on(chart, start, goal)
-    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
+    channel = ClassEnumerator(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
     edges = model.padded_edges(channel, start, goal)
     middle = channel.midline(start, goal)
     rng = np.random.default_rng(99)
     draws = 20_000
-    statistics = current.statistics(mesh.corners)
+    statistics = current.statistics(triangulation.corners)
     exceeded = []
     for i, triangle in enumerate(channel.triangles):
         speed = np.maximum(
@@ -81,8 +52,8 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
         heading = math.atan2(travel[1], travel[0]) + rng.uniform(
             -HEADING_SPREAD, HEADING_SPREAD, draws
         )
-        for corner in np.flatnonzero(mesh.hazardous[triangle]):
-            a, b = mesh.vertices[mesh.edge_vertices(int(triangle), int(corner))]
+        for corner in np.flatnonzero(triangulation.hazardous[triangle]):
+            a, b = triangulation.vertices[triangulation.edge_vertices(int(triangle), int(corner))]
             along = (b - a) / np.linalg.norm(b - a)
             outwards = np.array([along[1], -along[0]])  # water lies on the edge's left
             at = np.flatnonzero((edges.start == a).all(1) & (edges.end == b).all(1))
@@ -94,31 +65,33 @@ def test_share_of_turns_beyond_the_padding_keeps_to_the_risk(seed: int, risk: fl
     assert max(exceeded) <= risk + 3 * math.sqrt(risk * (1 - risk) / draws)
 
 
-@given(wide=st.floats(0.0, 12.0))
-def test_fixed_padding_and_clearance_are_what_was_asked(wide: float) -> None:
+@given(width=st.floats(0.0, 12.0))
+def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
-    mesh = triangulate(chart)
+    triangulation = triangulate(chart)
     voyage = voyage_on(chart, (5.0, 50.0), (95.0, 50.0))
-    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
+    channel = ClassEnumerator(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
     cases: list[tuple[Padding, float, float]] = [
-        (wide, 3.0, max(wide, 3.0)),
-        ("none", wide, wide),
+        (width, 3.0, max(width, 3.0)),
+        ("none", width, width),
     ]
     for padding, clearance, expected in cases:
         policy = PaddingPolicy(padding, clearance, risk=0.05, seed=0)
-        model = PaddingModel(mesh, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, policy)
+        model = PaddingModel(triangulation, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, policy)
         edges = model.padded_edges(channel, voyage.start, voyage.goal)
         assert len(edges.edge)
         assert edges.padding == pytest.approx(expected)
 
 
-def test_less_risk_means_more_padding() -> None:
+def test_less_risk_takes_more_padding() -> None:
     chart, current, start, goal = random_scene(3)
-    mesh = triangulate(chart)
+    triangulation = triangulate(chart)
     voyage = voyage_on(chart, start, goal)
-    channel = ClassEnumerator(voyage, mesh, Rays.of(chart), "length").channels(1)[0]
+    channel = ClassEnumerator(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
     widths = [
-        PaddingModel(mesh, current, PAPER_VESSEL, PaddingPolicy("adaptive", 0.0, risk, seed=0))
+        PaddingModel(
+            triangulation, current, PAPER_VESSEL, PaddingPolicy("adaptive", 0.0, risk, seed=0)
+        )
         .padded_edges(channel, start, goal)
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)

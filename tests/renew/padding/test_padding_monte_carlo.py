@@ -1,8 +1,8 @@
-"""The risk that padding promises, against turns that are integrated here and not in closed form.
+"""The risk of the padding by Monte Carlo: turns are integrated here, not taken in closed form.
 
-In every triangle of every route's channel, towards every constrained edge of that triangle, the
-share of drawn turns that reach beyond the edge's padding is at most 1 - σ. Nothing is used but
-what a plan gives: the channel, the padding of each edge, and the current.
+In every triangle of every route's channel, and for every constrained edge of that triangle, at most
+a share 1 - σ of the drawn turns reaches beyond the edge's padding. The test uses only what a plan
+gives (the channel, the padding of each edge) and the current.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
     from renew._types import FloatArray
 
+# Number of drawn turns for each triangle and edge.
 DRAWS = 20_000
-# Of a full turn: its reach comes out too small by 3e-4 of the turning radius at most.
+# Number of steps of a full turn: its reach is too small by at most 3e-4 of the turning radius.
 STEPS = 256
 
 
@@ -38,11 +39,11 @@ class Crossing(NamedTuple):
 
 def crossings(route: renew.Route, start: FloatArray, goal: FloatArray) -> Iterator[Crossing]:
     """Triangles of a route's channel that have a passing edge with the ones before and after."""
-    gates = [
-        np.array([p for p in one if (one_of == p).all(axis=1).any()])
-        for one, one_of in itertools.pairwise(route.channel)
+    shared = [
+        np.array([corner for corner in one if (other == corner).all(axis=1).any()])
+        for one, other in itertools.pairwise(route.channel)
     ]
-    middles = [start, *(gate.mean(axis=0) if len(gate) == 2 else None for gate in gates), goal]
+    middles = [start, *(edge.mean(axis=0) if len(edge) == 2 else None for edge in shared), goal]
     for triangle, (enter, leave) in zip(route.channel, itertools.pairwise(middles), strict=True):
         if enter is not None and leave is not None:
             yield Crossing(triangle, enter, leave)
@@ -64,7 +65,7 @@ def reaches(heading: FloatArray, drift: FloatArray, normal: FloatArray) -> Float
     """Furthest reach (n,) m along a normal of full turns to either side, by the midpoint rule."""
     step = 2 * math.pi / PAPER_VESSEL.turn_rate / STEPS
     turned = PAPER_VESSEL.turn_rate * step * (np.arange(STEPS) + 0.5)
-    # Way made good along and to the left of the first heading in still water, step by step.
+    # Distance made good along, and to the left of, the first heading in still water, by steps.
     along, left = (PAPER_VESSEL.speed * step * f(turned).cumsum() for f in (np.cos, np.sin))
     bearing = heading - math.atan2(normal[1], normal[0])
     carried = np.outer(drift @ normal, step * np.arange(1, STEPS + 1))
@@ -85,7 +86,7 @@ def shares_beyond(
         heading, drift = drawn_turns(crossing, current, rng)
         for row in route.padding_used:
             a, b, padding = row[:2], row[2:4], row[4]
-            if not all((crossing.triangle == end).all(axis=1).any() for end in (a, b)):
+            if not all((crossing.triangle == vertex).all(axis=1).any() for vertex in (a, b)):
                 continue
             normal = np.array([a[1] - b[1], b[0] - a[0]]) / math.dist(a, b)
             if (a - crossing.triangle.mean(axis=0)) @ normal < 0:
@@ -93,7 +94,7 @@ def shares_beyond(
             yield float((reaches(heading, drift, normal) > padding).mean())
 
 
-def check(
+def check_risk(
     scene: tuple[renew.Chart, renew.CurrentField, FloatArray, FloatArray],
     risk: float,
     classes: int,
@@ -106,27 +107,27 @@ def check(
     ]
     assert len(beyond) > classes
     assert max(beyond) <= risk + 3 * math.sqrt(risk * (1 - risk) / DRAWS)
-    # Padding is a quantile, no worst case: somewhere turns do reach beyond it.
+    # Padding is a quantile and no worst case: in some places turns do reach beyond it.
     assert max(beyond) > 0
 
 
 @pytest.mark.parametrize("risk", [0.05, 0.2])
-def test_turns_in_the_single_gyre_keep_to_the_risk_in_every_triangle(risk: float) -> None:
+def test_turns_in_the_single_gyre_are_within_the_risk_in_every_triangle(risk: float) -> None:
     chart, current = single_gyre()
-    check((chart, current, np.array([10.0, 10.0]), np.array([90.0, 90.0])), risk, classes=2)
+    check_risk((chart, current, np.array([10.0, 10.0]), np.array([90.0, 90.0])), risk, classes=2)
 
 
-# Paths that bulge out of their channels: in the second and third scene they meet edges on headings
-# for which the channel alone would not have padded them.
+# Paths that bulge out of their channels. In the second and third scene they pass edges on headings
+# for which the channel alone would not have padded those edges.
 @pytest.mark.parametrize(("seed", "risk", "classes"), [(3, 0.05, 2), (5, 0.05, 4), (11, 0.3, 4)])
-def test_turns_among_islands_keep_to_the_risk_in_every_triangle(
+def test_turns_among_islands_are_within_the_risk_in_every_triangle(
     seed: int, risk: float, classes: int
 ) -> None:
-    check(random_scene(seed), risk, classes)
+    check_risk(random_scene(seed), risk, classes)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("risk", [0.01, 0.05, 0.3])
 @pytest.mark.parametrize("seed", range(12))
-def test_turns_in_many_scenes_keep_to_the_risk_in_every_triangle(seed: int, risk: float) -> None:
-    check(random_scene(seed), risk, classes=8)
+def test_turns_in_many_scenes_are_within_the_risk_in_every_triangle(seed: int, risk: float) -> None:
+    check_risk(random_scene(seed), risk, classes=8)

@@ -1,24 +1,26 @@
-// The current as arrows on a canvas of their own: as many as the zoom has room for.
+// The current as arrows on a canvas of their own, with a density that suits the zoom.
 
-// An arrow of length 1 along x, centred, as the static maps draw it.
+// An arrow of length 1 along x, centred, as on the static maps.
 const ARROW = [[-0.5, -0.045], [0.12, -0.045], [0.08, -0.17], [0.5, 0], [0.08, 0.17], [0.12, 0.045], [-0.5, 0.045]];
-// Room for an arrow, in CSS pixels; the longest fills it, one of the weakest class this share.
-const ARROW_ROOM = 26;
-const ARROW_LONGEST = 44;
-const ARROW_SHORTEST = 0.4;
-// Closer in than this, arrows are drawn between those of the lattice, too.
-const ARROW_FAR = 4 * ARROW_ROOM;
-// How far beyond the view arrows are drawn, so that a drag uncovers no bare water at once.
-const ARROW_MARGIN = 0.2;
+// Minimum spacing of arrows, in CSS pixels.
+const ARROW_SPACING = 26;
+// Maximum length of an arrow, in CSS pixels.
+const MAX_ARROW_LENGTH = 44;
+// Length of an arrow of speed 0, as a share of the strongest's.
+const MIN_ARROW_SHARE = 0.4;
+// Spacing above which arrows are drawn between those of the lattice, too.
+const MAX_ARROW_SPACING = 4 * ARROW_SPACING;
+// Margin around the view in which arrows are drawn, as a share of it, for dragging the map.
+const CANVAS_MARGIN = 0.2;
 
-/** Class of a speed (m/s): the number of limits below it, at most the last class. */
+/** Index of the class of a speed (m/s); speeds above the last limit are in the last. */
 function speedClass(speed, limits) {
   const index = limits.findIndex((limit) => speed <= limit);
   return index < 0 ? limits.length - 1 : index;
 }
 
 const CurrentArrows = L.Layer.extend({
-  /** `chart` is the outline that arrows stand in: rings of places. */
+  /** `chart` is the outline, as rings of places, inside which arrows are drawn. */
   initialize(chart, limits, colours) {
     this._chart = chart;
     this._limits = limits;
@@ -55,10 +57,10 @@ const CurrentArrows = L.Layer.extend({
     L.DomUtil.setTransform(this._canvas, offset, scale);
   },
 
-  /** Lay the canvas over the view and a margin; returns its upper left corner as a layer point. */
+  /** Position the canvas over the view and its margin; returns its upper left layer point. */
   _place() {
     const size = this._map.getSize();
-    const margin = size.multiplyBy(ARROW_MARGIN).round();
+    const margin = size.multiplyBy(CANVAS_MARGIN).round();
     const corner = this._map.containerPointToLayerPoint(margin.multiplyBy(-1)).round();
     const whole = size.add(margin.multiplyBy(2));
     const ratio = window.devicePixelRatio || 1;
@@ -80,15 +82,15 @@ const CurrentArrows = L.Layer.extend({
     if (!this._current) return;
     const context = this._canvas.getContext("2d");
     const chart = this._outline(corner);
-    // The canvas's own transform holds for the outline and not for the point.
+    // The canvas's transform applies to the outline but not to the point.
     const ratio = context.getTransform().a;
     const paths = this._limits.map(() => new Path2D());
-    this._eachArrow(corner, (x, y, u, v, room) => {
+    this._eachArrow(corner, (x, y, u, v, spacing) => {
       if (!context.isPointInPath(chart, x * ratio, y * ratio, "evenodd")) return;
       const speed = Math.hypot(u, v);
       const kind = speedClass(speed, this._limits);
-      const share = ARROW_SHORTEST + ((1 - ARROW_SHORTEST) * (kind + 1)) / this._limits.length;
-      addArrow(paths[kind], x, y, u / speed, v / speed, share * Math.min(room, ARROW_LONGEST));
+      const share = MIN_ARROW_SHARE + ((1 - MIN_ARROW_SHARE) * (kind + 1)) / this._limits.length;
+      addArrow(paths[kind], x, y, u / speed, v / speed, share * Math.min(spacing, MAX_ARROW_LENGTH));
     });
     paths.forEach((path, kind) => {
       context.fillStyle = this._colours(`speed${kind}`);
@@ -110,7 +112,7 @@ const CurrentArrows = L.Layer.extend({
     return outline;
   },
 
-  /** Call back with each arrow's place on the canvas, velocity (m/s) and room (px). */
+  /** Call back with each arrow's position on the canvas, velocity (m/s) and spacing (px). */
   _eachArrow(corner, draw) {
     const { corner: first, spacing, columns, u } = this._current;
     const rows = u.length / columns;
@@ -121,22 +123,22 @@ const CurrentArrows = L.Layer.extend({
     const up = arrowSteps(stride, rows, (origin.y - this._canvas.clientHeight) / pixels, origin.y / pixels);
     for (const row of up) {
       for (const column of across) {
-        const velocity = currentAt(this._current, row, column);
+        const velocity = interpolatedCurrent(this._current, row, column);
         if (velocity) draw(origin.x + column * pixels, origin.y - row * pixels, ...velocity, stride * pixels);
       }
     }
   },
 });
 
-/** Steps of the lattice from one arrow to the next, a power of two, where one step is so many pixels. */
+/** Stride in lattice steps from one arrow to the next, a power of two; `pixels` is the length of a step. */
 function arrowStride(pixels) {
-  if (pixels < ARROW_ROOM) return 2 ** Math.ceil(Math.log2(ARROW_ROOM / pixels));
-  return pixels > ARROW_FAR ? 2 ** -Math.ceil(Math.log2(pixels / ARROW_FAR)) : 1;
+  if (pixels < ARROW_SPACING) return 2 ** Math.ceil(Math.log2(ARROW_SPACING / pixels));
+  return pixels > MAX_ARROW_SPACING ? 2 ** -Math.ceil(Math.log2(pixels / MAX_ARROW_SPACING)) : 1;
 }
 
-/** Where arrows stand on a side of the lattice of so many places, from one place of it to another. */
+/** Positions of arrows between `low` and `high` along a side of the lattice of `count` places. */
 function arrowSteps(stride, count, low, high) {
-  // Thinned ones stand in the middle of those left out, added ones evenly in the cells about the places.
+  // Arrows are centred: in each group of thinned places, or in the cell around each place.
   const begin = stride < 1 ? (stride - 1) / 2 : stride >> 1;
   const end = stride < 1 ? count - 0.5 : count;
   const from = Math.max(0, Math.ceil((low - begin) / stride));
@@ -144,8 +146,8 @@ function arrowSteps(stride, count, low, high) {
   return Array.from({ length: Math.max(0, to - from) }, (_, i) => begin + (from + i) * stride);
 }
 
-/** The current (m/s) between the lattice's places, from those around it on moving water; null without. */
-function currentAt({ columns, u, v }, row, column) {
+/** The current (m/s) at a position on the lattice, from its neighbours on moving water; null without any. */
+function interpolatedCurrent({ columns, u, v }, row, column) {
   const rows = u.length / columns;
   let [east, north, known] = [0, 0, 0];
   for (const r of [Math.floor(row), Math.floor(row) + 1]) {

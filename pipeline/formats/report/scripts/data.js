@@ -1,7 +1,7 @@
-// The page's data, read back: `encode.py` writes every place and figure as a whole number, the
+// Decodes the page's data: `encode.py` writes places and values as whole numbers, each the
 // difference to the one before.
 
-/** Running sums of a flat x, y, dx, dy, ... as places in metres: [y, x], the order Leaflet wants. */
+/** Running sums of a flat x, y, dx, dy, ... as places in metres: [y, x], in Leaflet's order. */
 function readLine(moves, stepM, place = (y, x) => [y, x]) {
   const places = new Array(moves.length / 2);
   let x = 0;
@@ -14,19 +14,19 @@ function readLine(moves, stepM, place = (y, x) => [y, x]) {
   return places;
 }
 
-/** The same as Leaflet's own places: a coast has too many to make each of them twice. */
+/** The same as Leaflet's own objects: a coast has too many places to create each of them twice. */
 function readRing(moves, stepM) {
   return readLine(moves, stepM, (y, x) => new L.LatLng(y, x));
 }
 
-/** Running sums of a series in its own unit; null where it has infinite figures. */
+/** Running sums of a series in its own unit; null if it has infinite values. */
 function readSeries({ step, moves }) {
   if (moves === null) return null;
   let sum = 0;
   return moves.map((move) => step * (sum += move));
 }
 
-/** A route with its places and what is met at each of them. */
+/** A route with its places, and its profile along them. */
 function readRoute(route, stepM) {
   const read = { rank: route.rank, side: route.side };
   for (const name of ["places", "turns", "hits"]) read[name] = readLine(route[name], stepM);
@@ -37,7 +37,7 @@ function readRoute(route, stepM) {
   return read;
 }
 
-/** Everything that the template put into the page for this script. */
+/** All data that the template put into the page. */
 function readData() {
   const data = JSON.parse(document.getElementById("map-data").textContent);
   const { stepM } = data;
@@ -50,7 +50,7 @@ function readData() {
     shoals: data.shoals.map((ring) => readRing(ring, stepM)),
     zones: data.zones.map((zone) => ({
       kind: zone.kind,
-      words: zone.words,
+      text: zone.text,
       area: zone.area.map((ring) => readRing(ring, stepM)),
       edges: lines(zone.edges),
     })),
@@ -74,7 +74,7 @@ function readData() {
   };
 }
 
-/** Where in an ascending series a value lies: [index of the place before, share of the way on]. */
+/** Position of a value in an ascending series: [index before it, share of the step after]. */
 function locate(series, value) {
   let low = 0;
   let high = series.length - 1;
@@ -88,18 +88,18 @@ function locate(series, value) {
   return [low, Math.min(1, Math.max(0, share))];
 }
 
-/** A figure between two places of a route; null where the route has none. */
+/** A value between two places of a route; null if the route has none. */
 function between(series, [index, share]) {
   if (series === null) return null;
   const next = Math.min(index + 1, series.length - 1);
   return series[index] * (1 - share) + series[next] * share;
 }
 
-/** What is met on a route at a share (0 to 1) of its time. */
-function moment(route, share) {
+/** State of the vessel on a route at a share (0 to 1) of its time. */
+function stateAt(route, share) {
   const time = share * route.time[route.time.length - 1];
   const at = locate(route.time, time);
-  // A figure that holds from one place to the next is not blended into the next one's.
+  // Course and speed hold from one place to the next, so they are not interpolated.
   const here = at[1] >= 1 ? at[0] + 1 : at[0];
   const before = route.places[at[0]];
   const after = route.places[Math.min(at[0] + 1, route.places.length - 1)];

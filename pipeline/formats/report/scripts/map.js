@@ -1,18 +1,18 @@
-// The interactive map: what lies where, and in which colours. It knows nothing of the controls.
+// The interactive map: its layers and their colours. It does not depend on the controls.
 
-// From below: water and grid, currents, soft no-go zone, land, routes, places on them. Vessel and labels are
-// Leaflet's own panes above.
+// Panes from the bottom up: water and grid, currents, soft no-go zone, land, routes, marks on them. Vessel and
+// labels are in Leaflet's own panes above.
 const PANES = { water: 210, currents: 220, soft: 230, land: 240, routes: 400, marks: 410 };
-const ZOOM_IN = 8;
-// The scale bar is as long as it says down to a metre.
+const ZOOM_RANGE = 8;
+// Maximum length of the scale bar, in CSS pixels; at the largest zoom it stands for a metre.
 const SCALE_BAR = 100;
-const DEEPEST = Math.log2(SCALE_BAR);
-// Room for the parallels' labels, in CSS pixels: for a letter, and beside them all.
-const LETTER = 6.5;
+const MAX_ZOOM = Math.log2(SCALE_BAR);
+// Space for the parallels' labels, in CSS pixels: per letter, and beside the label.
+const LETTER_WIDTH = 6.5;
 const LABEL_GAP = 16;
 
-const ROUTE_CHOSEN = { weight: 4, opacity: 1, dashArray: null };
-const ROUTE_BESIDE = { weight: 1.6, opacity: 0.6, dashArray: null };
+const ROUTE_SELECTED = { weight: 4, opacity: 1, dashArray: null };
+const ROUTE_UNSELECTED = { weight: 1.6, opacity: 0.6, dashArray: null };
 const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
 // The style sheet has this many colours for seasons, `--map-season0` on.
 const SEASON_COLOURS = 6;
@@ -26,11 +26,11 @@ function element(tag, className, text = "") {
 }
 
 class VoyageMap {
-  /** Draw what all seasons share; `onPick(season, index)` is called for a route clicked on. */
-  constructor(container, data, onPick) {
+  /** Draw what all seasons share; `onSelect(season, index)` is called when a route is clicked. */
+  constructor(container, data, onSelect) {
     this.data = data;
-    this.onPick = onPick;
-    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.onSelect = onSelect;
+    const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.map = L.map(container, {
       crs: L.CRS.Simple,
       attributionControl: false,
@@ -43,11 +43,11 @@ class VoyageMap {
       wheelPxPerZoomLevel: 90,
       minZoom: -30,
       maxZoom: 30,
-      zoomAnimation: !still,
+      zoomAnimation: !reducedMotion,
       fadeAnimation: false,
-      inertia: !still,
+      inertia: !reducedMotion,
     });
-    // Leaflet rounds places to whole pixels, which makes stairs of lines with many of them.
+    // Leaflet rounds places to whole pixels, which makes stairs of lines with many places.
     this.map.latLngToLayerPoint = (place) => this.map.project(place).subtract(this.map.getPixelOrigin());
     this.renderers = {};
     for (const [name, height] of Object.entries(PANES)) {
@@ -61,21 +61,21 @@ class VoyageMap {
     this.currents = new CurrentArrows(data.extent, data.speedLimits, (role) => this.colour(role));
     this.currents.addTo(this.map);
     this.makeRoutes();
-    this.drawEnds();
+    this.drawStartAndGoal();
     this.vessel = this.makeVessel();
     L.control.zoom({ position: "topright" }).addTo(this.map);
     L.control.scale({ imperial: false, position: "bottomright", maxWidth: SCALE_BAR }).addTo(this.map);
-    // The wheel belongs to the page until somebody works with the map.
+    // The wheel scrolls the page until the map has the focus.
     this.map.on("focus", () => this.map.scrollWheelZoom.enable());
     this.map.on("blur", () => this.map.scrollWheelZoom.disable());
   }
 
-  /** A colour of the page, as it was when `readColours` last looked. */
+  /** A colour of the page, as last read by `readColours`. */
   colour(role) {
     return this.colours.get(role);
   }
 
-  /** Read the page's colours by role, light or dark: asking for each when it is used takes long. */
+  /** Read the page's colours by role, light or dark, once: reading each on use is slow. */
   readColours() {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
@@ -89,15 +89,15 @@ class VoyageMap {
     return this.colour(`season${season % SEASON_COLOURS}`);
   }
 
-  /** Show the whole chart, and let nobody lose it. */
+  /** Show the whole chart, and limit pan and zoom to it. */
   fit() {
     const bounds = L.latLngBounds(this.data.extent.flat());
     const letters = this.data.grid.map(({ label, meridian }) => (meridian ? 0 : label.length));
-    const left = LABEL_GAP + LETTER * Math.max(0, ...letters);
+    const left = LABEL_GAP + LETTER_WIDTH * Math.max(0, ...letters);
     this.map.setMinZoom(-30).setMaxZoom(30);
     this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [left, 14], paddingBottomRight: [56, 54] });
     const zoom = this.map.getZoom();
-    this.map.setMinZoom(zoom - 0.5).setMaxZoom(Math.max(zoom, Math.min(zoom + ZOOM_IN, DEEPEST)));
+    this.map.setMinZoom(zoom - 0.5).setMaxZoom(Math.max(zoom, Math.min(zoom + ZOOM_RANGE, MAX_ZOOM)));
     this.map.setMaxBounds(bounds.pad(0.5));
   }
 
@@ -111,13 +111,13 @@ class VoyageMap {
     return L.polyline(places, { ...options, ...style });
   }
 
-  /** Water, grid, land and shoals: all that no season changes. */
+  /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
     const { extent, grid, land, shoals } = this.data;
     this.water = this.area(extent, "water", {}).addTo(this.map);
     this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
     this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
-    // What is too shallow is no-go, and so lies within what is drawn as land.
+    // Shoals are no-go, so they lie inside the areas drawn as land.
     this.shoals = this.area(shoals, "land", {}).addTo(this.map);
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
@@ -125,23 +125,23 @@ class VoyageMap {
     }
   }
 
-  /** Areas of the chart under a rule; only their edges answer, since one may take in all there is. */
+  /** Restricted areas and traffic schemes; only their edges react, since one may fill the whole map. */
   makeZones() {
     this.zones = L.featureGroup();
-    for (const { kind, words, area, edges } of this.data.zones) {
+    for (const { kind, text, area, edges } of this.data.zones) {
       this.area(area, "soft", { fillOpacity: 0.06, kind }).addTo(this.zones);
       const edge = this.line(edges, "routes", { interactive: true, weight: 1.5, dashArray: "6 4", kind });
-      edge.bindTooltip(element("span", "", words), { sticky: true, className: "route-label" }).addTo(this.zones);
+      edge.bindTooltip(element("span", "", text), { sticky: true, className: "route-label" }).addTo(this.zones);
     }
   }
 
-  /** A small permanent text beside a place. */
+  /** A permanent label beside a place. */
   label(place, text, className, direction) {
     const options = { permanent: true, direction, className, opacity: 1, interactive: false };
     return L.tooltip(options).setLatLng(place).setContent(element("span", "", text));
   }
 
-  /** Lines for every route of every season; shown or not by `show`. */
+  /** Lines for all routes of all seasons; `show` decides which are drawn. */
   makeRoutes() {
     this.halo = this.line([], "routes", { opacity: 0.95, weight: 8 });
     this.routes = this.data.seasons.map((season, s) =>
@@ -149,7 +149,7 @@ class VoyageMap {
         const line = this.line(route.places, "routes", { interactive: true, smoothFactor: 0.4 });
         const name = `${season.title}, ${route.rank}${route.side && `: ${route.side} about`}`;
         line.bindTooltip(element("span", "", name), { sticky: true, className: "route-label" });
-        return line.on("click", () => this.onPick(s, r));
+        return line.on("click", () => this.onSelect(s, r));
       }),
     );
     this.soft = this.area([], "soft", {});
@@ -157,16 +157,16 @@ class VoyageMap {
     this.closest = L.layerGroup();
   }
 
-  drawEnds() {
-    this.ends = [[this.data.start, "Start"], [this.data.goal, "Goal"]].map(([place, name]) => {
+  drawStartAndGoal() {
+    this.endMarkers = [[this.data.start, "Start"], [this.data.goal, "Goal"]].map(([place, name]) => {
       const marker = this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }).addTo(this.map);
-      this.label(place, name, "end-label", this.inward(place)).addTo(this.map);
+      this.label(place, name, "end-label", this.labelSide(place)).addTo(this.map);
       return marker;
     });
   }
 
-  /** The side of a place on which a label has room. */
-  inward(place) {
+  /** The side of a place, towards the map's middle, on which a label fits. */
+  labelSide(place) {
     const bounds = L.latLngBounds(this.data.extent.flat());
     return place[1] > bounds.getCenter().lng ? "left" : "right";
   }
@@ -177,7 +177,7 @@ class VoyageMap {
   }
 
   makeVessel() {
-    // Only shape: its colours come from the style sheet.
+    // The shape only; colours come from the style sheet.
     const html = '<svg viewBox="-14 -14 28 28" aria-hidden="true"><path d="M0-11 7 10 0 6-7 10Z"/></svg>';
     const icon = L.divIcon({ className: "vessel", iconSize: [28, 28], html });
     const marker = L.marker(this.data.start, { icon, interactive: false, keyboard: false });
@@ -185,16 +185,16 @@ class VoyageMap {
     return marker;
   }
 
-  /** Put the vessel somewhere, heading so many degrees clockwise of the map's upward direction. */
+  /** Move the vessel to a place; `bearing` is in degrees clockwise from the map's upward direction. */
   moveVessel(place, bearing) {
     this.vessel.setLatLng(place);
     this.vessel.getElement().firstChild.style.transform = `rotate(${bearing}deg)`;
   }
 
-  /** Draw a choice: `{season, chosen, shown(s, r), layers}`. */
+  /** Draw a choice: `{season, selected, shown(s, r), layers}`. */
   show(choice) {
     const season = this.data.seasons[choice.season];
-    const route = season.routes[choice.chosen];
+    const route = season.routes[choice.selected];
     this.choice = choice;
     this.toggle(this.currents, choice.layers.currents && season.current !== null);
     this.currents.setCurrent(season.current);
@@ -216,26 +216,26 @@ class VoyageMap {
     else layer.remove();
   }
 
-  /** The chosen route bold on a halo, those beside it thin, other seasons' best ones dashed. */
-  showRoutes({ season, chosen, shown, layers }) {
+  /** The selected route bold on a halo, the season's others thin, other seasons' best ones dashed. */
+  showRoutes({ season, selected, shown, layers }) {
     this.routes.forEach((lines, s) => {
       for (let r = lines.length - 1; r >= 0; r -= 1) {
         const mine = s === season;
-        const on = mine ? shown(s, r) || r === chosen : layers.others && r === 0;
+        const on = mine ? shown(s, r) || r === selected : layers.others && r === 0;
         this.toggle(lines[r], on);
-        lines[r].setStyle(mine ? ROUTE_BESIDE : ROUTE_OTHER_SEASON);
-        // The better lies over the worse, in whatever order they were switched on.
+        lines[r].setStyle(mine ? ROUTE_UNSELECTED : ROUTE_OTHER_SEASON);
+        // Better routes lie over worse ones, in whatever order they are switched on.
         if (on) lines[r].bringToFront();
       }
     });
-    const route = this.data.seasons[season].routes[chosen];
+    const route = this.data.seasons[season].routes[selected];
     this.toggle(this.halo, Boolean(route));
     if (!route) return;
     this.halo.setLatLngs(route.places).bringToFront();
-    this.routes[season][chosen].setStyle(ROUTE_CHOSEN).bringToFront();
+    this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
   }
 
-  /** Hard-over turns along the route, and where it comes nearest to land. */
+  /** Hard-over turns along the route, and its closest point to land. */
   showSafety(route) {
     for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
     for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
@@ -243,18 +243,18 @@ class VoyageMap {
     const least = Math.min(...route.clearance);
     const place = route.places[route.clearance.indexOf(least)];
     this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
-    this.label(place, `${spellDistance(least)} to land`, "closest-label", this.inward(place)).addTo(this.closest);
+    this.label(place, `${formatDistance(least)} to land`, "closest-label", this.labelSide(place)).addTo(this.closest);
     this.toggle(this.closest, true);
   }
 
-  /** The page has turned from light to dark, or back. */
-  turn() {
+  /** Follow the page's change between light and dark. */
+  changeScheme() {
     this.readColours();
     this.recolour();
     this.currents.redraw();
   }
 
-  /** Give everything that is drawn its colour. */
+  /** Set the colour of everything that is drawn. */
   recolour() {
     const colour = (role) => this.colour(role);
     this.water.setStyle({ fillColor: colour("water") });
@@ -266,7 +266,7 @@ class VoyageMap {
     this.routes.forEach((lines, s) => lines.forEach((line) => line.setStyle({ color: this.seasonColour(s) })));
     this.halo.setStyle({ color: colour("halo") });
     const accent = this.seasonColour(this.choice.season);
-    for (const marker of this.ends) marker.setStyle({ color: accent, fillColor: colour("halo") });
+    for (const marker of this.endMarkers) marker.setStyle({ color: accent, fillColor: colour("halo") });
     this.turns.eachLayer((dot) => {
       const { hit } = dot.options;
       dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });

@@ -1,15 +1,15 @@
-// The page's controls: what is chosen, and everything that follows from a choice.
+// The page's controls: the selected season and route, and all parts of the page that depend on them.
 
 class Explorer {
   constructor(root) {
     this.root = root;
     this.data = readData();
     this.season = Math.max(0, this.data.seasons.findIndex((season) => season.routes.length > 0));
-    this.chosen = this.data.seasons.map(() => 0);
+    this.selected = this.data.seasons.map(() => 0);
     this.lists = [...root.querySelectorAll("[data-routes]")];
     this.layers = [...root.querySelectorAll("[data-layer]")];
     this.strip = new Strip(root);
-    this.map = new VoyageMap(root.querySelector("#map"), this.data, (season, index) => this.pick(season, index));
+    this.map = new VoyageMap(root.querySelector("#map"), this.data, (season, index) => this.select(season, index));
     this.voyage = new Voyage(this.data, root, (now, share) => {
       this.map.moveVessel(now.place, now.bearing);
       this.strip.move(share);
@@ -18,41 +18,41 @@ class Explorer {
     this.update();
   }
 
-  /** Its row of a list for a route, and that of the season's table. */
+  /** Rows of a route: in the list of routes, and in the season's table. */
   rows(season, index) {
     return document.querySelectorAll(`[data-route="${season}-${index}"]`);
   }
 
   listen() {
     for (const radio of this.root.querySelectorAll("[name=season]")) {
-      radio.addEventListener("change", () => this.pick(Number(radio.value), this.chosen[Number(radio.value)]));
+      radio.addEventListener("change", () => this.select(Number(radio.value), this.selected[Number(radio.value)]));
     }
     for (const box of [...this.layers, ...this.root.querySelectorAll("[data-shown]")]) {
       box.addEventListener("change", () => this.draw());
     }
-    for (const button of document.querySelectorAll("[data-pick]")) {
+    for (const button of document.querySelectorAll("[data-select]")) {
       button.addEventListener("click", () => {
-        const [season, index] = button.dataset.pick.split("-").map(Number);
-        this.pick(season, index);
+        const [season, index] = button.dataset.select.split("-").map(Number);
+        this.select(season, index);
         if (!this.root.contains(button)) this.root.scrollIntoView();
       });
     }
     for (const button of this.root.querySelectorAll("[data-all]")) {
       button.addEventListener("click", () => this.showAll(button.dataset.all === "all"));
     }
-    this.root.querySelector("#whole").addEventListener("click", () => this.map.fit());
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.map.turn());
+    this.root.querySelector("#fit").addEventListener("click", () => this.map.fit());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.map.changeScheme());
   }
 
-  /** Choose a route, and with it its season. */
-  pick(season, index) {
+  /** Select a route and its season. */
+  select(season, index) {
     this.season = season;
-    this.chosen[season] = index;
+    this.selected[season] = index;
     this.update();
     this.voyage.speakSoon();
   }
 
-  /** Show all routes of the season, or none beside the chosen one. */
+  /** Show all routes of the season, or only the selected one. */
   showAll(on) {
     for (const box of this.lists[this.season].querySelectorAll("[data-shown]")) box.checked = on;
     this.draw();
@@ -62,18 +62,18 @@ class Explorer {
     return this.lists[season].querySelectorAll("[data-shown]")[index].checked;
   }
 
-  /** Set every control to the choice, then draw it. */
+  /** Set every control to the selection, then draw it. */
   update() {
     this.lists.forEach((list, season) => {
       list.hidden = season !== this.season;
     });
     for (const radio of this.root.querySelectorAll("[name=season]")) radio.checked = Number(radio.value) === this.season;
-    for (const row of document.querySelectorAll("[data-route].chosen")) row.classList.remove("chosen");
-    for (const row of this.rows(this.season, this.chosen[this.season])) row.classList.add("chosen");
-    for (const button of this.root.querySelectorAll("[data-pick]")) {
-      button.setAttribute("aria-pressed", String(button.closest(".chosen") !== null));
+    for (const row of document.querySelectorAll("[data-route].selected")) row.classList.remove("selected");
+    for (const row of this.rows(this.season, this.selected[this.season])) row.classList.add("selected");
+    for (const button of this.root.querySelectorAll("[data-select]")) {
+      button.setAttribute("aria-pressed", String(button.closest(".selected") !== null));
     }
-    const route = this.data.seasons[this.season].routes[this.chosen[this.season]] || null;
+    const route = this.data.seasons[this.season].routes[this.selected[this.season]] || null;
     this.root.querySelector(".player").hidden = !route;
     this.root.style.setProperty("--season", `var(--map-season${this.season % SEASON_COLOURS})`);
     this.draw();
@@ -83,12 +83,12 @@ class Explorer {
 
   draw() {
     const layers = Object.fromEntries(this.layers.map((box) => [box.dataset.layer, box.checked]));
-    const chosen = this.chosen[this.season];
-    this.map.show({ season: this.season, chosen, layers, shown: (s, r) => this.isShown(s, r) });
+    const selected = this.selected[this.season];
+    this.map.show({ season: this.season, selected, layers, shown: (s, r) => this.isShown(s, r) });
   }
 }
 
-/** Paper has no buttons: what is folded up is opened for it. */
+/** Open folded parts for printing. */
 function openForPrint() {
   addEventListener("beforeprint", () => {
     for (const folded of document.querySelectorAll("details:not([open])")) {
@@ -104,7 +104,7 @@ function openForPrint() {
   });
 }
 
-/** The map is drawn: say when, and lay out the rest of the page. */
+/** Record that the map is drawn, and lay out the rest of the page. */
 function ready() {
   document.documentElement.dataset.ready = Math.round(performance.now());
   setTimeout(() => document.documentElement.classList.add("settled"));
@@ -113,7 +113,7 @@ function ready() {
 openForPrint();
 const explorer = document.querySelector(".explorer");
 if (explorer) {
-  // The style sheet shows the map in place of the static pictures from here on; it needs its size.
+  // The style sheet now shows the map instead of the static ones: the map needs a size before it is made.
   document.documentElement.classList.add("live");
   try {
     new Explorer(explorer);

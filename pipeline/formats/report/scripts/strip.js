@@ -1,4 +1,4 @@
-// The voyage's own small plots: what the chosen route meets over its time, and where "now" is.
+// Small plots of the selected route's profile over time, with a line for the vessel's position.
 
 const STRIP = { width: 600, height: 46, pad: 3 };
 
@@ -34,15 +34,15 @@ class Strip {
   draw({ name, range, zero, curve }, time, series) {
     const { width, height, pad } = STRIP;
     const [low, high] = [Math.min(...series), Math.max(...series)];
-    // A current's plot shows the slack; fuel and clearance begin at none.
+    // The axis of fuel and clearance begins at 0; that of the current includes 0.
     const bottom = Math.min(low, name === "speed" ? low : 0);
     const top = Math.max(high, name === "current" ? 0 : high);
     const y = (value) => height - pad - ((value - bottom) / (top - bottom || 1)) * (height - 2 * pad);
     const x = (value) => (value / time[time.length - 1]) * width;
     curve.setAttribute("d", series.map((value, i) => `${i ? "L" : "M"}${x(time[i]).toFixed(1)} ${y(value).toFixed(1)}`).join(""));
     zero.setAttribute("d", name === "current" ? `M0 ${y(0).toFixed(1)}H${width}` : "");
-    const unit = name === "clearance" ? spellDistance : name === "fuel" ? spellNumber : (value) => spellPlaces(value, 2);
-    range.textContent = `${unit(low)} to ${unit(high)}${name === "speed" || name === "current" ? " m/s" : ""}`;
+    const format = name === "clearance" ? formatDistance : name === "fuel" ? formatNumber : (value) => formatDecimals(value, 2);
+    range.textContent = `${format(low)} to ${format(high)}${name === "speed" || name === "current" ? " m/s" : ""}`;
   }
 
   move(share) {

@@ -1,12 +1,12 @@
-// The voyage: a clock that a button starts and a slider sets, and the figures of the moment.
+// The voyage: a clock that a button starts and a slider sets, and the vessel's figures at that time.
 
 const VOYAGE_SECONDS = 30;
-// Without motion the vessel goes on in steps, each this long.
-const STILL_STEP_SECONDS = 1.5;
+// With reduced motion the vessel moves in steps of this duration.
+const STEP_SECONDS = 1.5;
 const SPEAK_AFTER_MS = 700;
 
 class Voyage {
-  /** `onMove(now)` is called with the moment whenever it changes. */
+  /** `onMove(now, share)` is called with the vessel's state whenever it changes. */
   constructor(data, root, onMove) {
     this.planar = data.planar;
     this.onMove = onMove;
@@ -14,7 +14,7 @@ class Voyage {
     this.slider = root.querySelector("#time");
     this.spoken = root.querySelector("#spoken");
     this.fields = new Map([...root.querySelectorAll("[data-now]")].map((field) => [field.dataset.now, field]));
-    this.still = matchMedia("(prefers-reduced-motion: reduce)");
+    this.reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
     this.share = 0;
     this.route = null;
     this.frame = 0;
@@ -26,7 +26,7 @@ class Voyage {
     });
   }
 
-  /** Follow another route, as far along its time as the last one. */
+  /** Follow another route, at the same share of its time as the last one. */
   follow(route) {
     this.route = route;
     const idle = !route;
@@ -39,25 +39,25 @@ class Voyage {
   set(share) {
     this.share = share;
     if (!this.route) return;
-    const now = moment(this.route, share);
+    const now = stateAt(this.route, share);
     const whole = this.route.time[this.route.time.length - 1];
     this.slider.value = Math.round(share * this.slider.max);
-    this.slider.setAttribute("aria-valuetext", `${spellTime(now.time, whole)} of ${spellTime(whole)}`);
-    for (const [name, text] of Object.entries(this.words(now, whole))) this.fields.get(name).textContent = text;
+    this.slider.setAttribute("aria-valuetext", `${formatTime(now.time, whole)} of ${formatTime(whole)}`);
+    for (const [name, text] of Object.entries(this.texts(now, whole))) this.fields.get(name).textContent = text;
     this.onMove(now, share);
   }
 
-  /** The figures of the moment, spelt. */
-  words(now, whole) {
+  /** The vessel's figures as text. */
+  texts(now, whole) {
     return {
-      time: spellTime(now.time, whole),
-      place: spellPlace(now, this.planar),
-      course: spellCourse(now.course),
-      speed: `${spellPlaces(now.speed, 2)} m/s`,
-      current: spellCurrent(now.current),
-      clearance: spellDistance(now.clearance),
-      fuel: spellNumber(now.fuel),
-      distance: spellDistance(now.distance),
+      time: formatTime(now.time, whole),
+      place: formatPosition(now, this.planar),
+      course: formatCourse(now.course),
+      speed: `${formatDecimals(now.speed, 2)} m/s`,
+      current: formatCurrent(now.current),
+      clearance: formatDistance(now.clearance),
+      fuel: formatNumber(now.fuel),
+      distance: formatDistance(now.distance),
     };
   }
 
@@ -66,15 +66,14 @@ class Voyage {
     this.button.querySelector("span").textContent = "Pause";
     this.button.classList.add("playing");
     let last = null;
-    let owed = 0;
+    let waited = 0;
     const step = (stamp) => {
       const passed = last === null ? 0 : Math.min(0.25, (stamp - last) / 1000);
       last = stamp;
-      owed += passed;
-      const due = this.still.matches ? owed >= STILL_STEP_SECONDS : true;
-      if (due) {
-        this.set(Math.min(1, this.share + owed / VOYAGE_SECONDS));
-        owed = 0;
+      waited += passed;
+      if (!this.reducedMotion.matches || waited >= STEP_SECONDS) {
+        this.set(Math.min(1, this.share + waited / VOYAGE_SECONDS));
+        waited = 0;
       }
       if (this.share >= 1) this.pause();
       else this.frame = requestAnimationFrame(step);
@@ -91,16 +90,16 @@ class Voyage {
     this.speakSoon();
   }
 
-  /** Tell a screen reader where the vessel is, once it has stayed there for a moment. */
+  /** Announce the vessel's position to a screen reader, once it has stayed there for a moment. */
   speakSoon() {
     clearTimeout(this.speaking);
     this.speaking = setTimeout(() => {
       if (!this.route || this.frame) return;
       const whole = this.route.time[this.route.time.length - 1];
-      const now = this.words(moment(this.route, this.share), whole);
+      const now = this.texts(stateAt(this.route, this.share), whole);
       this.spoken.textContent =
         `After ${now.time}: ${now.place}, course ${now.course}, ${now.speed} over ground, ` +
-        `current along ${now.current}, ${now.clearance} from land, fuel ${now.fuel}.`;
+        `current along course ${now.current}, ${now.clearance} from land, fuel ${now.fuel}.`;
     }, SPEAK_AFTER_MS);
   }
 }

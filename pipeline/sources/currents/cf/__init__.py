@@ -1,1 +1,1 @@
-"""The user's own files of currents, by the CF conventions."""
+"""Currents from the user's own files, by the CF conventions."""

@@ -1,7 +1,7 @@
-"""Currents in files of the user's: NetCDF or Zarr by the CF conventions.
+"""Currents from the user's own files: NetCDF or Zarr by the CF conventions.
 
-The region's part of the wanted steps is read lazily, and looked at in a wider window than the
-planner is given: what is wrong with a file is plainer there.
+Only the region's part of the steps needed is read. It is checked in a wider window than the planner
+is given, as faults are easier to detect there.
 """
 
 from __future__ import annotations
@@ -14,146 +14,159 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline import store as artefact
 from pipeline.errors import RequestError
 from pipeline.model import Credit, CurrentGrid
-from pipeline.sources.currents.cf import contents as cf_contents
-from pipeline.sources.currents.cf import grid as cf_grid
-from pipeline.sources.currents.cf import time as cf_time
-from pipeline.sources.currents.cf.contents import called
-from pipeline.sources.quality import plausibility as plausible
-from pipeline.sources.quality.field import Field, Shore
+from pipeline.sources.currents.cf.contents import find_files, name_of, read_contents
+from pipeline.sources.currents.cf.grid import coverage_faults, find_window, read_field
+from pipeline.sources.currents.cf.time import select_steps
+from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
+from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.quality.plausibility import (
+    OFFSHORE_CELLS,
+    Assessment,
+    assess,
+    count_misplaced,
+    dilated,
+)
+from pipeline.store import file_hash
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import numpy.typing as npt
     from shapely.geometry import Polygon
 
     from pipeline.model import Land
-    from pipeline.scenario.model import Season
+    from pipeline.scenario.season import Season
     from pipeline.sources.currents.cf.contents import Contents
-    from pipeline.sources.currents.cf.time import Chosen
+    from pipeline.sources.currents.cf.time import SelectedSteps
+    from pipeline.sources.quality.coverage import Bounds
 
-# No sea moves faster; tides in the narrowest sounds come near it.
+    FloatArray = npt.NDArray[np.float64]
+
+# Speed limit, m/s: tides in the narrowest straits come near it, no water is faster.
 _SPEED_LIMIT_M_S = 10.0
-# Grid cells handed on beyond the region, so that its edge is interpolated and not held constant.
-_BEYOND_CELLS = 2.5
-# A file is looked at so many cells and degrees around the region's middle, away from the poles.
-_LOOK_CELLS, _LOOK_DEG, _LOOK_NORTH = 240, 75.0, 80.0
-# Shares of open water without figures that a reader is told of, and that are too much; the rest is
-# filled from the water around. Of figures far inland, and of zeros on land, that say the same.
-_GAPS_TOLD, _GAPS_REFUSED, _FILLED_LAND = 0.05, 0.2, 0.5
-_ZERO_LAND, _ZERO_WATER = 0.9, 0.01
+# Half size of the window in which a file is checked, around the middle of the region: cells, or
+# degrees where these are less; and the latitude at which it ends.
+_CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
+# Share of the region's open water without data, for a warning and for a fault; smaller gaps are
+# filled from the water around.
+_GAP_WARNING_SHARE, _GAP_FAULT_SHARE = 0.05, 0.2
+# Share of the cells far inland with data, from which the field's gaps say nothing of its position.
+_FILLED_LAND_SHARE = 0.5
+# Zeros mean "no data" where at least this share of land and at most this share of water is zero.
+_MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
 _DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
-_LONGEST_NAME = 100
-_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
+# Length to which a title is cut, characters.
+_MAX_NAME_LENGTH = 100
+# Names of a Zarr store's metadata files.
+_ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
 
 
 @dataclass(frozen=True)
 class CfFiles:
-    """Files that belong together, by paths and patterns."""
+    """Files that belong together, given by paths and patterns."""
 
     paths: tuple[str, ...]
 
-    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Never."""
         del region, season, folder
         return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """What those of the files hold that the season's steps are in; that there are none."""
+        """Hashes of the files that contain the season's steps; "nothing" where there are none."""
         try:
-            contents, chosen = self._chosen(season)
+            contents, steps = self._selected(season)
         except (RequestError, ValueError):
             return ("nothing", *self.paths)
-        hashes = (hashed for _, hashed in _hashes(contents, chosen))
-        return ("cf", *hashes, season.valid, season.how, chosen.valid)
+        hashes = (digest for _, digest in _file_hashes(contents, steps))
+        return ("cf", *hashes, season.valid, season.resolved_time_method, steps.valid)
 
-    def unavailable(self) -> str:
-        """Nothing more than `uncovered` says stands in its way."""
+    def unavailable_reason(self) -> str:
+        """Always available, if `uncovered_reason` is empty."""
         return ""
 
-    def uncovered(self, region: Polygon, season: Season) -> str:
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
         try:
-            contents = _contents(cf_contents.found(self.paths))
+            contents = _read(find_files(self.paths))
         except RequestError as error:
             return "; ".join(error.faults)
-        faults = cf_grid.uncovered(contents, region.bounds)
+        faults = coverage_faults(contents, region.bounds)
         try:
-            cf_time.choose(contents.steps, season.period, season.how)
+            select_steps(contents.steps, season.period, season.resolved_time_method)
         except ValueError as error:
             faults.append(str(error))
-        return f"{called(contents.files)}: {'; '.join(faults)}" if faults else ""
+        return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Read the region's part; the land is the world's, as files are looked at more widely."""
+        """Read the region's part, checked against the land of the world in a wider window."""
         del land, folder
-        contents, chosen = self._chosen(season)
-        name = called(contents.files)
-        near = _around(contents, region.bounds)
-        wide = cf_grid.field(
-            contents, chosen.weights, cf_grid.window(contents, _looked_at(contents, near))
-        )
-        shore = Shore.world()
-        wide, notes = _without_zeros(wide, shore)
-        verdict = plausible.judged(wide, shore, _SPEED_LIMIT_M_S)
-        verdict += _gap_verdict(wide, shore, region.bounds)
-        own = _cropped(wide, near)
-        if own.gap.all():
-            verdict += plausible.Verdict(("it has no figures in the region",))
-        if verdict.faults:
-            why = "; ".join(verdict.faults)
-            raise RequestError([f"{name} is refused: {why}; mend it, or give another"])
-        credit = _credit(contents)
-        if chosen.is_climatology:
-            # Named by its credit it counts as a stand-in: the season asked for a time of its own.
-            notes += (f"planned on {credit.name}: {chosen.valid} stands for {season.valid}",)
-        return CurrentGrid(
+        contents, steps = self._selected(season)
+        name = name_of(contents.files)
+        bounds = _with_margin(contents, region.bounds)
+        window = find_window(contents, _check_bounds(contents, bounds))
+        wide = read_field(contents, steps.weights, window)
+        mask = LandMask.world()
+        wide, notes = _without_zeros(wide, mask)
+        assessment = assess(wide, mask, _SPEED_LIMIT_M_S)
+        assessment += _assess_gaps(wide, mask, region.bounds)
+        field = _cropped(wide, bounds)
+        if field.gap.all():
+            assessment += Assessment(("it has no data in the region",))
+        if assessment.faults:
+            reason = "; ".join(assessment.faults)
+            raise RequestError([f"{name} is refused: {reason}; correct it, or give another file"])
+        grid = CurrentGrid(
             season=season.name,
-            lon=own.lon,
-            lat=own.lat,
-            u=own.u,
-            v=own.v,
-            valid=chosen.valid,
-            credit=credit,
+            lon=field.lon,
+            lat=field.lat,
+            u=field.u,
+            v=field.v,
+            valid=steps.valid,
+            credit=_credit(contents),
             notes=(
                 *contents.notes,
-                *chosen.notes,
+                *steps.notes,
                 *notes,
-                *(f"look at {name}: {doubt}" for doubt in verdict.doubts),
+                *(f"check {name}: {warning}" for warning in assessment.warnings),
             ),
-            files=_hashes(contents, chosen),
+            files=_file_hashes(contents, steps),
+            climatology_for=season.valid if steps.is_climatology else "",
         )
+        # Empty unless it is a climatology: what was passed over is not known here.
+        return replace(grid, notes=(*grid.notes, *grid.stand_in_notes))
 
-    def _chosen(self, season: Season) -> tuple[Contents, Chosen]:
-        """What the files hold, and the steps of it that the season takes."""
-        contents = _contents(cf_contents.found(self.paths))
-        return contents, cf_time.choose(contents.steps, season.period, season.how)
+    def _selected(self, season: Season) -> tuple[Contents, SelectedSteps]:
+        """Read what the files contain, and select the season's steps."""
+        contents = _read(find_files(self.paths))
+        steps = select_steps(contents.steps, season.period, season.resolved_time_method)
+        return contents, steps
 
 
-def _hashes(contents: Contents, chosen: Chosen) -> tuple[tuple[str, str], ...]:
-    """Name and hash of each file that the chosen steps are in."""
-    parts = [contents.u[contents.u_places[step][0]] for step in chosen.weights]
-    parts += [contents.v[contents.v_places[step][0]] for step in chosen.weights]
+def _file_hashes(contents: Contents, steps: SelectedSteps) -> tuple[tuple[str, str], ...]:
+    """Name and hash of each file that contains selected steps."""
+    parts = [contents.u[contents.u_index[step][0]] for step in steps.weights]
+    parts += [contents.v[contents.v_index[step][0]] for step in steps.weights]
     used = sorted({part.file for part in parts})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
 
 
-def _contents(files: tuple[Path, ...]) -> Contents:
-    """Look into files, once for as long as they stay as they are."""
-    return _contents_of(files, tuple(_stamp(file) for file in files))
+def _read(files: tuple[Path, ...]) -> Contents:
+    """Read what files contain, again only when they have changed."""
+    return _read_version(files, tuple(_stamp(file) for file in files))
 
 
 @lru_cache(maxsize=4)
-def _contents_of(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
-    """Look into files of these stamps."""
+def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
+    """Read what files with these stamps contain."""
     del stamps
-    return cf_contents.contents(files)
+    return read_contents(files)
 
 
 def _stamp(file: Path) -> str:
-    """Size and time of change; of a Zarr store the listing of all of its files."""
+    """Size and time of change; for a Zarr store, of each of its files."""
     parts = sorted(part for part in file.rglob("*") if part.is_file()) if file.is_dir() else [file]
     return "\n".join(
         f"{part.relative_to(file)} {part.stat().st_size} {part.stat().st_mtime_ns}"
@@ -163,50 +176,49 @@ def _stamp(file: Path) -> str:
 
 @lru_cache(maxsize=512)
 def _hash(file: Path, stamp: str) -> str:
-    """SHA-256 of a file; of a Zarr store that of its listing and of its metadata.
+    """SHA-256 of a file; for a Zarr store, of its stamp and its metadata.
 
-    Its chunks count by name, size and time of change: to read terabytes for one route is too much.
+    Its chunks enter by name, size and time of change only: a store may have terabytes.
     """
     if not file.is_dir():
-        return artefact.file_hash(file)
+        return file_hash(file)
     digest = hashlib.sha256(stamp.encode())
     for part in sorted(file.rglob("*")):
-        if part.name in _METADATA:
+        if part.name in _ZARR_METADATA:
             digest.update(part.read_bytes())
     return digest.hexdigest()
 
 
-def _around(contents: Contents, bounds: cf_grid.Bounds) -> cf_grid.Bounds:
-    """A region with a few cells more on each side."""
-    across, up = (_BEYOND_CELLS * float(np.abs(np.diff(a)).max()) for a in _axes(contents))
+def _with_margin(contents: Contents, region: Bounds) -> Bounds:
+    """Bounds of a region with a margin of a few cells."""
+    lon_step, lat_step = (
+        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
+    )
+    return widened(region, MARGIN_CELLS * lon_step, MARGIN_CELLS * lat_step)
+
+
+def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
+    """Bounds of the window in which a file is checked; they contain the bounds given."""
     west, south, east, north = bounds
-    return west - across, south - up, east + across, north + up
-
-
-def _looked_at(contents: Contents, near: cf_grid.Bounds) -> cf_grid.Bounds:
-    """The window that a file is looked at in; what is handed on is part of it."""
-    west, south, east, north = near
-    across, up = (min(_LOOK_DEG, _LOOK_CELLS * _usual(axis)) for axis in _axes(contents))
-    middle_lon, middle_lat = (west + east) / 2, (south + north) / 2
+    lon_half, lat_half = (
+        min(_MAX_CHECK_DEG, _CHECK_CELLS * _median_step(axis))
+        for axis in (contents.lon, contents.lat)
+    )
+    lon, lat = (west + east) / 2, (south + north) / 2
     return (
-        min(west, middle_lon - across),
-        min(south, max(middle_lat - up, -_LOOK_NORTH)),
-        max(east, middle_lon + across),
-        max(north, min(middle_lat + up, _LOOK_NORTH)),
+        min(west, lon - lon_half),
+        min(south, max(lat - lat_half, -_MAX_CHECK_LATITUDE)),
+        max(east, lon + lon_half),
+        max(north, min(lat + lat_half, _MAX_CHECK_LATITUDE)),
     )
 
 
-def _axes(contents: Contents) -> tuple[cf_grid.FloatArray, cf_grid.FloatArray]:
-    """Longitudes and latitudes."""
-    return contents.lon, contents.lat
-
-
-def _usual(axis: cf_grid.FloatArray) -> float:
-    """Usual step of an axis."""
+def _median_step(axis: FloatArray) -> float:
+    """Median step of an axis."""
     return float(np.median(np.abs(np.diff(axis))))
 
 
-def _cropped(field: Field, bounds: cf_grid.Bounds) -> Field:
+def _cropped(field: Field, bounds: Bounds) -> Field:
     """Part of a field inside bounds."""
     west, south, east, north = bounds
     x = (field.lon >= west) & (field.lon <= east)
@@ -214,47 +226,48 @@ def _cropped(field: Field, bounds: cf_grid.Bounds) -> Field:
     return Field(field.lon[x], field.lat[y], field.u[np.ix_(y, x)], field.v[np.ix_(y, x)])
 
 
-def _without_zeros(field: Field, shore: Shore) -> tuple[Field, tuple[str, ...]]:
-    """Take zeros for gaps where land has nothing else: they would slow the water beside it."""
+def _without_zeros(field: Field, mask: LandMask) -> tuple[Field, tuple[str, ...]]:
+    """Replace zeros by gaps where they stand for land: they would slow the water beside it."""
     zero = (field.u == 0) & (field.v == 0)
     if not zero.any():
         return field, ()
-    is_land = shore.cells(field.lon, field.lat)
-    water = ~plausible.grown(is_land, plausible.FAR_CELLS)
-    if not is_land.any() or zero[is_land].mean() < _ZERO_LAND or not water.any():
+    is_land = mask.on_grid(field.lon, field.lat)
+    water = ~dilated(is_land, OFFSHORE_CELLS)
+    if not is_land.any() or zero[is_land].mean() < _MIN_ZERO_LAND_SHARE or not water.any():
         return field, ()
-    if zero[water].mean() > _ZERO_WATER:
+    if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
         return field, ()
     u, v = (np.where(zero, np.nan, part) for part in (field.u, field.v))
-    return replace(field, u=u, v=v), ("zeros of the file are taken for land",)
+    return replace(field, u=u, v=v), ("zeros in the file are treated as land",)
 
 
-def _gap_verdict(field: Field, shore: Shore, region: cf_grid.Bounds) -> plausible.Verdict:
-    """Whether figures lie where the region's water is, and its water has figures."""
-    (gaps, water), (inland, dry) = plausible.misplaced(field, shore, region)
-    doubts: tuple[str, ...] = ()
-    if inland > _FILLED_LAND * max(dry, 1):
-        doubts = ("it has figures on land: whether it lies where it should can't be told",)
+def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
+    """Whether the region's water has data, and its land has none."""
+    (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
+    warnings: tuple[str, ...] = ()
+    if inland > _FILLED_LAND_SHARE * max(dry, 1):
+        warnings = ("it has data on land, so that a shift can't be detected",)
     share = gaps / max(water, 1)
-    if share <= _GAPS_TOLD:
-        return plausible.Verdict((), doubts)
-    said = f"{share:.0%} of the region's open water has no figures"
-    if share > _GAPS_REFUSED:
-        return plausible.Verdict((f"{said}, which is too much to fill",), doubts)
-    return plausible.Verdict((), (f"{said}: it is filled from the water around", *doubts))
+    if share <= _GAP_WARNING_SHARE:
+        return Assessment((), warnings)
+    message = f"{share:.0%} of the region's open water has no data"
+    if share > _GAP_FAULT_SHARE:
+        return Assessment((f"{message}, which is too much to fill",), warnings)
+    return Assessment((), (f"{message}: it is filled from the water around", *warnings))
 
 
 def _credit(contents: Contents) -> Credit:
-    """Who made the files, as they say themselves."""
-    said = {key.lower(): " ".join(value.split()) for key, value in contents.attributes.items()}
-    name = said.get("title") or f"{called(contents.files)}, a file of the user's"
-    text = [said[key] for key in ("title", "institution", "credit", "source") if said.get(key)]
-    found = _DOI.search(" ".join(said.get(k, "") for k in ("doi", "id", "references", "license")))
-    address = next((a for a in (said.get("references", ""),) if a.startswith("http")), "")
+    """Credit from the files' global attributes."""
+    given = {key.lower(): " ".join(value.split()) for key, value in contents.attributes.items()}
+    name = given.get("title") or f"{name_of(contents.files)}, user's file"
+    text = [given[key] for key in ("title", "institution", "credit", "source") if given.get(key)]
+    doi = _DOI.search(" ".join(given.get(k, "") for k in ("doi", "id", "references", "license")))
+    references = given.get("references", "")
+    address = references if references.startswith("http") else ""
     return Credit(
-        name=name[:_LONGEST_NAME],
+        name=name[:_MAX_NAME_LENGTH],
         kind="current",
         text="; ".join(dict.fromkeys(text)) or name,
-        licence=said.get("license") or said.get("licence") or "",
-        url=f"https://doi.org/{found[0]}" if found else address,
+        licence=given.get("license") or given.get("licence") or "",
+        url=f"https://doi.org/{doi[0]}" if doi else address,
     )

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.sources.quality.field import SURFACE_DEPTH_M
+
 if TYPE_CHECKING:
     import numpy.typing as npt
     import xarray as xr
@@ -19,14 +21,15 @@ _AXIS_NAMES = {
     "time": {"time", "month", "time_counter", "valid_time"},
     "level": {"depth", "deptht", "lev", "level", "elevation", "z", "zlev"},
 }
-# Levels down to the first stand for the surface, down to the second with a note.
-_SURFACE_M, _DEEPEST_M = 2.0, 20.0
-# Coordinates are the same where they differ by less than this share of a cell.
-SAME = 1e-3
+# Depth down to which the uppermost level is used for the surface, m; with a note if it is deeper
+# than the surface proper.
+_MAX_DEPTH_M = 20.0
+# Difference below which coordinates are the same, as a share of a cell: rounding to float32.
+SAME_SHARE = 1e-3
 
 
-def role(dataset: xr.Dataset, dim: str) -> str:
-    """What a dimension is: "lon", "lat", "time", "level", or nothing known."""
+def axis_role(dataset: xr.Dataset, dim: str) -> str:
+    """Return what a dimension is: "lon", "lat", "time", "level", or "" where that is unknown."""
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     standard = str(attributes.get("standard_name", ""))
     units = str(attributes.get("units", ""))
@@ -44,8 +47,8 @@ def role(dataset: xr.Dataset, dim: str) -> str:
     return ""
 
 
-def no_grid(dataset: xr.Dataset, array: xr.DataArray) -> str:
-    """Say what kind of grid it is instead of one along longitude and latitude."""
+def grid_fault(dataset: xr.Dataset, array: xr.DataArray) -> str:
+    """Say what kind of grid a variable has that is not along longitude and latitude."""
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
     remedy = "put it on a regular grid first, as with `cdo remapbil,r1440x720 in.nc out.nc`"
     for name, other in dataset.variables.items():
@@ -56,29 +59,29 @@ def no_grid(dataset: xr.Dataset, array: xr.DataArray) -> str:
     return f"{array.name} is along {dims}, not along a latitude and a longitude; {remedy}"
 
 
-def surface(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
-    """Number of the uppermost level, and what to say of it; ValueError where it is too deep."""
+def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
+    """Return the index of the uppermost level, and notes; ValueError where it is too deep."""
     levels = np.abs(np.atleast_1d(np.asarray(dataset[dim].values, dtype=float)))
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     if levels.size > 1 and not {"units", "positive", "standard_name"} & attributes.keys():
-        raise ValueError(f"{dim} says neither unit nor direction; keep the surface level alone")
+        raise ValueError(f"{dim} has neither unit nor direction; keep the surface level alone")
     index = int(levels.argmin())
     if str(attributes.get("units", "m")).lower() not in {"m", "meter", "meters", "metre", "metres"}:
         return index, []
-    if levels[index] > _DEEPEST_M:
+    if levels[index] > _MAX_DEPTH_M:
         raise ValueError(
             f"its uppermost level ({dim}) is {levels[index]:g} m deep; give currents of the surface"
         )
-    deep = levels[index] > _SURFACE_M
-    return index, [f"the currents are those at {levels[index]:g} m depth"] if deep else []
+    is_deep = levels[index] > SURFACE_DEPTH_M
+    return index, [f"the currents are those at {levels[index]:g} m depth"] if is_deep else []
 
 
 def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, FloatArray | None]:
-    """A file's time coordinate and its bounds; neither where it is a bare count."""
+    """Return the time coordinate and its bounds (n, 2); neither for a single step without time."""
     if dim not in dataset.variables:
         if dataset.sizes[dim] == 1:
             return None, None
-        raise ValueError(f"{dim} has {dataset.sizes[dim]} steps and no values; say their times")
+        raise ValueError(f"{dim} has {dataset.sizes[dim]} steps without times; add the coordinate")
     time = dataset[dim]
     bounds = dataset.variables.get(time.attrs.get("bounds", ""))
     if bounds is None or bounds.shape != (time.size, 2):
@@ -86,32 +89,34 @@ def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, Float
     return time, np.asarray(bounds.values, dtype=float)
 
 
-def axis(dataset: xr.Dataset, dim: str, turn: float = 0.0) -> FloatArray:
-    """A monotonic axis in degrees; one that jumps by a `turn` goes on. ValueError for another."""
+def coordinate_axis(dataset: xr.Dataset, dim: str, period: float = 0.0) -> FloatArray:
+    """Return a monotonic axis in degrees, unwrapped where it has a period; else ValueError."""
     if dim not in dataset.variables:
         raise ValueError(f"{dim} has no values; add the coordinate")
     values = np.asarray(dataset[dim].values, dtype=float)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise ValueError(f"{dim} is no axis of a grid: {values.size} values, or some not finite")
-    if turn:
-        values = np.unwrap(values, period=turn)
+    if period:
+        values = np.unwrap(values, period=period)
     step = np.diff(values)
     if not ((step > 0).all() or (step < 0).all()):
         raise ValueError(f"{dim} neither ascends nor descends; sort it")
     name = dataset[dim].attrs.get("bounds", "")
     bounds = dataset.variables.get(name)
     if bounds is not None and bounds.shape == (values.size, 2):
-        away = np.asarray(bounds.values, dtype=float) - values[:, None]
-        if turn:
-            away = (away + turn / 2) % turn - turn / 2
-        slack = SAME * float(np.abs(step).min())
-        if (away.min(axis=1) > slack).any() or (away.max(axis=1) < -slack).any():
-            raise ValueError(f"{dim} lies outside its own bounds ({name}): it was shifted")
+        offset = np.asarray(bounds.values, dtype=float) - values[:, None]
+        if period:
+            offset = (offset + period / 2) % period - period / 2
+        slack = SAME_SHARE * float(np.abs(step).min())
+        if (offset.min(axis=1) > slack).any() or (offset.max(axis=1) < -slack).any():
+            raise ValueError(
+                f"{dim} lies outside its own bounds ({name}), so it was shifted; correct it"
+            )
     return values
 
 
-def same(own: FloatArray, other: FloatArray) -> bool:
-    """Whether two axes have the same values, but for rounding."""
+def is_same_axis(own: FloatArray, other: FloatArray) -> bool:
+    """Whether two axes have the same values, except for rounding."""
     if own.shape != other.shape:
         return False
-    return bool(np.abs(own - other).max() <= SAME * np.abs(np.diff(other)).min())
+    return bool(np.abs(own - other).max() <= SAME_SHARE * np.abs(np.diff(other)).min())

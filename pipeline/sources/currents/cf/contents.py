@@ -1,7 +1,7 @@
-"""What a user's files of currents hold, by the CF conventions: components, axes, units, times.
+"""What the user's files of currents contain, by the CF conventions: components, axes, units, times.
 
-Nothing of a field is read here: files stay open and lazy. Faults are gathered, so that all of them
-are told at once, each with what was found and what is needed.
+No values of the currents are read here. Faults are collected and reported together, each with what
+was found and what is needed.
 """
 
 from __future__ import annotations
@@ -13,8 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
-from pipeline.sources.currents.cf import axes as cf_axes
-from pipeline.sources.currents.cf import time as cf_time
+from pipeline.sources.currents.cf.axes import (
+    axis_role,
+    coordinate_axis,
+    grid_fault,
+    is_same_axis,
+    surface_level,
+    time_axis,
+)
+from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,8 +32,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# Pairs of standard names, and of variables' names where those say nothing; the first is taken.
-_STANDARD = (
+# Pairs of standard names, and of variable names for variables without; the first found is used.
+_STANDARD_NAMES = (
     ("eastward_sea_water_velocity", "northward_sea_water_velocity"),
     ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity"),
     (
@@ -41,25 +48,27 @@ _STANDARD = (
     ),
     ("geostrophic_eastward_sea_water_velocity", "geostrophic_northward_sea_water_velocity"),
 )
-_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
-# Units as they are when blanks, dots, carets and asterisks are left out, in m/s.
-_UNITS = {
+_VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
+# Units in m/s, and their spellings without blanks, dots, carets and asterisks.
+_UNITS_M_S = {
     1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
     0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),
     0.001: ("mms-1", "mm/s"),
     1 / 3.6: ("kmh-1", "km/h", "kmhr-1", "km/hr", "kph"),
     1852 / 3600: ("knot", "knots", "kt", "kts", "kn", "international_knot"),
 }
+# First bytes of a NetCDF 4 file, and of a classic one.
 _HDF5, _CLASSIC = b"\x89HDF", b"CDF"
-_ZARR = ("zarr.json", ".zgroup", ".zmetadata")
+# Files that make a folder a Zarr store.
+_ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 
 
 @dataclass(frozen=True)
 class Component:
-    """Where one component lies in one file: the variable, and its dimensions time, lat and lon.
+    """One component in one file: the variable's name, and those of its dimensions.
 
-    `time` is empty where it has none, `fixed` says which place of other dimensions is meant, and
-    `factor` makes m/s of its unit.
+    `time` is empty where there is no such dimension, `fixed` is the index to use in each other
+    dimension, and `unit_m_s` is its unit in m/s.
     """
 
     file: Path
@@ -68,12 +77,12 @@ class Component:
     lat: str
     lon: str
     fixed: dict[str, int]
-    factor: float
+    unit_m_s: float
 
     @contextlib.contextmanager
     def lazy(self) -> Iterator[xr.DataArray]:
-        """Give the variable, not yet read; the file is let go of when the block ends."""
-        dataset = opened(self.file)
+        """Open the variable without reading it; the file is closed when the block ends."""
+        dataset = _open(self.file)
         try:
             yield dataset[self.name].isel(self.fixed)
         finally:
@@ -82,10 +91,10 @@ class Component:
 
 @dataclass(frozen=True)
 class Contents:
-    """What files hold together: axes as they lie in them, both components, time steps.
+    """What files contain together: axes as they are in the files, both components, time steps.
 
-    `lon` (nx,) and `lat` (ny,) are in degrees, monotonic, ascending or not. For each of the `steps`
-    the `places` say which of a component's files has it, and which step there it is.
+    `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
+    `u_index` and `v_index` give the number of the component's file, and the step in that file.
     """
 
     files: tuple[Path, ...]
@@ -93,39 +102,39 @@ class Contents:
     lat: FloatArray
     u: tuple[Component, ...]
     v: tuple[Component, ...]
-    steps: cf_time.Steps
-    u_places: tuple[tuple[int, int], ...]
-    v_places: tuple[tuple[int, int], ...]
+    steps: TimeSteps
+    u_index: tuple[tuple[int, int], ...]
+    v_index: tuple[tuple[int, int], ...]
     notes: tuple[str, ...]
     attributes: dict[str, str]
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A component in a file with what belongs to it, before files are put together."""
+    """A component in one file with its axes, before files are combined."""
 
     component: Component
     lon: FloatArray
     lat: FloatArray
-    steps: cf_time.Steps
+    steps: TimeSteps
     notes: tuple[str, ...]
 
 
-def found(paths: Sequence[str]) -> tuple[Path, ...]:
-    """Files of paths and patterns, in their order.
+def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
+    """Find the files of paths and patterns, in their order.
 
     Raises
     ------
     RequestError
-        One is not there, or no file fits a pattern.
+        A file does not exist, or no file matches a pattern.
     """
     files: list[Path] = []
     faults = []
     for path in paths:
         matches = [path] if Path(path).exists() else sorted(glob.glob(path))  # noqa: PTH207
         if not matches:
-            what = "no file fits the pattern" if glob.has_magic(path) else "there is no file"
-            faults.append(f"{what} {path!r}; give a NetCDF file or a Zarr store")
+            fault = "no file matches the pattern" if glob.has_magic(path) else "there is no file"
+            faults.append(f"{fault} {path!r}; give a NetCDF file or a Zarr store")
         files += [Path(match) for match in matches]
     if faults:
         raise RequestError(faults)
@@ -134,65 +143,65 @@ def found(paths: Sequence[str]) -> tuple[Path, ...]:
 
 def is_zarr(path: Path) -> bool:
     """Whether a path is that of a Zarr store."""
-    return path.is_dir() and any((path / name).is_file() for name in _ZARR)
+    return path.is_dir() and any((path / name).is_file() for name in _ZARR_MARKERS)
 
 
-def contents(files: tuple[Path, ...]) -> Contents:
-    """Look into files that belong together.
+def read_contents(files: tuple[Path, ...]) -> Contents:
+    """Read what files that belong together contain.
 
     Raises
     ------
     RequestError
-        They can't be read, or hold no currents on a lon/lat grid: one line for each fault.
+        They can't be read, or have no currents on a lon/lat grid: one line for each fault.
     """
     datasets: dict[Path, xr.Dataset] = {}
     faults = []
     try:
         for file in files:
             try:
-                datasets[file] = opened(file)
+                datasets[file] = _open(file)
             except ValueError as error:
                 faults.append(str(error))
         if faults:
             raise RequestError(faults)
-        return _looked_into(files, datasets)
+        return _contents(files, datasets)
     finally:
         for dataset in datasets.values():
             dataset.close()
 
 
-def _looked_into(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:
-    """Look into open files; RequestError as `contents` has it."""
-    pair = _pair(list(datasets.values()))
+def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:
+    """Return what open files contain; RequestError as in `read_contents`."""
+    pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
-        raise RequestError([f"{called(files)}: {pair}"])
+        raise RequestError([f"{name_of(files)}: {pair}"])
     faults: list[str] = []
-    sides: list[list[_Part]] = []
+    components: list[list[_Part]] = []
     for wanted in pair:
         parts = []
         for file, dataset in datasets.items():
-            if _carries(dataset, wanted):
+            if _has_component(dataset, wanted):
                 try:
                     parts.append(_part(file, dataset, wanted[1]))
                 except ValueError as error:
                     faults.append(f"{file.name}: {error}")
-        sides.append(parts)
+        components.append(parts)
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        return _together(files, sides, _notes(pair), datasets)
+        return _combined(files, components, _kind_notes(pair), datasets)
     except ValueError as error:
-        raise RequestError([f"{called(files)}: {error}"]) from None
+        raise RequestError([f"{name_of(files)}: {error}"]) from None
 
 
-def called(files: Sequence[Path]) -> str:
-    """Name files in a sentence."""
+def name_of(files: Sequence[Path]) -> str:
+    """Name files in a message: the first, and how many more there are."""
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     return f"{files[0].name}{more}"
 
 
-def opened(path: Path) -> xr.Dataset:
-    """Open a file lazily, times as they stand; ValueError says why it can't be."""
+def _open(path: Path) -> xr.Dataset:
+    """Open a file without reading values or decoding times; ValueError where that fails."""
     import xarray as xr
 
     options: dict[str, Any] = {}
@@ -209,11 +218,13 @@ def opened(path: Path) -> xr.Dataset:
     try:
         return xr.open_dataset(path, decode_times=False, decode_timedelta=False, **options)
     except (OSError, ValueError, RuntimeError, KeyError) as error:
-        said = " ".join(str(error).split())
-        raise ValueError(f"{path.name} can't be read: {said}; fetch it again") from None
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path.name} can't be read: {reason}; fetch it again") from None
 
 
-def _pair(datasets: Sequence[xr.Dataset]) -> tuple[tuple[str, str], tuple[str, str]] | str:
+def _component_pair(
+    datasets: Sequence[xr.Dataset],
+) -> tuple[tuple[str, str], tuple[str, str]] | str:
     """Find the two components: (standard name, name) of each; or say what there is instead."""
     variables = {
         (str(array.attrs.get("standard_name", "")), str(name))
@@ -221,125 +232,130 @@ def _pair(datasets: Sequence[xr.Dataset]) -> tuple[tuple[str, str], tuple[str, s
         for name, array in dataset.data_vars.items()
         if array.ndim >= 2
     }
-    for standard in _STANDARD:
-        names = [sorted(name for said, name in variables if said == wanted) for wanted in standard]
+    for pair in _STANDARD_NAMES:
+        names = [
+            sorted(name for standard, name in variables if standard == wanted) for wanted in pair
+        ]
         if not all(names):
             continue
-        if all(len(of) == 1 for of in names):
-            return (standard[0], names[0][0]), (standard[1], names[1][0])
-        for u, v in _NAMES:
+        if all(len(candidates) == 1 for candidates in names):
+            return (pair[0], names[0][0]), (pair[1], names[1][0])
+        for u, v in _VARIABLE_NAMES:
             if u in names[0] and v in names[1]:
-                return (standard[0], u), (standard[1], v)
+                return (pair[0], u), (pair[1], v)
         listed = ", ".join(names[0] + names[1])
-        return (
-            f"several variables are {standard[0]} or its partner ({listed}); keep one pair of them"
-        )
-    unsaid = {name.lower(): (said, name) for said, name in variables if not said}
-    for u, v in _NAMES:
-        if u in unsaid and v in unsaid:
-            return unsaid[u], unsaid[v]
-    listed = ", ".join(f"{name} ({said or 'no standard name'})" for said, name in sorted(variables))
+        return f"several variables are {pair[0]} or its partner ({listed}); keep one pair of them"
+    without = {name.lower(): (standard, name) for standard, name in variables if not standard}
+    for u, v in _VARIABLE_NAMES:
+        if u in without and v in without:
+            return without[u], without[v]
+    listed = ", ".join(
+        f"{name} ({standard or 'no standard name'})" for standard, name in sorted(variables)
+    )
     return (
         f"it has no pair of current components among {listed or 'no variables at all'}; needed are "
-        f"the standard names {' and '.join(_STANDARD[0])}, or variables called "
-        f"{', '.join('/'.join(names) for names in _NAMES)}"
+        f"the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables called "
+        f"{', '.join('/'.join(names) for names in _VARIABLE_NAMES)}"
     )
 
 
-def _carries(dataset: xr.Dataset, wanted: tuple[str, str]) -> bool:
-    """Whether a file has the wanted component."""
-    said, name = wanted
-    return name in dataset.data_vars and dataset[name].attrs.get("standard_name", "") == said
+def _has_component(dataset: xr.Dataset, wanted: tuple[str, str]) -> bool:
+    """Whether a file has the wanted component: (standard name, name)."""
+    standard, name = wanted
+    return name in dataset.data_vars and dataset[name].attrs.get("standard_name", "") == standard
 
 
-def _notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...]:
-    """What the kind of current leaves out."""
-    said, name = pair[0]
-    if "geostrophic" in said or name == "ugos":
-        return ("the currents are geostrophic: tide and wind drift are not in them",)
-    return ("the currents are without tide",) if "no_tide" in said else ()
+def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...]:
+    """Say what is not part of this kind of current."""
+    standard, name = pair[0]
+    if "geostrophic" in standard or name == "ugos":
+        return ("the currents are geostrophic: without tide and wind drift",)
+    return ("the currents are without tide",) if "no_tide" in standard else ()
 
 
 def _part(file: Path, dataset: xr.Dataset, name: str) -> _Part:
-    """Take a component with its axes; ValueError with all that is wrong with it."""
+    """Return a component with its axes; ValueError where something is wrong with it."""
     array = dataset[name]
-    factor, notes = _factor(array)
-    roles = {dim: cf_axes.role(dataset, str(dim)) for dim in array.dims}
+    unit_m_s, notes = _unit_m_s(array)
+    roles = {dim: axis_role(dataset, str(dim)) for dim in array.dims}
     by_role = {role: str(dim) for dim, role in roles.items() if role}
     if "lon" not in by_role or "lat" not in by_role:
-        raise ValueError(cf_axes.no_grid(dataset, array))
+        raise ValueError(grid_fault(dataset, array))
     fixed: dict[str, int] = {}
     for dim, role in roles.items():
         if role == "level":
-            fixed[str(dim)], said = cf_axes.surface(dataset, str(dim))
-            notes += said
+            fixed[str(dim)], level_notes = surface_level(dataset, str(dim))
+            notes += level_notes
         elif not role and array.sizes[dim] == 1:
             fixed[str(dim)] = 0
         elif not role:
             raise ValueError(
                 f"{name} has the dimension {dim} ({array.sizes[dim]}), which is neither time, "
-                "depth, latitude nor longitude; keep one of it"
+                "depth, latitude nor longitude; keep one index of it"
             )
     time = by_role.get("time", "")
-    steps = cf_time.steps(*cf_axes.time_axis(dataset, time)) if time else cf_time.Steps()
+    steps = read_steps(*time_axis(dataset, time)) if time else TimeSteps()
     return _Part(
-        Component(file, name, time, by_role["lat"], by_role["lon"], fixed, factor),
-        cf_axes.axis(dataset, by_role["lon"], turn=360.0),
-        cf_axes.axis(dataset, by_role["lat"]),
+        Component(file, name, time, by_role["lat"], by_role["lon"], fixed, unit_m_s),
+        coordinate_axis(dataset, by_role["lon"], period=360.0),
+        coordinate_axis(dataset, by_role["lat"]),
         steps,
         tuple(notes),
     )
 
 
-def _factor(array: xr.DataArray) -> tuple[float, list[str]]:
-    """What makes m/s of a variable's unit, and what to say of it; ValueError for another unit."""
+def _unit_m_s(array: xr.DataArray) -> tuple[float, list[str]]:
+    """Return a variable's unit in m/s, and notes; ValueError where it is no unit of speed."""
     units = str(array.attrs.get("units", "")).strip()
     if not units:
-        return 1.0, [f"{array.name} says no unit: it is taken for m/s"]
+        return 1.0, [f"{array.name} has no unit: m/s is assumed"]
     plain = units.lower().translate(str.maketrans("", "", " .^*"))
-    for factor, known in _UNITS.items():
-        if plain in known:
-            said = [] if factor == 1 else [f"{array.name} is in {units}: converted to m/s"]
-            return factor, said
+    for unit_m_s, spellings in _UNITS_M_S.items():
+        if plain in spellings:
+            notes = [] if unit_m_s == 1 else [f"{array.name} is in {units}: converted to m/s"]
+            return unit_m_s, notes
     raise ValueError(
         f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true unit"
     )
 
 
-def _together(
+def _combined(
     files: tuple[Path, ...],
-    sides: Sequence[Sequence[_Part]],
+    components: Sequence[Sequence[_Part]],
     notes: tuple[str, ...],
     datasets: dict[Path, xr.Dataset],
 ) -> Contents:
-    """Put the parts together; ValueError where they don't fit each other."""
-    first = sides[0][0]
-    for part in (*sides[0], *sides[1]):
-        for own, other, what in (
+    """Combine the parts of both components; ValueError where they don't match each other."""
+    first = components[0][0]
+    for part in (*components[0], *components[1]):
+        for own, other, axis in (
             (part.lon, first.lon, "longitudes"),
             (part.lat, first.lat, "latitudes"),
         ):
-            if not cf_axes.same(own, other):
+            if not is_same_axis(own, other):
                 raise ValueError(
-                    f"{part.component.name} has other {what} than {first.component.name}: put "
-                    "both on one grid (a staggered one is none)"
+                    f"{part.component.name} has other {axis} than {first.component.name}: "
+                    "interpolate both to the same nodes (a staggered grid is not supported)"
                 )
-    joined = [cf_time.joined([part.steps for part in side]) for side in sides]
-    if joined[0][0] != joined[1][0]:
+    (u_steps, u_index), (v_steps, v_index) = (
+        merge_steps([part.steps for part in parts]) for parts in components
+    )
+    if u_steps != v_steps:
         raise ValueError(
-            f"the components are of different times: {joined[0][0].span}, and {joined[1][0].span}"
+            f"the components have different times: {u_steps.span}, and {v_steps.span}; give both "
+            "for the same times"
         )
-    told = [note for side in sides for part in side for note in part.notes]
+    part_notes = [note for parts in components for part in parts for note in part.notes]
     attributes = {str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()}
     return Contents(
         files=files,
         lon=first.lon,
         lat=first.lat,
-        u=tuple(part.component for part in sides[0]),
-        v=tuple(part.component for part in sides[1]),
-        steps=joined[0][0],
-        u_places=joined[0][1],
-        v_places=joined[1][1],
-        notes=tuple(dict.fromkeys((*notes, *told))),
+        u=tuple(part.component for part in components[0]),
+        v=tuple(part.component for part in components[1]),
+        steps=u_steps,
+        u_index=u_index,
+        v_index=v_index,
+        notes=tuple(dict.fromkeys((*notes, *part_notes))),
         attributes=attributes,
     )

@@ -1,6 +1,6 @@
-"""A region's part of a user's files, read lazily: of a global file no more than a window.
+"""Reading a region from the user's files: of a global file, no more than a window.
 
-A window is cut out of each step before Dask sums the steps, some megabytes at a time.
+The window is cut out of each step before Dask sums the steps, some megabytes at a time.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.sources.currents.cf.axes import SAME_SHARE
+from pipeline.sources.quality.coverage import sides_beyond, widened
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
@@ -19,23 +21,22 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pipeline.sources.currents.cf.contents import Component, Contents
+    from pipeline.sources.quality.coverage import Bounds
 
     FloatArray = npt.NDArray[np.float64]
 
-Bounds = tuple[float, float, float, float]
-
-# Steps are read this much at a time, or one by one where a step is more.
+# Amount of data read at a time, bytes; but at least one step.
 _CHUNK_BYTES = 32 << 20
-# Coordinates that are nearer than this share of a cell are one: 0 and 360 degrees.
-_SAME = 1e-3
+# Spacing of neighbouring nodes in largest steps of the axis, above which there is a gap between.
+_GAP_STEPS = 1.5
 
 
 @dataclass(frozen=True)
 class Window:
-    """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and where they lie in the files.
+    """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and their indices in the files.
 
-    `columns` are runs of neighbours in the file, from west to east: two across the file's own seam.
-    Rows and columns descend where the file's do.
+    `columns` are contiguous runs in the file, from west to east: two where the window crosses the
+    file's own seam. The slices descend where the file's axes do.
     """
 
     lon: FloatArray
@@ -44,33 +45,35 @@ class Window:
     columns: tuple[slice, ...]
 
 
-def window(contents: Contents, bounds: Bounds) -> Window:
-    """Cut out the nodes inside (west, south, east, north), in the bounds' own longitudes."""
+def find_window(contents: Contents, bounds: Bounds) -> Window:
+    """Find the nodes inside bounds, in the bounds' own longitudes."""
     west, south, east, north = bounds
     lon, lat = contents.lon, contents.lat
     turns = range(int((west - lon.max()) // 360), int((east - lon.min()) // 360) + 1)
-    places = np.concatenate([lon + 360 * turn for turn in turns])
-    numbers = np.tile(np.arange(lon.size), len(turns))
-    inside = np.flatnonzero((places >= west) & (places <= east))
-    order = inside[np.argsort(places[inside], kind="stable")]
+    all_lon = np.concatenate([lon + 360 * turn for turn in turns])
+    all_columns = np.tile(np.arange(lon.size), len(turns))
+    inside = np.flatnonzero((all_lon >= west) & (all_lon <= east))
+    order = inside[np.argsort(all_lon[inside], kind="stable")]
     if order.size > 1:
-        apart = np.diff(places[order]) > _SAME * np.abs(np.diff(lon)).min()
-        order = order[np.concatenate([[True], apart])]
+        # A file may have both 0 and 360 degrees.
+        is_distinct = np.diff(all_lon[order]) > SAME_SHARE * np.abs(np.diff(lon)).min()
+        order = order[np.concatenate([[True], is_distinct])]
     rows = np.flatnonzero((lat >= south) & (lat <= north))
     rows = rows[np.argsort(lat[rows])]
-    return Window(places[order], lat[rows], _runs(rows)[0], tuple(_runs(numbers[order])))
+    columns = tuple(_contiguous_runs(all_columns[order]))
+    return Window(all_lon[order], lat[rows], _contiguous_runs(rows)[0], columns)
 
 
-def _runs(numbers: npt.NDArray[np.intp]) -> list[slice]:
-    """Part numbers into runs that go up or down by one, as slices."""
-    if numbers.size == 0:
+def _contiguous_runs(indices: npt.NDArray[np.intp]) -> list[slice]:
+    """Divide indices into runs that go up or down by one, as slices."""
+    if indices.size == 0:
         return [slice(0, 0)]
-    step = np.diff(numbers)
+    step = np.diff(indices)
     runs, begin = [], 0
-    for i in range(1, numbers.size + 1):
-        goes_on = i < numbers.size and abs(step[i - 1]) == 1 and step[i - 1] == step[begin]
-        if not goes_on:
-            first, last = int(numbers[begin]), int(numbers[i - 1])
+    for i in range(1, indices.size + 1):
+        continues = i < indices.size and abs(step[i - 1]) == 1 and step[i - 1] == step[begin]
+        if not continues:
+            first, last = int(indices[begin]), int(indices[i - 1])
             down = last < first
             end = last - 1 if down else last + 1
             runs.append(slice(first, end if end >= 0 else None, -1 if down else 1))
@@ -78,90 +81,85 @@ def _runs(numbers: npt.NDArray[np.intp]) -> list[slice]:
     return runs
 
 
-def uncovered(contents: Contents, bounds: Bounds) -> list[str]:
-    """Say how far a region (west, south, east, north) reaches beyond the grid's cells."""
-    across, up = (float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat))
-    wide = window(contents, _widened(bounds, across, up))
-    if wide.lon.size == 0 or wide.lat.size == 0:
-        return ["it has no figures there at all"]
-    west, south, east, north = bounds
-    lacking = [
-        f"{side} of {end:g} (the region reaches {limit:g})"
-        for side, end, limit, is_beyond in (
-            ("west", wide.lon[0] - across / 2, west, wide.lon[0] - across / 2 > west),
-            ("south", wide.lat[0] - up / 2, south, wide.lat[0] - up / 2 > south),
-            ("east", wide.lon[-1] + across / 2, east, wide.lon[-1] + across / 2 < east),
-            ("north", wide.lat[-1] + up / 2, north, wide.lat[-1] + up / 2 < north),
-        )
-        if is_beyond
-    ]
-    gaps = np.diff(wide.lon) > 1.5 * across
+def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
+    """Say how far a region reaches beyond the grid's cells."""
+    lon_step, lat_step = (
+        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
+    )
+    around = find_window(contents, widened(region, lon_step, lat_step))
+    lon, lat = around.lon, around.lat
+    if lon.size == 0 or lat.size == 0:
+        return ["it has no data there at all; give a file of the region"]
+    nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
+    lacking = sides_beyond(region, widened(nodes, lon_step / 2, lat_step / 2))
+    gaps = np.diff(lon) > _GAP_STEPS * lon_step
     if gaps.any():
         first = int(gaps.argmax())
-        lacking.append(f"between {wide.lon[first]:g} and {wide.lon[first + 1]:g} E")
-    if wide.lon.size < 2 or wide.lat.size < 2:
+        lacking.append(f"between {lon[first]:g} and {lon[first + 1]:g} E")
+    if lon.size < 2 or lat.size < 2:
         lacking.append("at more than one node, too few for a field")
-    return [f"it has no figures {' nor '.join(lacking)}"] if lacking else []
+    if not lacking:
+        return []
+    return [f"it has no data {' nor '.join(lacking)}; shrink the region, or give another file"]
 
 
-def _widened(bounds: Bounds, across: float, up: float) -> Bounds:
-    """Bounds with so many degrees more on each side."""
-    west, south, east, north = bounds
-    return west - across, south - up, east + across, north + up
-
-
-def field(contents: Contents, weights: Mapping[int, float], cut: Window) -> Field:
-    """Read a window's field: steps by their weights, gaps where a step or a component has one."""
-    u = _component(contents.u, contents.u_places, weights, cut)
-    v = _component(contents.v, contents.v_places, weights, cut)
+def read_field(contents: Contents, weights: Mapping[int, float], window: Window) -> Field:
+    """Read a window's field: the weighted steps, with a gap where any step or component has one."""
+    u = _weighted_sum(contents.u, contents.u_index, weights, window)
+    v = _weighted_sum(contents.v, contents.v_index, weights, window)
     gap = ~(np.isfinite(u) & np.isfinite(v))
     u[gap] = v[gap] = np.nan
-    return Field(cut.lon, cut.lat, u, v)
+    return Field(window.lon, window.lat, u, v)
 
 
-def _component(
-    parts: Sequence[Component],
-    places: Sequence[tuple[int, int]],
+def _weighted_sum(
+    files: Sequence[Component],
+    index: Sequence[tuple[int, int]],
     weights: Mapping[int, float],
-    cut: Window,
+    window: Window,
 ) -> FloatArray:
     """Weighted sum (ny, nx) of a component's steps in m/s."""
-    steps: dict[int, list[tuple[int, float]]] = {}
+    by_file: dict[int, list[tuple[int, float]]] = {}
     for step, weight in weights.items():
-        part, index = places[step]
-        steps.setdefault(part, []).append((index, weight))
-    total = np.zeros((cut.lat.size, cut.lon.size))
-    for part, wanted in steps.items():
-        total += _part(parts[part], sorted(wanted), cut)
+        file, step_in_file = index[step]
+        by_file.setdefault(file, []).append((step_in_file, weight))
+    total = np.zeros((window.lat.size, window.lon.size))
+    for file, steps in by_file.items():
+        total += _weighted_sum_of_file(files[file], sorted(steps), window)
     return total
 
 
-def _part(part: Component, wanted: Sequence[tuple[int, float]], cut: Window) -> FloatArray:
-    """Weighted sum (ny, nx) of some steps of one file, in m/s."""
+def _weighted_sum_of_file(
+    component: Component, steps: Sequence[tuple[int, float]], window: Window
+) -> FloatArray:
+    """Weighted sum (ny, nx) of some steps (index, weight) of one file, in m/s."""
     import xarray as xr
 
-    with part.lazy() as array:
-        columns = [
-            _lazy(array.isel({part.lat: cut.rows, part.lon: run}), part, wanted)
-            for run in cut.columns
+    lat, lon = component.lat, component.lon
+    with component.lazy() as array:
+        runs = [
+            _lazy_weighted_sum(array.isel({lat: window.rows, lon: run}), component.time, steps)
+            for run in window.columns
         ]
-        joined = xr.concat(columns, part.lon, coords="minimal", compat="override", join="override")
-        # Threads of this process, whatever scheduler is about: the file may be here only.
-        values: Any = joined.compute(scheduler="threads").transpose(part.lat, part.lon).values
-    return np.asarray(values, dtype=float) * part.factor
+        joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
+        # In this process, even if there is a Dask cluster: its workers may not have the file.
+        values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
+    return np.asarray(values, dtype=float) * component.unit_m_s
 
 
-def _lazy(run: xr.DataArray, part: Component, wanted: Sequence[tuple[int, float]]) -> xr.DataArray:
-    """Weighted sum of some steps, not yet read."""
+def _lazy_weighted_sum(
+    array: xr.DataArray, time: str, steps: Sequence[tuple[int, float]]
+) -> xr.DataArray:
+    """Weighted sum of some steps (index, weight), not yet read."""
     import xarray as xr
 
-    run = run.drop_vars(list(run.coords))
-    if not part.time:
-        return run.chunk().astype(float)
-    indices = [index for index, _ in wanted]
-    regular = indices == list(range(indices[0], indices[-1] + 1))
-    chosen = run.isel({part.time: slice(indices[0], indices[-1] + 1) if regular else indices})
-    step = max(1, chosen.nbytes // len(indices))
-    chosen = chosen.chunk({part.time: max(1, _CHUNK_BYTES // step)}).astype(float)
-    weights = xr.DataArray([weight for _, weight in wanted], dims=part.time)
-    return (chosen * weights).sum(part.time, skipna=False)
+    array = array.drop_vars(list(array.coords))
+    if not time:
+        return array.chunk().astype(float)
+    indices = [index for index, _ in steps]
+    is_range = indices == list(range(indices[0], indices[-1] + 1))
+    chosen = array.isel({time: slice(indices[0], indices[-1] + 1) if is_range else indices})
+    step_bytes = max(1, chosen.nbytes // len(indices))
+    chosen = chosen.chunk({time: max(1, _CHUNK_BYTES // step_bytes)}).astype(float)
+    weights = xr.DataArray([weight for _, weight in steps], dims=time)
+    return (chosen * weights).sum(time, skipna=False)

@@ -1,1 +1,1 @@
-"""Currents of the Copernicus Marine Service, downloaded by its own client."""
+"""Currents of the Copernicus Marine Service, downloaded by its official client."""

@@ -1,9 +1,9 @@
 """Currents of the Copernicus Marine Service through its official client, unattended.
 
-The client hangs, returns None, leaves partial files behind, fills what it does not get with gaps
-and reads naive times as local ones (each seen). So a download is a child process with a deadline,
-the whole call is tried again, the request is strict and in UTC, and a file is taken only after
-`acceptance` has looked at it.
+The client may hang, return None, leave partial files behind, fill what it does not get with gaps,
+and read naive times as local ones (all of this was seen). So a download is a subprocess with a
+deadline, the whole call is repeated on failure, the request is strict and in UTC, and a file is
+used only after the `acceptance` check.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
-from pipeline.sources.currents.copernicus.cache import Kept
+from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download
-from pipeline.sources.currents.copernicus.steps import Steps, selection
-from pipeline.sources.quality import acceptance
+from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
+from pipeline.sources.quality.acceptance import Expected, accept
+from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,32 +33,28 @@ if TYPE_CHECKING:
 
     from pipeline.model import Land
     from pipeline.scenario.catalogue import CopernicusSpec
-    from pipeline.scenario.model import Season
-    from pipeline.sources.currents.copernicus.steps import Selection
+    from pipeline.scenario.season import Season
+    from pipeline.sources.currents.copernicus.steps import SelectedSteps
     from pipeline.sources.quality.field import Field
-
-# Grid cells fetched beyond the region, so that its edge is interpolated and not held constant.
-_BEYOND_CELLS = 2.5
 
 
 @dataclass(frozen=True, slots=True)
-class _Order:
-    """What is asked of the service for a season: the client's arguments, and the time steps."""
+class _Request:
+    """The data of a season: the client's arguments, the dataset's version, and the time steps."""
 
-    request: dict[str, Any]
+    arguments: dict[str, Any]
     version: str
-    chosen: Selection
+    steps: SelectedSteps
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """How the sidecar has it."""
-        times = list(self.chosen.labels)
-        return {**self.request, "version": self.version, "times": times}
+    def record(self) -> dict[str, Any]:
+        """The request as the sidecar has it."""
+        return {**self.arguments, "version": self.version, "times": list(self.steps.labels)}
 
     @property
     def fingerprint(self) -> str:
-        """A short name for it."""
-        return hashlib.sha256(json.dumps(self.facts).encode()).hexdigest()[:12]
+        """Short hash of the request, for the file's name."""
+        return hashlib.sha256(json.dumps(self.record).encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
@@ -66,23 +63,29 @@ class Copernicus:
 
     spec: CopernicusSpec
 
-    def asks_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Unless the season's file is kept."""
-        order = self._order(region, season)
-        return self._still_good(order, self._kept(order, season, folder)) is None
+    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+        """Unless the season's file is in the cache."""
+        request = self._request(region, season)
+        cached = self.cached_download(region, season, folder)
+        return self._fresh_metadata(request, cached) is None
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Dataset, version and time; and the day, as long as the figures may still change."""
+        """Dataset, version and time; and today's date while the data may still change."""
         now = datetime.now(UTC)
         try:
-            is_settled = self._is_settled(self._selection(season), now)
+            is_settled = self._is_settled(self.select_steps(season), now)
         except ValueError:
-            is_settled = True  # there are no figures, as `uncovered` says
-        today = "" if is_settled else now.date().isoformat()
-        return (self.spec.name, self.spec.model_dump_json(), season.valid, season.how, today)
+            is_settled = True  # there are no data, as `uncovered_reason` says
+        return (
+            self.spec.name,
+            self.spec.model_dump_json(),
+            season.valid,
+            season.resolved_time_method,
+            "" if is_settled else now.date().isoformat(),
+        )
 
-    def unavailable(self) -> str:
-        """Without an account's name and password it can't be asked."""
+    def unavailable_reason(self) -> str:
+        """Say that there is no account, if so."""
         if has_account():
             return ""
         return (
@@ -90,147 +93,155 @@ class Copernicus:
             f"{PASSWORD}, or run `copernicusmarine login` once"
         )
 
-    def uncovered(self, region: Polygon, season: Season) -> str:
-        """Say what of the region or of the time lies outside the dataset."""
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+        """Say which part of the region or of the time lies outside the dataset."""
         spec = self.spec
         remedy = "name another source in 'currents'"
         (west, south, east, north), (lowest, highest) = region.bounds, spec.latitudes
         if south < lowest or north > highest:
             return (
-                f"{spec.name} reaches from {lowest:g} to {highest:g} degrees north, the region "
+                f"{spec.name} covers {lowest:g} to {highest:g} degrees north, the region reaches "
                 f"from {south:g} to {north:g}; shrink the region or {remedy}"
             )
-        beyond = self._beyond
-        if not spec.across_180 and (west - beyond + 180) // 360 != (east + beyond + 180) // 360:
+        margin = self._margin_deg
+        if not spec.across_180 and (west - margin + 180) // 360 != (east + margin + 180) // 360:
             return (
-                f"{spec.name} can't be asked across 180 degrees, and the region reaches from "
+                f"{spec.name} can't be requested across 180 degrees, and the region reaches from "
                 f"{west:g} to {east:g}; move the region or {remedy}"
             )
         try:
-            chosen = self._selection(season)
+            steps = self.select_steps(season)
         except ValueError as error:
             return f"{spec.name}, asked for {season.valid}, {error}; {remedy}"
-        if not self._may_cover(chosen):
+        if not self._may_cover(steps):
             return f"{spec.name} covers {spec.covers}, not {season.valid}; {remedy}"
         return ""
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Take the file that was kept, or download it, look at it and keep it with its sidecar."""
-        order = self._order(region, season)
-        kept = self._kept(order, season, folder)
+        """Read the file from the cache, or download, check and cache it."""
+        request = self._request(region, season)
+        cached = self.cached_download(region, season, folder)
 
-        def look(file: Path, facts: dict[str, Any]) -> Field:
-            return acceptance.accept(file, self._expected(region, order, facts), land)
+        def check(file: Path, metadata: dict[str, Any]) -> Field:
+            return accept(file, self._expected(region, request, metadata), land)
 
-        field, facts = None, self._still_good(order, kept)
-        if facts is not None:
-            # A file that no longer passes, as the checks have grown, is fetched again.
+        field, metadata = None, self._fresh_metadata(request, cached)
+        if metadata is not None:
+            # A file from the cache may fail checks that were added since: it is downloaded again.
             with contextlib.suppress(StageError):
-                field = look(kept.file, facts)
-        if field is None or facts is None:
-            field, facts = self._fetched(order, kept, look)
+                field = check(cached.file, metadata)
+        if field is None or metadata is None:
+            field, metadata = self._downloaded(request, cached, check)
         return CurrentGrid(
             season=season.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,
             v=field.v,
-            valid=self._valid(season, order.chosen),
+            valid=self._valid(season, request.steps),
             credit=Credit(
-                name=f"{self.spec.product}, {self.spec.dataset} {facts['version']}",
+                name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",
                 kind="current",
                 text=self.spec.credit,
                 licence=self.spec.licence,
                 url=self.spec.url,
-                retrieved=facts["retrieved_utc"],
+                retrieved=metadata["retrieved_utc"],
             ),
-            notes=field.doubts,
-            files=((kept.file.name, facts["sha256"]),),
+            notes=field.warnings,
+            files=((cached.file.name, metadata["sha256"]),),
         )
 
-    def request(self, region: Polygon) -> dict[str, Any]:
-        """Arguments of `copernicusmarine.subset`, without version, times and the file's place."""
-        west, south, east, north = region.bounds
+    def subset_arguments(self, region: Polygon) -> dict[str, Any]:
+        """Arguments of `copernicusmarine.subset` except version, times and output file."""
         lowest, highest = self.spec.latitudes
-        request: dict[str, Any] = {
+        margin = self._margin_deg
+        west, south, east, north = widened(region.bounds, margin, margin)
+        arguments: dict[str, Any] = {
             "dataset_id": self.spec.dataset,
             "variables": [self.spec.eastward, self.spec.northward],
-            "minimum_longitude": west - self._beyond,
-            "maximum_longitude": east + self._beyond,
-            "minimum_latitude": max(south - self._beyond, lowest),
-            "maximum_latitude": min(north + self._beyond, highest),
+            "minimum_longitude": west,
+            "maximum_longitude": east,
+            "minimum_latitude": max(south, lowest),
+            "maximum_latitude": min(north, highest),
             "coordinates_selection_method": "strict-inside",
             "disable_progress_bar": True,
             "raise_if_updating": True,
         }
         if self.spec.depth_m is not None:
-            # Equal limits are one point, for which the client takes the nearest level.
-            request |= {"minimum_depth": self.spec.depth_m, "maximum_depth": self.spec.depth_m}
-        return request
+            # For equal limits the client takes the nearest level.
+            arguments |= {"minimum_depth": self.spec.depth_m, "maximum_depth": self.spec.depth_m}
+        return arguments
+
+    def cached_download(self, region: Polygon, season: Season, folder: Path) -> CachedDownload:
+        """Return the place of the season's file in the cache."""
+        valid = season.valid.replace(":", "")
+        fingerprint = self._request(region, season).fingerprint
+        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc")
+
+    def select_steps(self, season: Season) -> SelectedSteps:
+        """Select the time steps of the season's field; ValueError where there can be none."""
+        return select_steps(season.period, self._resolution, season.resolved_time_method)
 
     @property
-    def _beyond(self) -> float:
-        """Degrees asked for beyond the region."""
-        return _BEYOND_CELLS * self.spec.cell_deg
+    def _margin_deg(self) -> float:
+        """Width of the margin that is requested around the region, degrees."""
+        return MARGIN_CELLS * self.spec.cell_deg
 
     @property
-    def _steps(self) -> Steps:
-        """How the dataset steps through time."""
-        return Steps(self.spec.step, self.spec.kind)
+    def _resolution(self) -> TimeResolution:
+        """Length and kind of the dataset's time steps."""
+        return TimeResolution(self.spec.step, self.spec.kind)
 
-    def _selection(self, season: Season) -> Selection:
-        """The steps that make up the season's field; ValueError where there can be none."""
-        return selection(season.period, self._steps, season.how)
-
-    def _may_cover(self, chosen: Selection) -> bool:
-        """Whether the steps may lie in the dataset; in doubt the service is asked."""
+    def _may_cover(self, steps: SelectedSteps) -> bool:
+        """Whether the dataset may have the steps; if in doubt, the service is asked."""
         if self.spec.kind == "climatology":
             return True
         today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
         last = today + timedelta(days=self.spec.days_ahead + 1)
         first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
-        return first <= chosen.begins[0] and chosen.end <= last
+        return first <= steps.starts[0] and steps.end <= last
 
-    def _is_settled(self, chosen: Selection, moment: datetime) -> bool:
-        """Whether the figures of some steps no longer changed at a moment."""
-        settled = chosen.end + timedelta(days=self.spec.settles_after_days)
+    def _is_settled(self, steps: SelectedSteps, moment: datetime) -> bool:
+        """Whether the data of some steps were final at a moment."""
+        settled = steps.end + timedelta(days=self.spec.settles_after_days)
         return self.spec.kind == "climatology" or moment >= settled
 
-    def _order(self, region: Polygon, season: Season) -> _Order:
-        """What is asked of the service."""
-        return _Order(self.request(region), self.spec.version, self._selection(season))
+    def _request(self, region: Polygon, season: Season) -> _Request:
+        """The request for a season."""
+        steps = self.select_steps(season)
+        return _Request(self.subset_arguments(region), self.spec.version, steps)
 
-    def _kept(self, order: _Order, season: Season, folder: Path) -> Kept:
-        """Where the season's file is kept."""
-        valid = season.valid.replace(":", "")
-        return Kept(folder / f"{self.spec.dataset}_{valid}_{order.fingerprint}.nc")
-
-    def _still_good(self, order: _Order, kept: Kept) -> dict[str, Any] | None:
-        """The sidecar of a kept file that is whole, of this order, and not stale; else None."""
-        facts = kept.facts(order.facts)
-        if facts is None:
+    def _fresh_metadata(self, request: _Request, cached: CachedDownload) -> dict[str, Any] | None:
+        """Sidecar of a cached file that is valid and not out of date; else None."""
+        metadata = cached.metadata(request.record)
+        if metadata is None:
             return None
-        retrieved = datetime.fromisoformat(facts["retrieved_utc"])
+        retrieved = datetime.fromisoformat(metadata["retrieved_utc"])
         is_of_today = retrieved.date() == datetime.now(UTC).date()
-        return facts if is_of_today or self._is_settled(order.chosen, retrieved) else None
+        return metadata if is_of_today or self._is_settled(request.steps, retrieved) else None
 
-    def _fetched(
-        self, order: _Order, kept: Kept, look: Callable[[Path, dict[str, Any]], Field]
+    def _downloaded(
+        self,
+        request: _Request,
+        cached: CachedDownload,
+        check: Callable[[Path, dict[str, Any]], Field],
     ) -> tuple[Field, dict[str, Any]]:
-        """Download the file, and keep it once it has passed; its field and its sidecar."""
-        with kept.workshop() as workshop:
-            fresh = workshop / kept.file.name
+        """Download a file, and cache it once it has passed; its field and its sidecar."""
+        with cached.staging_folder() as staging:
+            staged = staging / cached.file.name
 
-            def judge(answer: dict[str, Any]) -> tuple[Field, dict[str, Any]]:
-                facts = self._facts(order, answer)
-                return look(fresh, facts), facts
+            def check_answer(answer: dict[str, Any]) -> tuple[Field, dict[str, Any]]:
+                metadata = self._metadata(request, answer)
+                return check(staged, metadata), metadata
 
-            form, labels = self._steps.form, order.chosen.labels
-            field, facts = download(self.spec, order.request, form, labels, fresh, judge)
-            return field, kept.keep(fresh, facts)
+            label_format = self._resolution.label_format
+            field, metadata = download(
+                self.spec, request.arguments, label_format, request.steps, staged, check_answer
+            )
+            return field, cached.save(staged, metadata)
 
-    def _facts(self, order: _Order, answer: dict[str, Any]) -> dict[str, Any]:
-        """What a file is and where it came from; no credentials."""
+    def _metadata(self, request: _Request, answer: dict[str, Any]) -> dict[str, Any]:
+        """What a file is and where it comes from; no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
@@ -240,30 +251,28 @@ class Copernicus:
             "doi": self.spec.doi,
             "credit": self.spec.credit,
             "client": f"copernicusmarine {version('copernicusmarine')}",
-            "request": order.facts,
+            "request": request.record,
             "stamps_utc": answer["stamps"],
-            "missing_boxes": answer["missing"],
+            "missing_boxes": answer["missing_boxes"],
         }
 
-    def _expected(
-        self, region: Polygon, order: _Order, facts: dict[str, Any]
-    ) -> acceptance.Expected:
-        """What the file must hold."""
-        return acceptance.Expected(
-            labels=order.chosen.labels,
-            weights=order.chosen.weights,
-            form=self._steps.form,
+    def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
+        """What the file must contain."""
+        return Expected(
+            labels=request.steps.labels,
+            weights=request.steps.weights,
+            label_format=self._resolution.label_format,
             region=region.bounds,
             cell_deg=self.spec.cell_deg,
             eastward=self.spec.eastward,
             northward=self.spec.northward,
             speed_limit_m_s=self.spec.speed_limit_m_s,
-            missing=tuple(tuple(box) for box in facts["missing_boxes"]),
+            missing_boxes=tuple(tuple(box) for box in metadata["missing_boxes"]),
             gaps_vary=self.spec.gaps_vary,
         )
 
-    def _valid(self, season: Season, chosen: Selection) -> str:
-        """The time that the field stands for, which may be near the one asked for."""
+    def _valid(self, season: Season, steps: SelectedSteps) -> str:
+        """The time that the field is valid for, which may be near the one asked for."""
         if self.spec.kind == "climatology":
-            return f"month {chosen.labels[0]} of the mean year"
-        return season.valid if len(chosen.labels) > 1 else chosen.labels[0]
+            return f"month {steps.labels[0]} of the mean year"
+        return season.valid if len(steps.labels) > 1 else steps.labels[0]

@@ -1,7 +1,8 @@
-"""Downloads that are kept: each NetCDF file has a sidecar that says what it is, and its hash.
+"""Cache of downloads: each NetCDF file has a sidecar with its request, provenance and hash.
 
-A file is fetched into a workshop of its own and moved in when it is whole and sound; a file
-without its sidecar, or with another hash than that says, counts as absent.
+A file is downloaded into a staging folder of its own and moved into the cache once it is complete
+and has passed the acceptance check. A file without its sidecar, or with another hash than that
+gives, counts as absent.
 """
 
 from __future__ import annotations
@@ -16,60 +17,61 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from pipeline import store as artefact
+from pipeline.store import file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-_WORKSHOP = ".partial"
-# A workshop that is older than this is nobody's, whatever process now has its maker's number.
-_LEFTOVER_AGE_S = 24 * 3600.0
+_STAGING_SUFFIX = ".partial"
+# Age from which a staging folder is abandoned, s, even if a process has its creator's id: ids are
+# used again.
+_ABANDONED_AGE_S = 24 * 3600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """Where a download lies, or would."""
+class CachedDownload:
+    """A download's place in the cache, whether the file is there or not."""
 
     file: Path
 
     @property
     def sidecar(self) -> Path:
-        """What says what it is."""
+        """The JSON file that describes it."""
         return self.file.with_suffix(".json")
 
-    def facts(self, request: object) -> dict[str, Any] | None:
-        """What the sidecar says; None unless it is of this request and fits the file."""
+    def metadata(self, request: object) -> dict[str, Any] | None:
+        """Read the sidecar; None unless it is for this request and matches the file."""
         try:
-            facts = json.loads(self.sidecar.read_text(encoding="utf-8"))
-            sound = facts["request"] == request and facts["sha256"] == artefact.file_hash(self.file)
+            metadata = json.loads(self.sidecar.read_text(encoding="utf-8"))
+            is_valid = metadata["request"] == request and metadata["sha256"] == file_hash(self.file)
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        return facts if sound else None
+        return metadata if is_valid else None
 
-    def keep(self, fresh: Path, facts: dict[str, Any]) -> dict[str, Any]:
-        """Move a sound file in with its sidecar; return what that says."""
-        facts = {
-            **facts,
+    def save(self, staged: Path, metadata: dict[str, Any]) -> dict[str, Any]:
+        """Move an accepted file into the cache and write its sidecar; return the sidecar."""
+        metadata = {
+            **metadata,
             "retrieved_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "bytes": fresh.stat().st_size,
-            "sha256": artefact.file_hash(fresh),
+            "bytes": staged.stat().st_size,
+            "sha256": file_hash(staged),
         }
-        written = fresh.with_suffix(".json")
-        written.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-        # The old sidecar fits no new file: killed between the two moves, neither is used.
-        fresh.replace(self.file)
-        written.replace(self.sidecar)
-        return facts
+        staged_sidecar = staged.with_suffix(".json")
+        staged_sidecar.write_text(json.dumps(metadata, indent=2) + "\n", encoding="utf-8")
+        # Killed between the two moves, neither is used: the old sidecar does not match the file.
+        staged.replace(self.file)
+        staged_sidecar.replace(self.sidecar)
+        return metadata
 
     @contextlib.contextmanager
-    def workshop(self) -> Iterator[Path]:
-        """Give an empty folder beside the file, gone with all that is in it when the block ends.
+    def staging_folder(self) -> Iterator[Path]:
+        """Make an empty folder beside the file, and remove it when the block ends.
 
-        What killed runs left behind is swept, the client's own leftovers included.
+        Folders that killed runs left behind are removed too, with the client's own leftovers.
         """
-        _sweep(self.file.parent)
-        name = f"{self.file.stem}.{os.getpid()}.{secrets.token_hex(4)}{_WORKSHOP}"
+        _remove_abandoned(self.file.parent)
+        name = f"{self.file.stem}.{os.getpid()}.{secrets.token_hex(4)}{_STAGING_SUFFIX}"
         folder = self.file.parent / name
         folder.mkdir(parents=True)
         try:
@@ -78,19 +80,19 @@ class Kept:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _sweep(folder: Path) -> None:
-    """Remove the workshops of processes that are no more."""
-    for leftover in folder.glob(f"*{_WORKSHOP}"):
+def _remove_abandoned(folder: Path) -> None:
+    """Remove the staging folders of processes that have ended."""
+    for staging in folder.glob(f"*{_STAGING_SUFFIX}"):
         with contextlib.suppress(OSError, ValueError, IndexError):
-            maker = int(leftover.name.split(".")[-3])
-            if not _lives(maker) or time.time() - leftover.stat().st_mtime > _LEFTOVER_AGE_S:
-                shutil.rmtree(leftover, ignore_errors=True)
+            creator = int(staging.name.split(".")[-3])
+            if not _is_running(creator) or time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
+                shutil.rmtree(staging, ignore_errors=True)
 
 
-def _lives(process: int) -> bool:
-    """Whether a process of this number runs on this machine."""
+def _is_running(process_id: int) -> bool:
+    """Whether a process of this id runs on this machine."""
     try:
-        os.kill(process, 0)
+        os.kill(process_id, 0)
     except ProcessLookupError:
         return False
     except PermissionError:

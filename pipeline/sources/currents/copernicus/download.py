@@ -1,4 +1,4 @@
-"""One download of the Copernicus Marine client: in a child process, tried again, and explained."""
+"""One download by the Copernicus Marine client: in a subprocess, repeated, errors explained."""
 
 from __future__ import annotations
 
@@ -20,122 +20,126 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.scenario.catalogue import CopernicusSpec
+    from pipeline.sources.currents.copernicus.steps import SelectedSteps
 
-LookedT = TypeVar("LookedT")
+AcceptedT = TypeVar("AcceptedT")
 
-# Each pause before another attempt is so many times the one before.
-_PAUSES_GROW = 3.0
-# Errors of the client after which asking again can't help, and what will.
+# Factor by which the pause before another attempt grows each time.
+_PAUSE_GROWTH = 3.0
+# Errors of the client that another attempt does not solve, and what does.
 _LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
-_FINAL = {
+_PERMANENT_ERRORS = {
     "InvalidUsernameOrPassword": f"check {_LOGIN}",
     "CredentialsCannotBeNone": f"set {_LOGIN}",
     "CoordinatesOutOfDatasetBounds": "shrink the region, or name another source in 'currents'",
     "NotCoveredError": "name another time, or another source in 'currents'",
-    "DatasetVersionNotFound": "mend `version` in its entry in the catalogue",
-    "VariableDoesNotExistInTheDataset": "mend its entry in the catalogue",
+    "DatasetVersionNotFound": "correct `version` in its entry in the catalogue",
+    "VariableDoesNotExistInTheDataset": "correct its entry in the catalogue",
 }
-# Errors that pass, and what to look at if they don't.
-_PASSING = {
+# Errors that may pass, and what to check if they don't.
+_TEMPORARY_ERRORS = {
     "CouldNotConnectToAuthenticationSystem": (
         "auth.marine.copernicus.eu can't be reached; check the connection and the proxy"
     ),
     "DatasetUpdating": "try again in an hour",
     "DatasetNotFound": (
-        "if the service's catalogue is in order, mend the dataset's entry in ours, or name another "
-        "source in 'currents'"
+        "if the service's catalogue is in order, correct the dataset's entry in ours, or name "
+        "another source in 'currents'"
     ),
 }
-_LATER = "try again later, or name another source in 'currents'"
-_LONGEST_REASON = 400
+_TRY_LATER = "try again later, or name another source in 'currents'"
+# Length to which the client's messages are cut, characters.
+_MAX_MESSAGE_LENGTH = 400
 
 
 @dataclass(frozen=True, slots=True)
 class _Failure:
-    """Why a call failed, and whether another can't help."""
+    """Why an attempt failed, and whether another one is useless."""
 
     reason: str
-    is_final: bool
+    is_permanent: bool
 
 
 def download(
     spec: CopernicusSpec,
-    request: Mapping[str, Any],
-    form: str,
-    labels: tuple[str, ...],
+    arguments: Mapping[str, Any],
+    label_format: str,
+    steps: SelectedSteps,
     file: Path,
-    look: Callable[[dict[str, Any]], LookedT],
-) -> LookedT:
-    """Fetch the time steps with these labels into a file, and have it looked at.
+    accept: Callable[[dict[str, Any]], AcceptedT],
+) -> AcceptedT:
+    """Download time steps into a file, and return what `accept` makes of it.
 
-    `look` is told what the client said: `version` and `part` of the dataset, `stamps` of the first
-    and the last step, and the boxes that were `missing` from the service. It returns what it makes
-    of the file; where it raises StageError, the file is fetched again.
+    `accept` is given the answer of `subset`: `version` and `part` of the dataset, `stamps` of the
+    first and the last step, and the `missing_boxes` of the service. Where it raises StageError, the
+    file is downloaded again.
 
     Raises
     ------
     StageError
-        It could not be had: so many attempts failed, each of them within its deadline.
+        All attempts failed, each of them within its deadline, or one for good.
     """
-    asked = {
-        "parent": os.getpid(),
+    request = {
+        "parent_pid": os.getpid(),
         "version": spec.version,
-        "form": form,
-        "labels": labels,
-        "subset": {**request, "output_directory": str(file.parent), "output_filename": file.name},
+        "label_format": label_format,
+        "labels": steps.labels,
+        "subset": {**arguments, "output_directory": str(file.parent), "output_filename": file.name},
     }
     pause, attempt = spec.pause_s, 1
     while True:
-        # The client would write beside a file that is there.
+        # The client does not overwrite a file: it writes beside it.
         file.unlink(missing_ok=True)
-        answer = _attempt(asked, spec.deadline_s)
+        answer = _attempt(request, spec.deadline_s)
         if not isinstance(answer, _Failure):
             try:
-                return look(answer)
+                return accept(answer)
             except StageError as error:
-                answer = _Failure(f"{error}; {_LATER}", is_final=False)
-        if answer.is_final or attempt == spec.attempts:
-            tried = f" ({attempt} attempts)" if attempt > 1 else ""
-            raise StageError(f"{spec.name}: {answer.reason}{tried}")
+                answer = _Failure(f"{error}; {_TRY_LATER}", is_permanent=False)
+        if answer.is_permanent or attempt == spec.attempts:
+            attempts = f" ({attempt} attempts)" if attempt > 1 else ""
+            raise StageError(f"{spec.name}: {answer.reason}{attempts}")
         time.sleep(pause)
-        pause, attempt = pause * _PAUSES_GROW, attempt + 1
+        pause, attempt = pause * _PAUSE_GROWTH, attempt + 1
 
 
-def _attempt(asked: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
+def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
     """Call the client once."""
     command = [sys.executable, "-m", "pipeline.sources.currents.copernicus.subset"]
-    ended = run_with_deadline(command, json.dumps(asked), deadline_s)
-    said = _cut(_last_line(ended.errors))
-    if ended.code is None:
-        last = f" (last heard: {said})" if said else ""
-        silent = f"no answer within {deadline_s:g} s{last}; it was stopped"
-        return _Failure(f"{silent}: {_LATER}", is_final=False)
-    if ended.code == NO_ANSWER:
-        silent = "the client gave up without a reason, as it does where it finds no credentials"
-        return _Failure(f"{silent}; set {_LOGIN}", is_final=True)
-    if ended.code < 0:
-        name = signal.Signals(-ended.code).name
-        ended_by = f"the client was ended from outside, by {name}"
-        return _Failure(f"{ended_by}: look who does, and at this machine's memory", is_final=False)
-    if ended.code > 0:
-        return _Failure(f"the client failed: {said or f'exit {ended.code}'}", is_final=False)
-    answer: dict[str, Any] = json.loads(ended.answer)
-    return _explained(_cut(answer["error"])) if "error" in answer else answer
+    result = run_with_deadline(command, json.dumps(request), deadline_s)
+    message = _presentable(_last_message(result.stderr))
+    if result.exit_code is None:
+        last = f" (last message: {message})" if message else ""
+        reason = f"no answer within {deadline_s:g} s{last}; it was stopped: {_TRY_LATER}"
+        return _Failure(reason, is_permanent=False)
+    if result.exit_code == NO_ANSWER:
+        reason = "the client gave up without a reason, as it does where it finds no credentials"
+        return _Failure(f"{reason}; set {_LOGIN}", is_permanent=True)
+    if result.exit_code < 0:
+        name = signal.Signals(-result.exit_code).name
+        reason = f"the client was ended from outside, by {name}: check what did, and the memory"
+        return _Failure(f"{reason} of this machine", is_permanent=False)
+    if result.exit_code > 0:
+        reason = f"the client failed: {message or f'exit {result.exit_code}'}"
+        return _Failure(reason, is_permanent=False)
+    answer: dict[str, Any] = json.loads(result.stdout)
+    return _explained(_presentable(answer["error"])) if "error" in answer else answer
 
 
-def _explained(said: str) -> _Failure:
-    """Say with an error of the client what to do about it."""
-    error = said.partition(":")[0]
-    remedy = {**_FINAL, **_PASSING}.get(error, _LATER)
-    return _Failure(f"the client failed: {said.rstrip(': .')}; {remedy}", is_final=error in _FINAL)
+def _explained(message: str) -> _Failure:
+    """Add the remedy to an error of the client."""
+    error = message.partition(":")[0]
+    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(error, _TRY_LATER)
+    reason = f"the client failed: {message.rstrip(': .')}; {remedy}"
+    return _Failure(reason, is_permanent=error in _PERMANENT_ERRORS)
 
 
-def _last_line(text: str) -> str:
-    """Last line that says something of trouble."""
+def _last_message(text: str) -> str:
+    """Last line that is not mere information."""
     lines = (line.strip() for line in reversed(text.splitlines()))
     return next((line for line in lines if line and not line.startswith("INFO ")), "")
 
 
-def _cut(text: str) -> str:
-    """A text for everybody's eyes, and not too long."""
-    return without_secrets(text)[:_LONGEST_REASON]
+def _presentable(text: str) -> str:
+    """A text without credentials, cut to a limited length."""
+    return without_secrets(text)[:_MAX_MESSAGE_LENGTH]

@@ -1,4 +1,4 @@
-"""A child process with a deadline: what it runs may hang, and must not hang its parent."""
+"""Runs a command with a deadline: the command may hang, and its caller must not."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# Once everything in its session is killed, a child's pipes are at their end at once.
-_LAST_WORDS_S = 5.0
+# Time to read a killed process's last output, s: with its whole session killed the pipes close at
+# once.
+_DRAIN_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
-    """How a child ended: its exit code, None when it was killed at its deadline; what it said."""
+class ProcessResult:
+    """How a process ended: `exit_code` is None where it was killed at its deadline."""
 
-    code: int | None
-    answer: str
-    errors: str
+    exit_code: int | None
+    stdout: str
+    stderr: str
 
 
-def run_with_deadline(command: Sequence[str], asked: str, deadline_s: float) -> Ended:
-    """Run a command with `asked` as its input; kill it with its children at the deadline."""
+def run_with_deadline(command: Sequence[str], stdin: str, deadline_s: float) -> ProcessResult:
+    """Run a command with some input; kill it and its child processes at the deadline."""
     with subprocess.Popen(  # noqa: S603 - the command is this package's own
         command,
         stdin=subprocess.PIPE,
@@ -35,25 +36,25 @@ def run_with_deadline(command: Sequence[str], asked: str, deadline_s: float) -> 
         text=True,
         errors="replace",
         start_new_session=True,
-    ) as child:
+    ) as process:
         try:
-            answer, errors = child.communicate(asked, timeout=deadline_s)
+            stdout, stderr = process.communicate(stdin, timeout=deadline_s)
         except subprocess.TimeoutExpired:
-            _kill(child)
-            errors = ""
+            _kill_session(process)
+            stderr = ""
             with contextlib.suppress(subprocess.TimeoutExpired):
-                _, errors = child.communicate(timeout=_LAST_WORDS_S)
-            return Ended(None, "", errors)
+                _, stderr = process.communicate(timeout=_DRAIN_S)
+            return ProcessResult(None, "", stderr)
         except BaseException:
-            _kill(child)
+            _kill_session(process)
             raise
-        return Ended(child.returncode, answer, errors)
+        return ProcessResult(process.returncode, stdout, stderr)
 
 
-def _kill(child: subprocess.Popen[str]) -> None:
-    """Kill a child with everything that it started in its session."""
+def _kill_session(process: subprocess.Popen[str]) -> None:
+    """Kill a process and all that it started in its session."""
     try:
-        os.killpg(child.pid, signal.SIGKILL)
+        os.killpg(process.pid, signal.SIGKILL)
     except ProcessLookupError:
-        child.kill()
-    child.wait()
+        process.kill()
+    process.wait()

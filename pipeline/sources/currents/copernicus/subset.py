@@ -1,9 +1,9 @@
-"""The one download of the Copernicus Marine client, run as a process of its own.
+"""A single download by the Copernicus Marine client, run as a process of its own.
 
-Reads what is asked as JSON on standard input: the dataset, the labels of the time steps, and the
-other arguments of `copernicusmarine.subset`. It looks up the dataset's own time axis, asks for
-exactly those steps, and says as JSON on standard output what it got, or its `error`. NO_ANSWER as
-exit code: the client gave up without a word, which it does without credentials.
+Reads the request as JSON from standard input: the dataset, the labels of the time steps, and the
+other arguments of `copernicusmarine.subset`. It looks up the dataset's own time axis, downloads
+exactly those steps, and writes as JSON to standard output what it got, or its `error`. Exit code
+NO_ANSWER: the client returned nothing and raised nothing, as it does without credentials.
 """
 
 from __future__ import annotations
@@ -23,41 +23,41 @@ from urllib.parse import urlsplit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Box = tuple[float, float, float, float]
+    from pipeline.sources.quality.coverage import Bounds
 
 NO_ANSWER = 3
-# How often it looks whether the process that wants the file still lives, s.
-_WATCH_S = 1.0
-# urllib3's own line for each answer: ... "GET /path HTTP/1.1" 403 243
+# Interval at which the process checks that its parent still runs, s.
+_PARENT_CHECK_S = 1.0
+# urllib3's log line of an answer: ... "GET /path HTTP/1.1" 403 243
 _ANSWER = re.compile(r'"GET (?P<address>\S+) HTTP/[\d.]+" (?P<status>\d{3})')
 _CHUNK = re.compile(r"(?P<store>.*\.zarr)/(?P<variable>\w+)/(?P<index>\d+(\.\d+)*)")
-# Where nothing was ever written the store answers so, and the client takes it for "no value here".
-_NOT_THERE = (403, 404)
+# Status codes for a chunk that the store does not have; the client then fills it with gaps.
+_NOT_FOUND = (403, 404)
 
 
 class NotCoveredError(Exception):
-    """The dataset has not all of the steps that are asked for."""
+    """The dataset does not have all of the requested steps."""
 
 
-class Heard(logging.Handler):
-    """Listens to the connections: the client keeps to itself which chunks it did not get."""
+class AnswerLog(logging.Handler):
+    """Collects from urllib3's log which chunks were missing: the client does not report them."""
 
     def __init__(self) -> None:
         super().__init__(logging.DEBUG)
-        self.missing: set[tuple[str, tuple[int, ...]]] = set()
+        self.missing_chunks: set[tuple[str, tuple[int, ...]]] = set()
         self.missing_axes: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note a chunk that was not there; say aloud that the service is in trouble."""
+        """Note a missing chunk; report an error of the service on standard error."""
         answer = _ANSWER.search(record.getMessage())
         if answer is None:
             return
         path, status = urlsplit(answer["address"]).path, int(answer["status"])
         chunk = _CHUNK.fullmatch(path)
-        if chunk and status in _NOT_THERE:
-            place = tuple(int(number) for number in chunk["index"].split("."))
-            if len(place) > 1:
-                self.missing.add((chunk["store"], place))
+        if chunk and status in _NOT_FOUND:
+            index = tuple(int(number) for number in chunk["index"].split("."))
+            if len(index) > 1:
+                self.missing_chunks.add((chunk["store"], index))
             else:
                 self.missing_axes.add(chunk["variable"])
         elif status >= 500:
@@ -67,49 +67,51 @@ class Heard(logging.Handler):
 
 def main() -> int:
     """Download what standard input asks for; return the exit code."""
-    asked = json.load(sys.stdin)
-    threading.Thread(target=_end_with, args=(asked["parent"],), daemon=True).start()
-    heard = Heard()
+    request = json.load(sys.stdin)
+    parent = request["parent_pid"]
+    threading.Thread(target=exit_with_parent, args=(parent,), daemon=True).start()
+    log = AnswerLog()
     logger = logging.getLogger("urllib3.connectionpool")
     logger.setLevel(logging.DEBUG)
-    logger.addHandler(heard)
+    logger.addHandler(log)
     answer: dict[str, object] | None
     try:
-        # The client prints; standard output is for the answer.
+        # The client prints to standard output, which is for the answer.
         with contextlib.redirect_stdout(sys.stderr):
-            answer = _download(asked, heard)
-    except Exception as error:  # noqa: BLE001 - whatever it is, the parent decides
-        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        lacking = "".join(f"; the service lacks its {axis}" for axis in sorted(heard.missing_axes))
-        answer = {"error": f"{said}{lacking}"}
+            answer = _download(request, log)
+    except Exception as error:  # noqa: BLE001 - any error is reported; the parent decides
+        message = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        lacking = "".join(f"; the service lacks its {axis}" for axis in sorted(log.missing_axes))
+        answer = {"error": f"{message}{lacking}"}
     if answer is None:
         return NO_ANSWER
     json.dump(answer, sys.stdout)
     return 0
 
 
-def _end_with(parent: int) -> None:
-    """End once the parent has: it may have been killed, and nobody waits for the file."""
-    while os.getppid() == parent:
-        time.sleep(_WATCH_S)
+def exit_with_parent(parent_pid: int) -> None:
+    """Exit once the parent has ended: it may have been killed, and nobody waits for the file."""
+    while os.getppid() == parent_pid:
+        time.sleep(_PARENT_CHECK_S)
     os._exit(1)
 
 
-def _download(asked: dict[str, Any], heard: Heard) -> dict[str, object] | None:
-    """Look the steps up, fetch them, and say which release it was and what was not there."""
-    # Imported here: it takes seconds, and the parent reads this module for its exit codes.
+def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | None:
+    """Look up the steps, download them, and return the release and what was missing."""
+    # Imported here: it takes seconds, and the parent imports this module for its exit code.
     import copernicusmarine
 
-    request = asked["subset"]
+    arguments = request["subset"]
     described = copernicusmarine.describe(
-        dataset_id=request["dataset_id"], show_all_versions=True, disable_progress_bar=True
+        dataset_id=arguments["dataset_id"], show_all_versions=True, disable_progress_bar=True
     )
     dataset = described.products[0].datasets[0]
-    version = dataset.get_version(asked["version"] or None)
+    version = dataset.get_version(request["version"] or None)
     part = version.get_part(None)
-    stamps = _chosen(_axis(part, request["variables"][0]), asked["form"], asked["labels"])
+    times = _time_axis(part, arguments["variables"][0])
+    stamps = _with_labels(times, request["label_format"], request["labels"])
     answer = copernicusmarine.subset(
-        **request,
+        **arguments,
         dataset_version=version.label,
         dataset_part=part.name,
         start_datetime=stamps[0].strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -117,69 +119,72 @@ def _download(asked: dict[str, Any], heard: Heard) -> dict[str, object] | None:
     )
     if answer is None:
         return None
+    boxes = sorted(_chunk_box(part, store, index) for store, index in log.missing_chunks)
     return {
         "version": version.label,
         "part": part.name,
         "stamps": [stamps[0].isoformat(), stamps[-1].isoformat()],
-        "missing": sorted(_box(part, store, place) for store, place in heard.missing),
+        "missing_boxes": boxes,
     }
 
 
-def _axis(part: Any, variable: str) -> list[datetime]:  # noqa: ANN401 - the client has no types
-    """Every time step of a variable, UTC."""
+def _time_axis(part: Any, variable: str) -> list[datetime]:  # noqa: ANN401 - the client has no types
+    """All time steps of a variable, UTC."""
     for service in part.services:
         for found in service.variables:
             for axis in found.coordinates:
                 if found.short_name == variable and axis.coordinate_id == "time":
-                    return sorted(_moment(value) for value in _values(axis))
+                    return sorted(_utc(value) for value in _values(axis))
     raise NotCoveredError(f"it lists no time steps for a variable {variable!r}")
 
 
 def _values(axis: Any) -> list[Any]:  # noqa: ANN401 - the same
-    """Values of an axis that is listed, or given by its limits and its step."""
+    """Values of an axis that the catalogue lists, or gives by its limits and its step."""
     if axis.values:
         return list(axis.values)
     count = round((axis.maximum_value - axis.minimum_value) / axis.step) + 1
-    return [axis.minimum_value + axis.step * place for place in range(count)]
+    return [axis.minimum_value + axis.step * index for index in range(count)]
 
 
-def _moment(value: float | str) -> datetime:
-    """A time of the catalogue: milliseconds since 1970, or a text."""
+def _utc(value: float | str) -> datetime:
+    """A time of the catalogue, which is given in milliseconds since 1970 or as text."""
     if isinstance(value, str):
         moment = datetime.fromisoformat(value)
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     return datetime.fromtimestamp(value / 1000, UTC)
 
 
-def _chosen(axis: Sequence[datetime], form: str, labels: Sequence[str]) -> list[datetime]:
-    """The stamps of the steps with these labels; all must be there."""
+def _with_labels(
+    times: Sequence[datetime], label_format: str, labels: Sequence[str]
+) -> list[datetime]:
+    """The times of the steps with these labels; NotCoveredError where one is not there."""
     wanted = set(labels)
-    chosen = [stamp for stamp in axis if stamp.strftime(form) in wanted]
-    lacking = sorted(wanted - {stamp.strftime(form) for stamp in chosen})
+    found = [time for time in times if time.strftime(label_format) in wanted]
+    lacking = sorted(wanted - {time.strftime(label_format) for time in found})
     if lacking:
         raise NotCoveredError(
-            f"it covers {axis[0]:%Y-%m-%d} to {axis[-1]:%Y-%m-%d}, and of the {len(wanted)} steps "
-            f"asked for {len(lacking)} are not in it, the first {lacking[0]}"
+            f"it covers {times[0]:%Y-%m-%d} to {times[-1]:%Y-%m-%d}, and lacks {len(lacking)} of "
+            f"the {len(wanted)} steps requested, the first {lacking[0]}"
         )
-    return chosen
+    return found
 
 
-def _box(part: Any, store: str, place: tuple[int, ...]) -> Box:  # noqa: ANN401 - the same
-    """West, south, east and north end of a chunk: the centres of its outermost cells, degrees."""
+def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> Bounds:  # noqa: ANN401 - the same
+    """Bounds of a chunk, degrees: the centres of its outermost cells."""
     for service in part.services:
-        # The bucket's name may stand in the path or in the host's.
+        # The bucket's name may be part of the path or of the host name.
         if urlsplit(service.uri).path.endswith(store):
             axes = {axis.coordinate_id: axis for axis in service.variables[0].coordinates}
-            south, north = _span(axes["latitude"], place[-2])
-            west, east = _span(axes["longitude"], place[-1])
+            south, north = _chunk_range(axes["latitude"], index[-2])
+            west, east = _chunk_range(axes["longitude"], index[-1])
             return (west, south, east, north)
-    raise LookupError(f"a chunk of {store} was not there, and the catalogue does not know that")
+    raise LookupError(f"a chunk of {store} is missing, which is not in the catalogue")
 
 
-def _span(axis: Any, place: int) -> tuple[float, float]:  # noqa: ANN401 - the same
-    """Least and greatest value of an axis in one of its chunks."""
+def _chunk_range(axis: Any, index: int) -> tuple[float, float]:  # noqa: ANN401 - the same
+    """First and last value of an axis in one of its chunks."""
     length = int(axis.chunking_length)
-    values = _values(axis)[place * length : (place + 1) * length]
+    values = _values(axis)[index * length : (index + 1) * length]
     return (float(values[0]), float(values[-1]))
 
 
@@ -187,5 +192,5 @@ if __name__ == "__main__":
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()
-    # Not `sys.exit`: that waits for threads of the client, some of which go on trying for minutes.
+    # Not `sys.exit`, which waits for the client's threads; some of them retry for minutes.
     os._exit(code)

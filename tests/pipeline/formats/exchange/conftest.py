@@ -15,7 +15,7 @@ NAMES = ("small", "180 degrees", "north", "long", "harbours", "random 0", "rando
 
 @pytest.fixture(scope="session", params=NAMES)
 def any_run(request: pytest.FixtureRequest) -> RunResult:
-    """Give one of the runs after the other."""
+    """Give each of the runs in turn."""
     name: str = request.param
     made = {
         "small": small_run.parts,

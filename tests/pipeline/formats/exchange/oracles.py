@@ -1,4 +1,4 @@
-"""Legs drawn a second time, by other means than the exchange formats use."""
+"""Legs drawn by other methods than those of the exchange formats."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def isometric(latitude: FloatArray) -> FloatArray:
 def loxodrome(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
     """Points (count, 2) on the line of constant course: longitude is linear in isometric latitude.
 
-    On the way along a parallel every place has the isometric latitude of both ends.
+    Along a parallel, every point has the isometric latitude of both ends.
     """
     low, high = float(isometric(begin[1])), float(isometric(end[1]))
     table = np.linspace(min(begin[1], end[1]), max(begin[1], end[1]), 20 * count)
@@ -39,7 +39,7 @@ def loxodrome(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
 
 
 def geodesic(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
-    """Points (count, 2) on the shortest way."""
+    """Points (count, 2) on the shortest line."""
     between = GEOD.npts(begin[0], begin[1], end[0], end[1], count - 2)
     points = np.vstack([begin, between, end])
     points[:, 0] = begin[0] + (points[:, 0] - begin[0] + 180) % 360 - 180
@@ -47,7 +47,7 @@ def geodesic(begin: FloatArray, end: FloatArray, count: int) -> FloatArray:
 
 
 def drawn(points: Waypoints, step_m: float = 200.0) -> list[FloatArray]:
-    """Every leg as lon/lat points so far apart."""
+    """Every leg as lon/lat points about `step_m` apart."""
     curve = loxodrome if points.curve == "Loxodrome" else geodesic
     return [
         curve(begin, end, max(3, int(GEOD.inv(*begin, *end)[2] / step_m)))
@@ -61,7 +61,7 @@ def in_plane(result: RunResult, line: FloatArray) -> shapely.LineString:
 
 
 def beside(line: FloatArray, distance_m: FloatArray | float) -> FloatArray:
-    """Points so far to port of a lon/lat line's points, to starboard where negative."""
+    """Points at a distance to port of a lon/lat line's points, to starboard if negative."""
     ahead = GEOD.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0]
     azimuth = np.append(ahead, ahead[-1])
     longitude, latitude, _ = GEOD.fwd(

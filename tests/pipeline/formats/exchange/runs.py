@@ -1,4 +1,4 @@
-"""Runs for the exchange formats, really planned: random islands, 180 degrees, the far north, V."""
+"""Planned runs for the exchange formats: random islands, 180 degrees, the far north, V."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import shapely
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.stages.evaluate import evaluate_season, joined
+from pipeline.stages.evaluate import combine_seasons, evaluate_season
 from pipeline.stages.plan import plan_season
 from pipeline.stages.project import project
 from tests.pipeline.formats import small_run
@@ -33,7 +33,7 @@ def planned(
     crs: str | None = None,
     **changes: object,
 ) -> RunResult:
-    """Plan in a stream with eddies between islands (degrees), and judge the routes."""
+    """Plan in a current with eddies between islands (degrees), and evaluate the routes."""
     asked = small_run.scenario(
         region={"bbox": list(bbox), "crs": crs},
         start=list(start),
@@ -49,7 +49,7 @@ def planned(
 
 
 def _stream(bbox: tuple[float, float, float, float]) -> CurrentGrid:
-    """Currents of up to 0.4 m/s that bend, so that the best paths do."""
+    """Currents of up to 0.4 m/s that curve, so that the best paths do."""
     west, south, east, north = bbox
     lon, lat = np.linspace(west - 0.2, east + 0.2, 15), np.linspace(south - 0.2, north + 0.2, 14)
     x, y = np.meshgrid(np.linspace(0, 2 * np.pi, 15), np.linspace(0, 2 * np.pi, 14))
@@ -67,7 +67,7 @@ def _finished(asked: Scenario, got: Fetched, simplified: Simplified) -> RunResul
         simplified=simplified,
         scene=scene,
         plans=(plan,),
-        evaluation=joined([evaluate_season(scene, plan, asked.scale, 0)]),
+        evaluation=combine_seasons([evaluate_season(scene, plan, asked.scale, 0)]),
         timings={},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
     )
@@ -107,14 +107,14 @@ def across_180() -> RunResult:
 
 @cache
 def far_north() -> RunResult:
-    """North of 74 degrees, where loxodromes are bent most and orthodromes are written."""
+    """North of 74 degrees, where loxodromes curve most and orthodromes are written."""
     bbox = (10.0, 73.0, 28.0, 77.0)
     return planned(bbox, _islands(5, bbox, 4, 0.12), (10.5, 75.0), (27.5, 75.2))
 
 
 @cache
 def long_way() -> RunResult:
-    """A thousand kilometres at 55 degrees north: loxodromes leave the plane's lines by far."""
+    """A thousand kilometres at 55 degrees north: loxodromes are far from the plane's lines."""
     bbox = (-30.0, 50.0, -10.0, 60.0)
     return planned(bbox, _islands(2, bbox, 3, 0.08), (-29.0, 55.0), (-11.0, 55.0), scale=5000.0)
 
@@ -128,7 +128,7 @@ def short_way() -> RunResult:
 
 @cache
 def stretched() -> RunResult:
-    """From 41 to 59 degrees north in Mercator's plane, that stretches them by 1.3 to 1.9."""
+    """From 41 to 59 degrees north in Mercator's plane, which stretches it by 1.3 to 1.9."""
     bbox = (-30.0, 40.0, -20.0, 60.0)
     islands = _islands(2, bbox, 2, 0.05)
     return planned(bbox, islands, (-28.0, 41.0), (-22.0, 59.0), scale=5000.0, crs="EPSG:3395")
@@ -136,7 +136,7 @@ def stretched() -> RunResult:
 
 @cache
 def harbours() -> RunResult:
-    """A start and a goal so close to land that both lie in V."""
+    """Start and goal are so close to land that both lie in V."""
     islands = [
         shapely.box(119.05, 9.3, 119.2, 9.7),
         shapely.box(119.5, 9.3, 119.7, 9.6),

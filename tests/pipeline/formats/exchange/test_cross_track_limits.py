@@ -1,4 +1,4 @@
-"""Cross-track limits and turns in water made by hand, against figures worked out by hand."""
+"""Cross-track limits and turns in simple cases, against values computed by hand."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.exchange.cross_track_limits import rooms, turning_radii
-from pipeline.formats.exchange.safe_corridor import Lane, Shores
+from pipeline.formats.exchange.cross_track_limits import cross_track_limits, turning_radii
+from pipeline.formats.exchange.safe_corridor import Obstacles, SafeCorridor
 from pipeline.formats.exchange.tracks import Tracks
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
@@ -18,9 +18,9 @@ CAP = 50.0
 NOTHING = shapely.MultiPolygon()
 
 
-def shores(*no_go: shapely.Polygon) -> Shores:
+def obstacles(*no_go: shapely.Polygon) -> Obstacles:
     """A chart from -200 to 300 m both ways."""
-    return Shores(
+    return Obstacles(
         Scene(
             chart=renew.Chart(shapely.box(-200, -200, 300, 300), no_go),
             land=no_go,
@@ -62,28 +62,30 @@ NORTH_BANK = shapely.box(-150, 30, 250, 40)
         (EAST, shapely.box(50, -5, 60, 5), 0, 0),
     ],
 )
-def test_rooms(track: Tracks, soft: shapely.Polygon, port: float, starboard: float) -> None:
-    found = rooms(track, soft, shores(), CAP)
+def test_limits_are_the_distances_to_either_side(
+    track: Tracks, soft: shapely.Polygon, port: float, starboard: float
+) -> None:
+    found = cross_track_limits(track, soft, obstacles(), CAP)
     assert [*found[0], *found[1]] == pytest.approx([port, starboard], abs=0.02)
 
 
-def test_land_and_the_edge_of_the_chart_end_the_room() -> None:
-    water = shores(shapely.box(40, 20, 60, 25))
-    assert rooms(EAST, NOTHING, water, CAP)[0] == pytest.approx(20)
+def test_land_and_the_edge_of_the_chart_are_limits() -> None:
+    island = obstacles(shapely.box(40, 20, 60, 25))
+    assert cross_track_limits(EAST, NOTHING, island, CAP)[0] == pytest.approx(20)
     at_the_edge = legs((0.0, -190.0), (100.0, -190.0))
-    assert rooms(at_the_edge, NOTHING, water, CAP)[1] == pytest.approx(10)
+    assert cross_track_limits(at_the_edge, NOTHING, island, CAP)[1] == pytest.approx(10)
 
 
 def test_legs_may_not_be_drawn_beyond_the_edge_of_the_chart() -> None:
-    on_chart = shores().on_chart(shapely.LineString([(0, 295), (100, 295)]).buffer(20))
+    on_chart = obstacles().clipped_to_chart(shapely.LineString([(0, 295), (100, 295)]).buffer(20))
     assert on_chart.bounds[3] == 300
     inside = shapely.LineString([(0, 0), (100, 0)]).buffer(20)
-    assert shores().on_chart(inside) is inside
+    assert obstacles().clipped_to_chart(inside) is inside
 
 
-def test_every_leg_has_its_own() -> None:
+def test_every_leg_has_its_own_limits() -> None:
     track = legs((0.0, 0.0), (100.0, 0.0), (100.0, 100.0))
-    port, starboard = rooms(track, shapely.box(120, -100, 130, 200), shores(), CAP)
+    port, starboard = cross_track_limits(track, shapely.box(120, -100, 130, 200), obstacles(), CAP)
     assert port == pytest.approx([20, CAP])
     assert starboard == pytest.approx([20, 20])
 
@@ -91,9 +93,9 @@ def test_every_leg_has_its_own() -> None:
 def turned(free: shapely.Polygon, radius: float, corner: float = 100.0) -> float:
     """Radius of the turn by 90 degrees to port at (corner, 0), the legs 100 m and 80 m long."""
     shapely.prepare(free)
-    lane = Lane(np.zeros((2, 2)), free, shapely.Polygon(), 1.0, free, 0, 1, 0.01)
+    corridor = SafeCorridor(np.zeros((2, 2)), free, shapely.Polygon(), 1.0, free, 0, 1, 0.01)
     track = legs((corner - 100, 0.0), (corner, 0.0), (corner, 80.0))
-    (found,) = turning_radii(track, lane, radius)
+    (found,) = turning_radii(track, corridor, radius)
     return float(found)
 
 

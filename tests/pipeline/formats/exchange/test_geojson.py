@@ -1,4 +1,4 @@
-"""GeoJSON: RFC 7946 to the letter, and the same routes as the GeoPackage's."""
+"""GeoJSON: valid by RFC 7946, with the same routes as the GeoPackage."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.formats.exchange.geojson import _bbox, split_at_antimeridian, write_geojson
+from pipeline.formats.exchange.geojson import bounding_box, split_at_antimeridian, write_geojson
 from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.layers import LAYERS
 from tests.pipeline.formats.exchange import runs
@@ -157,7 +157,7 @@ def test_a_route_over_180_degrees_is_cut_there(tmp_path: Path) -> None:
     ],
 )
 def test_boxes(corners: list[list[float]], box: list[float]) -> None:
-    assert _bbox(np.array(corners, dtype=float)) == box
+    assert bounding_box(np.array(corners, dtype=float)) == box
 
 
 lines = st.lists(
@@ -171,7 +171,7 @@ def test_parts_lie_within_180_degrees_and_join_up(line: np.ndarray[Any, Any]) ->
     for part in parts:
         assert (np.abs(part[:, 0]) <= 180).all()
     for one, other in itertools.pairwise(parts):
-        # The seam, or what was left out for having no length.
+        # At the cut, or around a part that was dropped for having no length.
         assert abs(one[-1, 0]) == abs(other[0, 0]) == 180
         assert one[-1, 1] == pytest.approx(other[0, 1])
     length = sum(np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts)
@@ -191,7 +191,7 @@ def test_a_line_along_180_degrees_stays_whole() -> None:
     assert part.tolist() == [[-180.0, 1.0], [-180.0, 2.0]]
 
 
-def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
+def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     content = written(any_run, tmp_path / "a.geojson")
     for credit in any_run.credits:
         assert credit.text in content["credits"]

@@ -47,7 +47,7 @@ def written(result: RunResult, path: Path, *, departure: datetime | None = None)
 
 
 def check_order(root: Element) -> None:
-    """No element that GPX 1.1 doesn't know, none at the wrong place, none with odd attributes."""
+    """Check that all elements and attributes are of GPX 1.1, and the elements in its order."""
     assert root.tag == f"{NAMESPACE}gpx"
     assert root.get("version") == "1.1"
     assert root.get("creator")
@@ -110,7 +110,7 @@ def test_the_track_is_the_best_route_as_planned(any_run: RunResult, tmp_path: Pa
     at = np.array([[p.longitude, p.latitude] for p in segment.points])
     at[:, 0] = at[0, 0] + (at[:, 0] - at[0, 0] + 180) % 360 - 180
     plane = shapely.LineString(any_run.scene.projection.to_plane(at))
-    # 0.2 m of the plane's true metres.
+    # 0.2 m at true scale.
     near = 0.2 / any_run.scene.projection.scale
     assert shapely.hausdorff_distance(plane, shapely.LineString(best.route.path)) < near
     assert oracles.GEOD.line_length(at[:, 0], at[:, 1]) == pytest.approx(
@@ -162,7 +162,7 @@ def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
+def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     gpx = written(any_run, tmp_path / "a.gpx")
     for credit in any_run.credits:
         assert credit.text in (gpx.description or "")
@@ -174,6 +174,6 @@ def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
         write_gpx(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.gpx")
 
 
-def test_where_there_is_no_land_nothing_is_said_of_it(tmp_path: Path) -> None:
+def test_without_land_no_clearance_is_stated(tmp_path: Path) -> None:
     (route,) = written(runs.open_sea(), tmp_path / "a.gpx").routes
     assert re.fullmatch(r"[\d.]+ km, [\d.]+ h", route.description or "")

@@ -1,4 +1,4 @@
-"""RTZ: valid by our own strict schema, by the published ones where they are at hand, and true."""
+"""RTZ: valid by our own strict schema (and the published ones, if available), and correct."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lxml import etree
 from pipeline.formats.exchange.rtz import write_rtz
 from pipeline.formats.exchange.waypoints import season_waypoints
 from tests.pipeline.formats.exchange import runs
-from tests.referees import rtz_faults
+from tests.validators import rtz_faults
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,18 +81,18 @@ def test_the_schema_refuses_what_is_wrong(
     assert all(rtz_faults(root, version))
 
 
-def test_a_version_is_not_taken_for_another(tmp_path: Path) -> None:
+def test_a_file_is_valid_only_as_its_own_version(tmp_path: Path) -> None:
     for version in VERSIONS:
         root = written(runs.across_180(), tmp_path / "a.rtz", version=version)
         for other in set(VERSIONS) - {version}:
             assert all(rtz_faults(root, other))
 
 
-def test_1_1_is_what_is_written_by_itself(tmp_path: Path) -> None:
+def test_the_default_version_is_1_1(tmp_path: Path) -> None:
     assert written(runs.across_180(), tmp_path / "a.rtz").get("version") == "1.1"
 
 
-def test_the_file_says_what_checkers_look_for(any_run: RunResult, tmp_path: Path) -> None:
+def test_the_file_has_what_checkers_look_for(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     root = written(any_run, tmp_path / "some-season.rtz", season)
     (info,) = all_of(root, "routeInfo")
@@ -121,10 +121,10 @@ def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_
     assert legs[0] is None
     for index, leg in enumerate(legs[1:]):
         assert leg.get("geometryType") == points.curve
-        for name, room in (("portsideXTD", points.port_m), ("starboardXTD", points.starboard_m)):
+        for name, limits in (("portsideXTD", points.port_m), ("starboardXTD", points.starboard_m)):
             metres = float(leg.get(name)) * 1852
-            # Rounded down, by 2 cm at the most.
-            assert room[index] - 0.02 <= metres <= room[index]
+            # Rounded down, by at most 2 cm.
+            assert limits[index] - 0.02 <= metres <= limits[index]
     for waypoint, radius in zip(all_of(root, "waypoint"), points.radius_m, strict=True):
         assert radius - 0.02 <= float(waypoint.get("radius")) * 1852 <= radius
 
@@ -138,7 +138,7 @@ def test_speeds_and_positions_give_the_duration(any_run: RunResult, tmp_path: Pa
     assert hours * 3600 == pytest.approx(points.ranked.metrics.duration_s, rel=1e-4)
 
 
-def test_without_a_departure_no_time_is_claimed(any_run: RunResult, tmp_path: Path) -> None:
+def test_without_a_departure_there_are_no_times(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     for version in VERSIONS:
         root = written(any_run, tmp_path / "a.rtz", season, version=version)
@@ -172,7 +172,7 @@ def test_an_unknown_version_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_credits_travel_along(any_run: RunResult, tmp_path: Path) -> None:
+def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     for version in VERSIONS:
         path = tmp_path / "a.rtz"

@@ -1,4 +1,4 @@
-"""What the formats say in words, against figures worked out by hand."""
+"""Texts of the exchange formats, against values computed by hand."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 
 from pipeline.formats.exchange import can_write
 from pipeline.formats.exchange.text import (
-    KNOTS,
+    KNOTS_PER_M_S,
     duration,
-    leg_words,
-    moment,
-    normal_longitude,
+    leg_text,
+    time_after,
     waypoint_name,
+    wrapped_longitude,
 )
 from pipeline.formats.exchange.waypoints import season_waypoints
 from tests.pipeline.formats.exchange import runs
@@ -33,15 +33,15 @@ def test_routes_of_a_plane_are_not_for_a_plotter(
 
 
 def test_a_knot_is_a_nautical_mile_an_hour() -> None:
-    assert pytest.approx(19.438, abs=1e-3) == 10 * KNOTS
+    assert pytest.approx(19.438, abs=1e-3) == 10 * KNOTS_PER_M_S
 
 
 @pytest.mark.parametrize(
-    ("seconds", "words"),
+    ("seconds", "text"),
     [(0, "0 h 00 min"), (29, "0 h 00 min"), (14_055, "3 h 54 min"), (360_000, "100 h 00 min")],
 )
-def test_durations(seconds: float, words: str) -> None:
-    assert duration(seconds) == words
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 @pytest.mark.parametrize(
@@ -58,36 +58,36 @@ def test_durations(seconds: float, words: str) -> None:
     ],
 )
 def test_longitudes_are_from_minus_180_to_below_180(longitude: float, normal: float) -> None:
-    assert normal_longitude(longitude) == pytest.approx(normal, abs=1e-8)
-    assert normal_longitude(longitude) < 180
+    assert wrapped_longitude(longitude) == pytest.approx(normal, abs=1e-8)
+    assert wrapped_longitude(longitude) < 180
 
 
-def test_moments_are_in_utc_and_whole_seconds() -> None:
+def test_times_are_in_utc_and_whole_seconds() -> None:
     departure = datetime(2026, 3, 1, 1, 0, 0, 700_000, tzinfo=timezone(timedelta(hours=2)))
-    assert moment(departure, 3600.4) == datetime(2026, 3, 1, 0, 0, 0, tzinfo=UTC)
+    assert time_after(departure, 3600.4) == datetime(2026, 3, 1, 0, 0, 0, tzinfo=UTC)
     with pytest.raises(ValueError, match="no time zone; add one"):
-        moment(departure.replace(tzinfo=None), 0)
+        time_after(departure.replace(tzinfo=None), 0)
 
 
-def test_waypoints_are_called_by_their_place() -> None:
+def test_waypoints_are_named_by_their_position() -> None:
     assert [waypoint_name(i, 3) for i in range(3)] == ["Start", "WP02", "Goal"]
 
 
-def test_room_is_a_mile_at_most_and_due_north_is_000() -> None:
+def test_limits_are_a_mile_at_most_and_due_north_is_000() -> None:
     (points,) = season_waypoints(runs.open_sea(), runs.SEASON)
-    assert "room 1852 m to port, 1852 m to starboard" in leg_words(points, 0)
+    assert "cross-track limits 1852 m to port, 1852 m to starboard" in leg_text(points, 0)
     north = replace(points, course_deg=np.full_like(points.course_deg, 359.97))
-    assert leg_words(north, 0).startswith("course 000.0°, ")
+    assert leg_text(north, 0).startswith("course 000.0°, ")
 
 
 def test_a_leg_is_described_in_a_navigators_units() -> None:
     points = season_waypoints(runs.across_180(), runs.SEASON)[0]
-    words = leg_words(points, 0)
-    course, miles, knots, time = words.partition(";")[0].split(", ")
+    text = leg_text(points, 0)
+    course, miles, knots, time = text.partition(";")[0].split(", ")
     assert course == f"course {points.course_deg[0]:05.1f}°"
     assert float(miles.removesuffix(" NM")) * 1852 == pytest.approx(points.length_m[0], abs=10)
     assert float(knots.removesuffix(" kn")) * 1852 / 3600 == pytest.approx(
         points.speed_m_s[0], abs=0.003
     )
     assert time == duration(points.time_s[1])
-    assert f"room {int(points.port_m[0])} m to port" in words
+    assert f"cross-track limits {int(points.port_m[0])} m to port" in text

@@ -1,4 +1,4 @@
-"""Thinning in lanes made by hand, where the fewest legs are plain to see."""
+"""Thinning in simple corridors, where the fewest legs are obvious."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.exchange.safe_corridor import Lane
+from pipeline.formats.exchange.safe_corridor import SafeCorridor
 from pipeline.formats.exchange.thinning import Drawing, thin
 from pipeline.geo.projection import Projection
 
@@ -17,20 +17,21 @@ DRAWING = Drawing(Projection.at(20.0, 0.0), "Loxodrome", 0.01)
 NOTHING = shapely.Polygon()
 
 
-def lane_of(
+def corridor_of(
     path: list[tuple[float, float]],
     free: shapely.Polygon,
     blocked: shapely.Polygon = NOTHING,
-    useful: float = 1.0,
-) -> Lane:
+    wanted_clearance: float = 1.0,
+) -> SafeCorridor:
     shapely.prepare(free)
-    return Lane(np.array(path), free, blocked, useful, free, 0, len(path) - 1, 0.01)
+    last = len(path) - 1
+    return SafeCorridor(np.array(path), free, blocked, wanted_clearance, free, 0, last, 0.01)
 
 
 def thinned(path: list[tuple[float, float]], free: shapely.Polygon) -> list[list[float]]:
-    places = thin(lane_of(path, free), DRAWING)
-    assert (np.diff(places.along) > 0).all()
-    chain: list[list[float]] = np.round(places.xy, 3).tolist()
+    chosen = thin(corridor_of(path, free), DRAWING)
+    assert (np.diff(chosen.along) > 0).all()
+    chain: list[list[float]] = np.round(chosen.xy, 3).tolist()
     return chain
 
 
@@ -39,7 +40,7 @@ def test_a_straight_path_is_one_leg() -> None:
     assert thinned(path, shapely.box(-10, -10, 1010, 10)) == [[0, 0], [1000, 0]]
 
 
-def test_a_gentle_bow_is_one_leg_where_the_lane_is_wide() -> None:
+def test_a_gentle_bend_is_one_leg_where_the_corridor_is_wide() -> None:
     path = [(x, 8 * np.sin(np.pi * x / 1000)) for x in np.linspace(0, 1000, 30)]
     line = shapely.LineString(path)
     assert len(thinned(path, line.buffer(10))) == 2
@@ -81,46 +82,46 @@ def test_a_rounded_corner_is_one_waypoint() -> None:
     assert chain[1] == pytest.approx([leg[0] + share * ahead[0], 0.0], abs=0.5)
 
 
-def test_legs_keep_off_what_the_path_runs_along() -> None:
+def test_legs_keep_clear_of_a_shore_that_the_path_touches() -> None:
     path = [(0.0, 0.0), (300.0, 0.0), (500.0, 0.0), (1000.0, 0.0)]
     shore = shapely.Polygon([(300, 0.1), (500, 0.1), (450, 40), (350, 40)])
     free = shapely.LineString(path).buffer(10).difference(shore)
     assert thinned(path, free) == [[0, 0], [1000, 0]]
-    chain = thin(lane_of(path, free, shore, 5.0), DRAWING).xy
+    chain = thin(corridor_of(path, free, shore, 5.0), DRAWING).xy
     assert len(chain) <= 4
     assert shapely.distance(shapely.LineString(chain), shore) > 2.5
 
 
-def test_legs_go_between_two_shores_where_there_is_most_room() -> None:
+def test_legs_between_two_shores_have_the_greatest_clearance() -> None:
     path = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.0)]
     shores = shapely.union(shapely.box(499, 0.1, 501, 40), shapely.box(499, -40, 501, -3.9))
     free = shapely.LineString(path).buffer(10).difference(shores)
-    chain = thin(lane_of(path, free, shores, 5.0), DRAWING).xy
+    chain = thin(corridor_of(path, free, shores, 5.0), DRAWING).xy
     assert shapely.distance(shapely.LineString(chain), shores) > 1.5
 
 
-def test_legs_that_bend_out_of_the_lane_are_cut() -> None:
+def test_legs_that_bend_out_of_the_corridor_are_split() -> None:
     drawing = Drawing(Projection.at(20.0, 60.0), "Loxodrome", 0.01)
     # A plane's straight line of 100 km at 60 degrees north; a loxodrome sags by 300 m.
     path = np.array([[-50_000.0, 0.0], [50_000.0, 0.0]])
     free = shapely.LineString(path).buffer(30)
     shapely.prepare(free)
-    places = thin(Lane(path, free, NOTHING, 1.0, free, 0, 1, 0.01), drawing)
-    lonlat = drawing.lonlat(places.xy)
+    chosen = thin(SafeCorridor(path, free, NOTHING, 1.0, free, 0, 1, 0.01), drawing)
+    lonlat = drawing.lonlat(chosen.xy)
     assert 4 <= len(lonlat) <= 9
     assert shapely.covers(free, drawing.lines(lonlat[:-1], lonlat[1:])).all()
 
 
-def test_a_path_that_touches_land_is_kept_as_planned() -> None:
-    # No lane at all: nothing can be shown to be better than the plan.
+def test_a_path_that_touches_land_stays_as_planned() -> None:
+    # The corridor is empty, so no other leg is known to be safe.
     path = [(0.0, 0.0), (50.0, 10.0), (100.0, 0.0)]
     assert thinned(path, shapely.Polygon()) == [list(p) for p in path]
 
 
-def test_the_legs_in_v_are_kept() -> None:
+def test_the_legs_in_v_stay_as_planned() -> None:
     path = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0], [40.0, 0.0], [50.0, 0.0]])
     wide = shapely.box(-5, -5, 55, 5)
-    places = thin(Lane(path, wide, NOTHING, 1.0, wide, 2, 4, 0.01), DRAWING)
-    assert places.xy[:, 0] == pytest.approx([0, 10, 20, 40, 50])
-    everything = thin(Lane(path, wide, NOTHING, 1.0, wide, 5, 5, 0.01), DRAWING)
+    chosen = thin(SafeCorridor(path, wide, NOTHING, 1.0, wide, 2, 4, 0.01), DRAWING)
+    assert chosen.xy[:, 0] == pytest.approx([0, 10, 20, 40, 50])
+    everything = thin(SafeCorridor(path, wide, NOTHING, 1.0, wide, 5, 5, 0.01), DRAWING)
     assert everything.xy == pytest.approx(path)

@@ -29,7 +29,7 @@ def test_legs_are_drawn_within_their_error(
     assert drawn.lonlat[-1].tolist() == end.tolist()
     draw = oracles.loxodrome if curve == "Loxodrome" else oracles.geodesic
     points = shapely.points(projection.to_plane(draw(begin, end, 400)))
-    # The plane is true to a thousandth so near its centre, the oracle's table to a decimetre.
+    # This close to its centre the plane is true to a thousandth; the oracle's table, to 0.1 m.
     assert shapely.distance(points, drawn.lines[0]).max() < 2.2
     length = oracles.GEOD.line_length(*draw(begin, end, 400).T)
     assert drawn.length_m[0] == pytest.approx(length, rel=1e-5)
@@ -58,7 +58,7 @@ def test_a_known_loxodrome() -> None:
     assert np.abs(drawn.lonlat[:, 1] - 60).max() < 1e-9
 
 
-def test_several_legs_at_once_are_each_their_own() -> None:
+def test_several_legs_at_once_equal_each_by_itself() -> None:
     begin = np.array([[0.0, 40.0], [1.0, 41.0], [5.0, -3.0]])
     end = np.array([[1.0, 41.0], [1.0, 44.0], [4.0, -3.5]])
     projection = Projection.at(2.0, 20.0)
@@ -74,5 +74,5 @@ def test_several_legs_at_once_are_each_their_own() -> None:
     ("latitude", "curve"),
     [(0, "Loxodrome"), (69, "Loxodrome"), (71, "Orthodrome"), (-85, "Orthodrome")],
 )
-def test_what_is_drawn_where(latitude: float, curve: str) -> None:
+def test_high_latitudes_have_orthodromes(latitude: float, curve: str) -> None:
     assert curve_for(np.array([[0.0, 0.0], [10.0, latitude]])) == curve

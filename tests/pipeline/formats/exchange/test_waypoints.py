@@ -11,10 +11,10 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.exchange.safe_corridor import Shores, lane
+from pipeline.formats.exchange.safe_corridor import Obstacles, safe_corridor
 from pipeline.formats.exchange.waypoints import (
-    MOST_MORE_FUEL,
-    MOST_ROOM_M,
+    MAX_CROSS_TRACK_M,
+    MAX_EXTRA_FUEL,
     Waypoints,
     season_waypoints,
     waypoints,
@@ -36,7 +36,7 @@ def every(result: RunResult) -> Iterator[Waypoints]:
 
 
 def inner_legs(points: Waypoints) -> range:
-    """Legs that have to keep out of V: not those in it at a start or a goal."""
+    """Legs that have to be outside V: not those in it at a start or a goal."""
     route, count = points.ranked.route, len(points.lonlat) - 1
     inside = shapely.intersects(
         route.soft_no_go,
@@ -47,18 +47,18 @@ def inner_legs(points: Waypoints) -> range:
     return range(skipped[0], count - skipped[1])
 
 
-def obstacles(points: Waypoints, result: RunResult) -> BaseGeometry:
+def blocked_area(points: Waypoints, result: RunResult) -> BaseGeometry:
     return shapely.union_all([points.ranked.route.soft_no_go, *result.scene.land])
 
 
-def test_legs_as_sailed_keep_out_of_land_and_out_of_v(any_run: RunResult) -> None:
+def test_legs_as_sailed_are_clear_of_land_and_of_v(any_run: RunResult) -> None:
     land = shapely.union_all(any_run.scene.land)
     for points in every(any_run):
         lines = [oracles.in_plane(any_run, line) for line in oracles.drawn(points)]
         assert not shapely.intersects(lines, land).any()
-        kept = [lines[leg] for leg in inner_legs(points)]
-        assert len(kept) >= len(lines) - 2
-        assert not shapely.intersects(kept, points.ranked.route.soft_no_go).any()
+        inner = [lines[leg] for leg in inner_legs(points)]
+        assert len(inner) >= len(lines) - 2
+        assert not shapely.intersects(inner, points.ranked.route.soft_no_go).any()
 
 
 def test_only_a_route_that_begins_in_v_has_legs_in_it(any_run: RunResult) -> None:
@@ -81,7 +81,7 @@ def test_legs_stay_near_the_planned_line(any_run: RunResult) -> None:
         line = shapely.union_all(
             [oracles.in_plane(any_run, leg) for leg in oracles.drawn(points, 1000.0)]
         )
-        # A hundredth for how finely the legs were drawn.
+        # One percent for the drawing error of the legs.
         nearness = 1e-3 * points.ranked.route.length * 1.01
         assert shapely.covers(path.buffer(nearness), line)
         assert shapely.covers(line.buffer(2 * nearness), path)
@@ -100,7 +100,7 @@ def test_nothing_lies_between_the_legs_and_the_planned_line(any_run: RunResult) 
         assert inside.shape[1] == 0
 
 
-def test_the_thinned_route_needs_hardly_more_fuel(any_run: RunResult) -> None:
+def test_the_thinned_route_needs_at_most_the_allowed_extra_fuel(any_run: RunResult) -> None:
     for points in every(any_run):
         line = np.vstack([leg[:-1] for leg in oracles.drawn(points, 500.0)] + [points.lonlat[-1:]])
         needed = renew.fuel(
@@ -108,16 +108,16 @@ def test_the_thinned_route_needs_hardly_more_fuel(any_run: RunResult) -> None:
             any_run.scene.currents[points.ranked.season],
             any_run.scene.vessel,
         )
-        assert needed <= (1 + 1.01 * MOST_MORE_FUEL) * points.ranked.route.fuel
+        assert needed <= (1 + 1.01 * MAX_EXTRA_FUEL) * points.ranked.route.fuel
 
 
 def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = runs.random_run(1)
-    (usual, *_), shores = season_waypoints(result, runs.SEASON), Shores(result.scene)
-    monkeypatch.setattr("pipeline.formats.exchange.waypoints.MOST_MORE_FUEL", 3e-5)
-    finer = waypoints(usual.ranked, result, shores)
+    (usual, *_), obstacles = season_waypoints(result, runs.SEASON), Obstacles(result.scene)
+    monkeypatch.setattr("pipeline.formats.exchange.waypoints.MAX_EXTRA_FUEL", 3e-5)
+    finer = waypoints(usual.ranked, result, obstacles)
     assert len(finer.lonlat) > len(usual.lonlat)
     line = np.vstack([leg[:-1] for leg in oracles.drawn(finer, 500.0)] + [finer.lonlat[-1:]])
     scene = result.scene
@@ -125,44 +125,44 @@ def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
     assert needed <= (1 + 3.5e-5) * usual.ranked.route.fuel
 
 
-def test_lanes_end_where_the_chart_does() -> None:
+def test_corridors_end_at_the_edge_of_the_chart() -> None:
     result = runs.along_the_edge()
-    shores = Shores(result.scene)
+    obstacles = Obstacles(result.scene)
     for ranked in result.routes:
-        water = lane(ranked.route, shores, 1e-3 * ranked.route.length)
-        assert shapely.covers(result.scene.chart.extent, water.free)
+        corridor = safe_corridor(ranked.route, obstacles, 1e-3 * ranked.route.length)
+        assert shapely.covers(result.scene.chart.extent, corridor.free)
 
 
 def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> None:
     for points in every(any_run):
         planned = len(points.ranked.route.path)
-        kept = len(points.lonlat)
+        thinned = len(points.lonlat)
         # Two more where the path leaves and enters V.
-        assert kept <= planned + 2
+        assert thinned <= planned + 2
         if planned > 50:
-            assert kept < planned / 2
+            assert thinned < planned / 2
 
 
-def test_where_room_counts_for_nothing_no_chain_of_own_vertices_has_fewer_legs(
+def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("pipeline.formats.exchange.thinning._WEIGHT_OF_ROOM", 0.0)
+    monkeypatch.setattr("pipeline.formats.exchange.thinning._CLEARANCE_WEIGHT", 0.0)
     result = runs.random_run(2)
-    shores = Shores(result.scene)
+    obstacles = Obstacles(result.scene)
     for ranked in result.routes:
-        points, route = waypoints(ranked, result, shores), ranked.route
-        water = lane(route, shores, 1e-3 * route.length)
+        points, route = waypoints(ranked, result, obstacles), ranked.route
+        corridor = safe_corridor(route, obstacles, 1e-3 * route.length)
         lonlat = result.scene.projection.to_lonlat(route.path)
         own = nx.path_graph(len(route.path))
         for one, other in itertools.combinations(range(len(route.path)), 2):
             leg = oracles.in_plane(result, oracles.loxodrome(lonlat[one], lonlat[other], 50))
-            if shapely.covers(water.free, leg):
+            if shapely.covers(corridor.free, leg):
                 own.add_edge(one, other)
         fewest = nx.shortest_path_length(own, 0, len(route.path) - 1)
         assert len(points.lonlat) - 1 <= fewest
 
 
-def test_a_leg_says_what_it_is(any_run: RunResult) -> None:
+def test_the_figures_of_legs_are_true(any_run: RunResult) -> None:
     for points in every(any_run):
         for leg, line in enumerate(oracles.drawn(points)):
             length = oracles.GEOD.line_length(line[:, 0], line[:, 1])
@@ -184,32 +184,32 @@ def test_times_are_those_of_the_plan(any_run: RunResult) -> None:
         assert points.time_s[0] == 0
         assert points.time_s[-1] == pytest.approx(ranked.metrics.duration_s)
         assert (np.diff(points.time_s) > 0).all()
-        # No leg is so much faster or slower than the plan just there.
+        # No leg is faster than the vessel in the strongest following current.
         vessel = any_run.scene.vessel.speed
         fastest = vessel + any_run.scene.currents[ranked.season].max_speed(
             any_run.scene.chart.bounds
         )
-        assert (points.speed_m_s[:-1] < (1 + MOST_MORE_FUEL) * fastest).all()
+        assert (points.speed_m_s[:-1] < (1 + MAX_EXTRA_FUEL) * fastest).all()
         nearest = np.linalg.norm(
             any_run.scene.projection.to_plane(points.lonlat)[:, None] - ranked.route.path, axis=-1
         )
         same = nearest.min(axis=1) < 1e-6
-        # As much more as the thinned route may need.
+        # Within the extra time that the thinned route may need.
         assert points.time_s[same] == pytest.approx(
-            planned[nearest.argmin(axis=1)[same]], abs=MOST_MORE_FUEL * planned[-1]
+            planned[nearest.argmin(axis=1)[same]], abs=MAX_EXTRA_FUEL * planned[-1]
         )
 
 
 def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
     extent = any_run.scene.chart.extent
     for points in every(any_run):
-        blocked = obstacles(points, any_run)
+        blocked = blocked_area(points, any_run)
         shapely.prepare(blocked)
         for leg, line in enumerate(oracles.drawn(points)):
-            for side, room in ((1, points.port_m[leg]), (-1, points.starboard_m[leg])):
-                assert 0 <= room <= MOST_ROOM_M
-                for share in (0.25, 0.5, 0.75, 0.999) if room else ():
-                    aside = oracles.in_plane(any_run, oracles.beside(line, side * share * room))
+            for side, limit in ((1, points.port_m[leg]), (-1, points.starboard_m[leg])):
+                assert 0 <= limit <= MAX_CROSS_TRACK_M
+                for share in (0.25, 0.5, 0.75, 0.999) if limit else ():
+                    aside = oracles.in_plane(any_run, oracles.beside(line, side * share * limit))
                     assert not shapely.intersects(blocked, aside)
                     assert shapely.covers(extent.buffer(1e-6), aside)
 
@@ -217,41 +217,41 @@ def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
 def test_the_corridor_is_as_wide_as_it_can_be(any_run: RunResult) -> None:
     chart, projection = any_run.scene.chart, any_run.scene.projection
     for points in every(any_run):
-        parts = [obstacles(points, any_run), *chart.no_go, shapely.boundary(chart.extent)]
+        parts = [blocked_area(points, any_run), *chart.no_go, shapely.boundary(chart.extent)]
         for leg in inner_legs(points):
             line = oracles.in_plane(any_run, oracles.drawn(points)[leg])
             gap = shapely.shortest_line(line, shapely.union_all(parts))
             nearest = projection.geodesic_length_m(shapely.get_coordinates(gap))
             narrower = min(points.port_m[leg], points.starboard_m[leg])
-            assert narrower == pytest.approx(min(nearest, MOST_ROOM_M), rel=0.02, abs=0.05)
+            assert narrower == pytest.approx(min(nearest, MAX_CROSS_TRACK_M), rel=0.02, abs=0.05)
 
 
-def test_legs_have_room_to_be_steered_where_there_is_water_for_it() -> None:
-    """The plan itself runs within metres of V, as what takes the least fuel does."""
+def test_legs_have_cross_track_limits_where_there_is_water_for_it() -> None:
+    """The plan itself runs within metres of V, since that takes the least fuel."""
     result = runs.short_way()
     blocked = [[ranked.route.soft_no_go, *result.scene.land] for ranked in result.routes]
     for ranked, parts in zip(result.routes, blocked, strict=True):
         planned = shapely.distance(shapely.LineString(ranked.route.path), parts).min()
         assert planned * result.scene.projection.scale < 3
     for points in every(result):
-        room = min(points.port_m[:-1].min(), points.starboard_m[:-1].min())
-        # On the longer ways round more corners cost more of the fuel that is allowed for.
-        assert room > (5 if points.ranked.rank == 1 else 2)
+        limit = min(points.port_m[:-1].min(), points.starboard_m[:-1].min())
+        # Longer routes have more corners, which use up more of the fuel that is allowed.
+        assert limit > (5 if points.ranked.rank == 1 else 2)
 
 
-def test_a_leg_in_v_promises_no_room() -> None:
+def test_a_leg_in_v_has_a_limit_of_0() -> None:
     for points in season_waypoints(runs.harbours(), runs.SEASON):
-        rooms = np.stack([points.port_m, points.starboard_m])
-        assert (rooms[:, 0] == 0).all()
-        assert (rooms[:, -2] == 0).all()
-        assert (rooms[:, 1:-2] > 0).all()
+        limits = np.stack([points.port_m, points.starboard_m])
+        assert (limits[:, 0] == 0).all()
+        assert (limits[:, -2] == 0).all()
+        assert (limits[:, 1:-2] > 0).all()
 
 
 def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
     projection = any_run.scene.projection
     largest = 0.0
     for points in every(any_run):
-        radius, blocked = points.radius_m, obstacles(points, any_run)
+        radius, blocked = points.radius_m, blocked_area(points, any_run)
         assert radius[0] == radius[-1] == 0
         taken = np.zeros((len(points.lonlat) - 1, 2))
         for at in np.flatnonzero(radius):
@@ -278,7 +278,7 @@ def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
     assert largest == pytest.approx(hard_over, rel=0.1)
 
 
-def test_waypoints_are_worked_out_once_a_result() -> None:
+def test_waypoints_are_computed_once_per_result() -> None:
     result = runs.across_180()
     assert season_waypoints(result, runs.SEASON) is season_waypoints(result, runs.SEASON)
 
@@ -288,6 +288,6 @@ def test_high_latitudes_get_orthodromes() -> None:
     assert {p.curve for p in every(runs.long_way())} == {"Loxodrome"}
 
 
-def test_a_plane_scenarios_routes_are_thinned_all_the_same(planar_result: RunResult) -> None:
+def test_routes_of_a_planar_scenario_are_thinned_too(planar_result: RunResult) -> None:
     for points in every(planar_result):
         assert 2 <= len(points.lonlat) <= len(points.ranked.route.path)

@@ -1,4 +1,4 @@
-"""Make the documents' pictures anew: `python -m tests.pipeline.formats.figures`, in docs/."""
+"""Draw the documents' pictures in docs/: `python -m tests.pipeline.formats.figures`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from PIL import Image
 
-from pipeline.formats.figures.figures import overview_figure
 from pipeline.formats.figures.kinds import Kind, figure
+from pipeline.formats.figures.season_map import overview_figure
 from pipeline.loading import load_scenario
-from pipeline.run import planned
+from pipeline.run import plan_scenario
 from tests.conftest import ROOT
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 DOCS = ROOT / "docs"
-# Flat colours and their blends; more can't be told from them, and takes twice the bytes.
+# Number of colours: more look the same and take twice the space.
 _COLOURS = 256
 
 PICTURES: dict[str, tuple[str, int, Callable[[RunResult], Figure]]] = {
@@ -42,14 +42,14 @@ PICTURES: dict[str, tuple[str, int, Callable[[RunResult], Figure]]] = {
         for kind, dpi in ((Kind.MESH, 130), (Kind.CHANNELS, 100), (Kind.PADDING, 130))
     },
 }
-"""Name -> scenario, dots an inch, and what to draw of its result."""
+"""Name -> scenario, dots per inch, and what to draw of its result."""
 
 
 def draw(output: Path) -> None:
-    """Draw all pictures, from the results that lie in an output folder or are planned there."""
+    """Draw all pictures, from results in an output folder, where missing ones are planned."""
     scenarios = {scenario for scenario, _, _ in PICTURES.values()}
     results = {
-        name: planned(load_scenario(name), output, offline=True) for name in sorted(scenarios)
+        name: plan_scenario(load_scenario(name), output, offline=True) for name in sorted(scenarios)
     }
     for name, (scenario, dpi, drawing) in PICTURES.items():
         drawn = io.BytesIO()

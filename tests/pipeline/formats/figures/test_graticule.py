@@ -26,7 +26,7 @@ def test_nice_steps_are_round_and_near(value: float) -> None:
 
 @pytest.mark.parametrize("latitude", [0.0, 10.0, -45.0, 70.0])
 @pytest.mark.parametrize("scale", [1.0, 5000.0])
-def test_lines_lie_where_their_labels_say(latitude: float, scale: float) -> None:
+def test_lines_are_where_their_labels_say(latitude: float, scale: float) -> None:
     region = shapely.box(100, latitude, 107, latitude + 6)
     projection = Projection.for_region(region, scale)
     extent = projection.geometry_to_plane(region.segmentize(0.1))
@@ -35,14 +35,14 @@ def test_lines_lie_where_their_labels_say(latitude: float, scale: float) -> None
     for line in lines:
         lonlat = projection.to_lonlat(np.concatenate(line.parts))
         number = float(line.label.split("°")[0]) * (-1 if line.label[-1] in "SW" else 1)
-        # A line is cut at the extent, whose own edges bend by less than this.
+        # A line is clipped at the extent, whose edges bend by less than this.
         constant = lonlat[:, 0 if line.is_meridian else 1]
         assert constant == pytest.approx(np.full(len(constant), number), abs=2e-3)
         assert shapely.distance(shapely.Point(line.foot), extent) < 2e-3 * extent.length
 
 
 def test_a_meridian_on_the_edge_is_labelled_at_its_foot() -> None:
-    """At 119 E the region begins; the chart's straight edge and that meridian cross."""
+    """The region begins at 119 E; the chart's straight edge and that meridian cross."""
     region = shapely.box(119.0, 9.0, 120.2, 10.0)
     projection = Projection.for_region(region)
     extent = projection.geometry_to_plane(region)
@@ -58,7 +58,7 @@ def test_a_meridian_on_the_edge_is_labelled_at_its_foot() -> None:
         ((0.0, 0.0, 0.004, 0.004), {"0°00′00″", "0°00′02″E", "0°00′02″N"}),
     ],
 )
-def test_labels_are_spelt_to_the_step(box: tuple[float, ...], labels: set[str]) -> None:
+def test_labels_have_the_steps_precision(box: tuple[float, ...], labels: set[str]) -> None:
     region = shapely.box(*box)
     projection = Projection.for_region(region)
     lines = graticule(projection, projection.geometry_to_plane(region))

@@ -1,4 +1,4 @@
-"""What the figures of the method hold: read back from what was drawn, and from pixels."""
+"""Content of the method's figures, read back from their artists and from pixels."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def segments(axes: Axes, colour: str) -> list[FloatArray]:
-    """Lines (n, 2) that were drawn in a colour as a collection."""
+    """Lines (n, 2) that were drawn in a colour as collections."""
     return [
         np.asarray(segment)
         for drawn in axes.findobj(LineCollection)
@@ -42,7 +42,7 @@ def segments(axes: Axes, colour: str) -> list[FloatArray]:
 
 
 def area(axes: Axes, colour: str) -> Any:  # noqa: ANN401 - shapely has no types
-    """What was filled with a colour; a ring inside another is its hole."""
+    """Area that was filled with a colour; a ring inside another is its hole."""
     rings = [
         shapely.Polygon(ring)
         for drawn in axes.findobj(PathPatch)
@@ -54,7 +54,7 @@ def area(axes: Axes, colour: str) -> Any:  # noqa: ANN401 - shapely has no types
 
 
 def strokes(axes: Axes, colour: str) -> list[FloatArray]:
-    """Lines (n, 2) of a colour that lead anywhere."""
+    """Lines (n, 2) of a colour with at least two points."""
     return [
         path
         for line in axes.get_lines()
@@ -63,20 +63,20 @@ def strokes(axes: Axes, colour: str) -> list[FloatArray]:
 
 
 def labels(axes: Axes) -> list[str]:
-    """What is written on a map."""
+    """Texts on a map."""
     return [text.get_text() for text in axes.findobj(Annotation)]
 
 
-def test_the_mesh_is_a_triangulation_of_the_water_bound_to_its_edges(result: RunResult) -> None:
+def test_the_mesh_is_a_constrained_triangulation_of_the_water(result: RunResult) -> None:
     (axes,) = mesh_figure(result, "winter").axes
     chart = result.scene.chart
     constrained = shapely.linestrings(segments(axes, COLOURS["ink"]))
     no_go = shapely.union_all(chart.no_go)
-    # They are the no-go zone's edges, all of them, and nothing else.
+    # They are exactly the no-go zone's edges.
     coast = no_go.boundary.intersection(chart.extent.buffer(-1e-6))
     assert shapely.length(constrained).sum() == pytest.approx(coast.length, rel=1e-6)
     assert shapely.distance(shapely.centroid(constrained), no_go.boundary).max() < 1e-3
-    # Passing edges lie in the water and, with all edges, enclose nothing but triangles.
+    # Passing edges are in the water and, with all other edges, enclose only triangles.
     passing = shapely.linestrings(segments(axes, COLOURS["other"]))
     assert not shapely.intersects(shapely.centroid(passing), no_go.buffer(-1e-3)).any()
     edges = [*passing, *constrained, chart.extent.boundary]
@@ -97,13 +97,13 @@ def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult
             shapely.area(shapely.polygons(ranked.route.channel)).sum()
         )
         assert channel.buffer(1e-6).covers(shapely.LineString(ranked.route.path))
-        (way,) = strokes(axes, colour)
-        assert way == pytest.approx(ranked.route.path)
+        (path,) = strokes(axes, colour)
+        assert path == pytest.approx(ranked.route.path)
         assert len(segments(axes, colour)) == 3 * len(ranked.route.channel)
 
 
 def test_the_best_of_each_side_has_its_channel_drawn(result: RunResult) -> None:
-    """Were the only southern class the last of five, it would still be one of the four."""
+    """The only southern class is one of the four, although it is the last of five."""
     routes = result.season_routes("winter")
     rows = [
         replace(ranked.metrics, rank=rank, side="south" if rank == 5 else "north")
@@ -124,20 +124,19 @@ def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
     assert soft.symmetric_difference(padded).area < 0.02 * padded.area
     assert strokes(axes, COLOURS["best"])[0] == pytest.approx(best.route.path)
     assert 1 <= len(windows) <= 3
-    way = shapely.LineString(best.route.path)
+    path = shapely.LineString(best.route.path)
     land = shapely.union_all(result.scene.chart.no_go)
     for number, window in enumerate(windows, start=1):
         turns = segments(window, COLOURS["ink"])
         assert len(turns) >= 2
         for turn in turns:
-            assert way.distance(shapely.Point(turn[0])) < 1e-6
-            # Proved: none touches land. A full turn ends as far off as the current set it.
+            assert path.distance(shapely.Point(turn[0])) < 1e-6
             assert not shapely.LineString(turn).intersects(land)
         assert str(number) in labels(axes)
         assert str(number) in labels(window)
-        # The window is a square about a place of the route.
+        # The window is a square around a point of the route.
         middle = np.mean([window.get_xlim(), window.get_ylim()], axis=1)
-        assert way.distance(shapely.Point(middle)) < 1e-6
+        assert path.distance(shapely.Point(middle)) < 1e-6
         assert np.ptp(window.get_xlim()) == pytest.approx(np.ptp(window.get_ylim()))
 
 
@@ -156,7 +155,7 @@ def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
         assert np.linalg.norm(turn - centre, axis=1) == pytest.approx(radius, rel=0.02)
 
 
-def test_a_windows_scale_bar_is_as_long_as_it_says(result: RunResult) -> None:
+def test_a_windows_scale_bar_is_as_long_as_its_label(result: RunResult) -> None:
     for window in padding_map_figure(result, "summer").axes[1:]:
         bar = sum(field.get_width() for field in window.patches if isinstance(field, Rectangle))
         (text,) = (label for label in labels(window) if label.endswith("m"))
@@ -200,8 +199,8 @@ def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult, kin
 
 
 @pytest.mark.parametrize("planar", [False, True])
-@pytest.mark.parametrize("kind", Kind.asked(()))
-def test_no_words_of_a_figure_run_into_each_other_or_off_it(
+@pytest.mark.parametrize("kind", Kind.selected(()))
+def test_texts_of_a_figure_do_not_overlap_or_leave_it(
     kind: Kind,
     planar: bool,
 ) -> None:
@@ -221,23 +220,23 @@ def test_no_words_of_a_figure_run_into_each_other_or_off_it(
         for text in drawn.findobj(Text)
         if text.get_text() and text.get_visible() and text not in unseen
     ]
-    for i, (words, box) in enumerate(boxes):
-        assert box.x0 >= -1, words
-        assert box.x1 <= drawn.bbox.width + 1, words
-        assert box.y0 >= -1, words
-        assert box.y1 <= drawn.bbox.height + 1, words
-        for others, other in boxes[i + 1 :]:
+    for i, (text, box) in enumerate(boxes):
+        assert box.x0 >= -1, text
+        assert box.x1 <= drawn.bbox.width + 1, text
+        assert box.y0 >= -1, text
+        assert box.y1 <= drawn.bbox.height + 1, text
+        for other_text, other in boxes[i + 1 :]:
             apart = (
                 box.x1 <= other.x0 + 1
                 or other.x1 <= box.x0 + 1
                 or box.y1 <= other.y0 + 1
                 or other.y1 <= box.y0 + 1
             )
-            assert apart, f"{words!r} runs into {others!r}"
+            assert apart, f"{text!r} overlaps {other_text!r}"
 
 
-def test_what_is_asked_for_is_drawn_once_and_all_by_default() -> None:
-    assert Kind.asked((Kind.PADDING, Kind.MESH, Kind.MESH)) == (Kind.MESH, Kind.PADDING)
-    assert Kind.asked(()) == Kind.asked((Kind.ALL,)) == Kind.asked((Kind.ALONG, Kind.ALL))
-    assert Kind.ALL not in Kind.asked(())
+def test_selected_kinds_are_drawn_once_and_all_by_default() -> None:
+    assert Kind.selected((Kind.PADDING, Kind.MESH, Kind.MESH)) == (Kind.MESH, Kind.PADDING)
+    assert Kind.selected(()) == Kind.selected((Kind.ALL,)) == Kind.selected((Kind.ALONG, Kind.ALL))
+    assert Kind.ALL not in Kind.selected(())
     assert {form.value for form in Form} == {"png", "svg", "pdf"}

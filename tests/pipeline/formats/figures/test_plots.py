@@ -1,4 +1,4 @@
-"""The plots are read back from the SVG: what stands there are the run's own figures."""
+"""Plots of a route, read back from their artists and from the SVG."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pipeline.formats.figures.plots import (
     profile_figure,
     profile_svg,
 )
-from pipeline.formats.shared.along import along
+from pipeline.formats.shared.route_profile import route_profile
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,14 +39,14 @@ def drawn(axes: Axes, role: str) -> list[FloatArray]:
     ]
 
 
-def words(axes: Axes) -> str:
-    """All that is written in and over a panel."""
+def text_of(axes: Axes) -> str:
+    """All texts of a panel."""
     return " | ".join(text.get_text() for text in axes.findobj(Text))
 
 
-def test_the_panels_show_the_figures_along_the_route(result: RunResult) -> None:
+def test_the_panels_show_the_routes_profile(result: RunResult) -> None:
     ranked = result.routes[0]
-    found = along(ranked, result)
+    found = route_profile(ranked, result)
     fuel, speed, current, clearance = profile_figure(result, ranked).axes
     run = found.distance_m / 1000
     for axes, figures in (
@@ -70,7 +70,7 @@ def test_the_panels_show_the_figures_along_the_route(result: RunResult) -> None:
 
 def test_a_following_current_is_shaded_above_and_a_head_current_below(result: RunResult) -> None:
     ranked = result.season_routes("winter")[0]
-    found = along(ranked, result)
+    found = route_profile(ranked, result)
     current = profile_figure(result, ranked).axes[2]
     above, below = (
         np.concatenate([path.vertices for path in area.get_paths()])[:, 1]
@@ -84,7 +84,7 @@ def test_a_following_current_is_shaded_above_and_a_head_current_below(result: Ru
 
 def test_the_grey_of_the_clearance_is_the_padding_of_the_nearest_coast(result: RunResult) -> None:
     ranked = result.routes[0]
-    found = along(ranked, result)
+    found = route_profile(ranked, result)
     places = result.scene.projection.to_plane(found.lonlat)
     padded = ranked.route.padding_used
     starts, ends = padded[:, :2], padded[:, 2:4]
@@ -111,7 +111,7 @@ def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult
     assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
 
 
-def test_a_large_fuel_is_told_in_millions_and_drawn_in_them(planar_result: RunResult) -> None:
+def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
     vessel = planar_result.scene.vessel
     thirsty = replace(
@@ -122,7 +122,7 @@ def test_a_large_fuel_is_told_in_millions_and_drawn_in_them(planar_result: RunRe
     fuel = profile_figure(thirsty, burnt).axes[0]
     assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(ranked.metrics.fuel)
     assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
-    assert f"Fuel used in millions: {ranked.metrics.fuel:.2f}" in words(fuel)
+    assert f"Fuel used in millions: {ranked.metrics.fuel:.2f}" in text_of(fuel)
 
 
 def test_open_sea_has_no_panel_of_clearance(planar_result: RunResult) -> None:
@@ -150,7 +150,7 @@ def bars(axes: Axes) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def tight(padding: float, gap: float, reaches: FloatArray) -> renew.Tightest:
-    """A tight place with given figures."""
+    """A tightest place with given values."""
     edge = np.array([[0.0, gap], [1.0, gap]])
     return renew.Tightest(np.zeros(2), edge, 0.0, padding, gap, reaches)
 
@@ -165,20 +165,20 @@ def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
     for role, place in (("ink", 2.0), ("other", 2.901), ("best", 3.2)):
         (line,) = drawn(axes, role)
         assert line[:, 0] == pytest.approx(place)
-    text = words(axes)
+    text = text_of(axes)
     assert "median 2.00 km" in text
     assert "padding 2.90 km, exceeded by 5.0 %" in text
     assert "route to coast 3.20 km" in text
 
 
-def test_a_far_coast_is_told_and_the_bars_stay_readable() -> None:
+def test_a_distant_coast_is_only_written_so_that_bars_stay_readable() -> None:
     (axes,) = padding_figure(tight(2.9, 50.0, np.linspace(1.0, 3.0, 401)), 1.0).axes
     assert drawn(axes, "best") == []
     assert axes.get_xlim()[1] < 4
-    assert "route to coast 50.0 m \N{RIGHTWARDS ARROW}" in words(axes)
+    assert "route to coast 50.0 m \N{RIGHTWARDS ARROW}" in text_of(axes)
 
 
-def test_turns_that_all_reach_as_far_are_one_bar() -> None:
+def test_turns_of_equal_reach_are_one_bar() -> None:
     (axes,) = padding_figure(tight(2.0, 2.5, np.full(256, 2.0)), 1.0).axes
     assert bars(axes)[0][0].max() == 100
 
@@ -208,14 +208,14 @@ def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -
     (axes,) = padding_figure(tightest, result.scenario.scale).axes
     (line,) = drawn(axes, "other")
     assert line[:, 0] == pytest.approx(tightest.padding * result.scenario.scale / 1000)
-    # The (1 - risk)-quantile, and a little for what the draws are off.
+    # The (1 - risk)-quantile, and a margin for the sampling error.
     assert (tightest.reaches > tightest.padding).mean() < result.scenario.planner.risk
     svg = padding_svg(result, ranked, identity="p", label=HOSTILE)
     assert ET.fromstring(svg).get("aria-label") == HOSTILE  # noqa: S314 - our own
     assert svg == padding_svg(result, ranked, identity="p", label=HOSTILE)
 
 
-def test_where_nothing_is_padded_there_is_no_histogram(planar_result: RunResult) -> None:
+def test_without_padding_there_is_no_histogram(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
     bare = replace(ranked, route=replace(ranked.route, padding_used=np.empty((0, 5))))
     assert padding_svg(planar_result, bare, identity="p", label="") == ""

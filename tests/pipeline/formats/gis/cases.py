@@ -1,4 +1,4 @@
-"""The small run, changed where a file format might trip."""
+"""The small run with changes that a file format might not handle."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:
 
 
 def badly_named(result: RunResult) -> RunResult:
-    """The same run, with names, titles and credits that mean something to SQL, XML and QGIS."""
+    """The same run, with names, titles and credits that have a meaning in SQL, XML and QGIS."""
     bad = renamed(result, {"summer": SCRIPT, "winter": ODD})
     land = replace(bad.fetched.land, credits=(BAD_CREDIT,))
     return replace(
@@ -61,8 +61,8 @@ def badly_named(result: RunResult) -> RunResult:
 
 
 def moved_east(result: RunResult, degrees: float) -> RunResult:
-    """The same run, so far east: as the plane has its own meridian, it stays as it is."""
-    region = result.scenario.waters
+    """The same run further east; the planar data stay, since the plane has its own meridian."""
+    region = result.scenario.area
 
     def shifted(polygons: tuple[Polygon, ...]) -> tuple[Polygon, ...]:
         return tuple(shapely.affinity.translate(polygon, degrees) for polygon in polygons)

@@ -19,7 +19,7 @@ from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.exchange import runs
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
-from tests.referees import geopackage_faults
+from tests.validators import geopackage_faults
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +48,7 @@ def query(path: Path, sql: str) -> list[tuple[Any, ...]]:
 
 
 def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
-    """A layer with its CRS taken off: areas and lengths are compared in degrees here."""
+    """A layer without its CRS: areas and lengths are compared in degrees here."""
     return geopandas.read_file(path, layer=name).set_crs(None, allow_override=True)
 
 
@@ -65,7 +65,7 @@ def test_is_a_geopackage_1_3_with_the_seven_layers(package: Path) -> None:
     assert dict(pyogrio.list_layers(package).tolist()) == {**LAYERS, "layer_styles": None}
 
 
-def test_every_layer_presents_itself_and_lies_in_lon_lat(package: Path) -> None:
+def test_every_layer_has_a_description_and_is_in_lon_lat(package: Path) -> None:
     contents = query(
         package, "SELECT table_name, identifier, description, data_type FROM gpkg_contents"
     )
@@ -91,13 +91,13 @@ def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
             assert getattr(row, column) == getattr(metrics, column), column
 
 
-def test_routes_measure_what_they_say(package: Path) -> None:
+def test_routes_have_the_length_that_they_state(package: Path) -> None:
     for row in layer(package, "routes").itertuples():
         assert GEOD.geometry_length(row.geometry) == pytest.approx(row.length_m, rel=1e-3)
 
 
 def test_a_route_drawn_in_degrees_is_the_route_planned(package: Path, result: RunResult) -> None:
-    """Points all along a planar path lie within a metre of the line in the file."""
+    """Points along a planar path are within a metre of the line in the file."""
     for row, ranked in zip(layer(package, "routes").itertuples(), result.routes, strict=True):
         length = ranked.route.length
         path = shapely.segmentize(shapely.LineString(ranked.route.path), length / 3000)
@@ -107,7 +107,7 @@ def test_a_route_drawn_in_degrees_is_the_route_planned(package: Path, result: Ru
 
 
 def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> None:
-    """Sail each leg by its course and length: it ends at the next waypoint, in the time given."""
+    """Each leg, followed by course and length, ends at the next waypoint at the time given."""
     waypoints = layer(package, "waypoints")
     for ranked in result.routes:
         chosen = (waypoints.season == ranked.season) & (waypoints["rank"] == ranked.rank)
@@ -117,7 +117,7 @@ def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> 
         legs = mine.iloc[:-1]
         lon, lat, _ = GEOD.fwd(x[:-1], y[:-1], legs.course_deg, legs.leg_length_m)
         _, _, off = GEOD.inv(lon, lat, x[1:], y[1:])
-        # The planned line is no geodesic: on 60 km it bends by so much.
+        # The planned line is not a geodesic: on 60 km it bends by this much.
         assert np.max(off) < 0.2
         times = mine.time_s.to_numpy()
         assert times[0] == 0
@@ -128,7 +128,7 @@ def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> 
 
 
 def test_a_following_current_makes_the_leg_faster(package: Path) -> None:
-    """Summer sets east at 0.2 to 0.4 m/s: whoever steers east makes more than through water."""
+    """Summer sets east at 0.2 to 0.4 m/s: eastward legs are faster than through water."""
     waypoints = layer(package, "waypoints")
     east = waypoints[(waypoints.season == "summer") & waypoints.course_deg.between(60, 120)]
     assert len(east) > 0
@@ -220,13 +220,12 @@ def test_sources_travel_inside_the_file(package: Path, result: RunResult) -> Non
     assert content["land_sources"][0]["text"] == small_run.LAND.text
     assert [s["name"] for s in content["current_sources"]] == ["Test table", "Better source"]
     assert content["notes"] == list(result.fetched.notes)
-    # The manifest, but for the files, of which this is one.
+    # The manifest without the list of files, of which this is one.
     assert set(content) == set(manifest(result, ())) - {"outputs"}
     assert content["scenario_as_run"]["name"] == "small-run"
 
 
-def test_every_column_says_what_it_means(package: Path) -> None:
-    """A column without a name for people fails here."""
+def test_every_column_has_a_title_and_a_meaning(package: Path) -> None:
     rows = query(
         package, "SELECT table_name, column_name, name, title, description FROM gpkg_data_columns"
     )
@@ -239,7 +238,7 @@ def test_every_column_says_what_it_means(package: Path) -> None:
     }
     assert described == present
     for _, column, name, title, meaning in rows:
-        # GDAL takes `name`, other readers `title`, for the name that people see.
+        # GDAL shows `name`, other readers `title`.
         assert name == title
         assert title not in {"", column}
         assert len(meaning) > 5
@@ -257,8 +256,8 @@ def test_every_column_says_what_it_means(package: Path) -> None:
     assert all(scope == "read-write" for *_, scope in extensions)
 
 
-def test_units_stand_with_the_names(package: Path) -> None:
-    """Columns that end in a unit, and those of the currents, name it for people too."""
+def test_titles_have_units(package: Path) -> None:
+    """Titles of columns that end in a unit, and of the currents' columns, state the unit."""
     titles = dict(query(package, "SELECT column_name, title FROM gpkg_data_columns"))
     for column, title in titles.items():
         for ending, unit in (("_deg", "(° true)"), ("_m_s", "(m/s)"), ("_m", "(m)"), ("_s", "(s)")):
@@ -270,8 +269,8 @@ def test_units_stand_with_the_names(package: Path) -> None:
     assert titles["direction"].endswith("(° true)")
 
 
-def test_a_sea_across_180_degrees_is_one_piece(result: RunResult, tmp_path: Path) -> None:
-    """The run of the fixtures, 60.4 degrees further east: every layer is, and nothing else."""
+def test_across_180_degrees_layers_are_continuous(result: RunResult, tmp_path: Path) -> None:
+    """The fixtures' run, 60.4 degrees further east: so are all layers, otherwise unchanged."""
     ours, theirs = tmp_path / "here.gpkg", tmp_path / "there.gpkg"
     write_geopackage(result, ours)
     write_geopackage(moved_east(result, 60.4), theirs)
@@ -287,7 +286,7 @@ def test_a_sea_across_180_degrees_is_one_piece(result: RunResult, tmp_path: Path
     assert west < 180 < east
 
 
-def test_names_that_mean_something_to_sql_are_kept(result: RunResult, tmp_path: Path) -> None:
+def test_names_with_a_meaning_in_sql_are_stored_as_text(result: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "routes.gpkg"
     write_geopackage(badly_named(result), path)
     assert set(layer(path, "routes").season) == {SCRIPT, ODD}
@@ -297,12 +296,12 @@ def test_names_that_mean_something_to_sql_are_kept(result: RunResult, tmp_path: 
     assert json.loads(metadata)["land_sources"][0]["text"] == BAD_CREDIT.text
 
 
-def test_a_failed_season_leaves_the_other_one(result: RunResult, tmp_path: Path) -> None:
+def test_a_failed_season_leaves_the_others(result: RunResult, tmp_path: Path) -> None:
     write_geopackage(small_run.with_a_failed_season(result), tmp_path / "routes.gpkg")
     assert set(layer(tmp_path / "routes.gpkg", "routes").season) == {"summer"}
 
 
-def test_without_any_route_the_layers_are_there_and_empty(
+def test_without_any_route_the_layers_exist_and_are_empty(
     result: RunResult, tmp_path: Path
 ) -> None:
     path = tmp_path / "routes.gpkg"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 LAYERS = ("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
-# Opens FILE's project and its layers, draws both into FOLDER, and says what it found.
+# Opens FILE's project and its layers, draws both into FOLDER, and prints what it found.
 _QGIS = """
 import json, os, sys
 from qgis.core import (
@@ -183,10 +183,10 @@ def blended(upper: str, lower: str, opacity: float) -> str:
 def test_the_project_opens_as_a_finished_map(
     qgis_python: str, result: RunResult, tmp_path: Path
 ) -> None:
-    """From another folder than it was written in: a run's files are moved into their place."""
-    (tmp_path / "workshop").mkdir()
-    write_geopackage(result, tmp_path / "workshop" / "routes.gpkg")
-    (tmp_path / "workshop").rename(tmp_path / "results")
+    """In another folder than it was written in: a run's files are moved to their destination."""
+    (tmp_path / "staging").mkdir()
+    write_geopackage(result, tmp_path / "staging" / "routes.gpkg")
+    (tmp_path / "staging").rename(tmp_path / "results")
     found = opened(qgis_python, tmp_path / "results" / "routes.gpkg", tmp_path / "pictures")
     assert found["read"]
     assert found["plane"]
@@ -217,7 +217,7 @@ def test_plain_layers_are_styled_named_and_drawn(
     for name, layer in found["plain"].items():
         assert layer["styled"], name
         assert layer["renderer"] == "RuleRenderer"
-        # No column shows under its own name, and each feature is drawn by one rule.
+        # No column is shown by its raw name, and each feature is drawn by one rule.
         assert not set(layer["columns"]) & set(layer["aliases"])
         assert sum(layer["by_rules"]) == layer["count"] > 0
     assert found["errors"] == []
@@ -249,7 +249,7 @@ def test_across_180_degrees_all_of_the_map_is_there(
 ) -> None:
     """The fixtures' run, moved 60.4 degrees east, where its land lies on both sides of 180.
 
-    It is near the equator, so that the plane and degrees look all but the same.
+    It is near the equator, where plane and degrees look nearly the same.
     """
     write_geopackage(moved_east(result, 60.4), tmp_path / "routes.gpkg")
     opened(qgis_python, package, tmp_path / "here")
@@ -262,7 +262,7 @@ def test_across_180_degrees_all_of_the_map_is_there(
 def test_a_plane_in_metres_opens_too(
     qgis_python: str, planar_result: RunResult, tmp_path: Path
 ) -> None:
-    # As the pipeline has it for a plane; the fixture's land is wider than its plane.
+    # As in the pipeline for a planar scenario; the fixture's no-go zone is wider than its land.
     exact = replace(planar_result, simplified=unsimplified(planar_result.fetched.land))
     write_geopackage(exact, tmp_path / "routes.gpkg")
     found = opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "pictures")

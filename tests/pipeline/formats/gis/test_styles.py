@@ -1,4 +1,4 @@
-"""Styles and project as they stand in the file; test_qgis.py has QGIS itself read them."""
+"""Styles and project as written to the file; in test_qgis.py QGIS itself reads them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lxml import etree
 import renew
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.map_crs import ground
+from pipeline.formats.gis.map_crs import map_crs
 from pipeline.formats.gis.styles import style
 from pipeline.formats.gis.symbols import clean, literal
 from pipeline.formats.gis.view import view
@@ -83,7 +83,7 @@ def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: P
         assert len(keys) == len(set(keys))
 
 
-def test_every_column_has_the_same_name_for_people_in_style_and_schema(package: Path) -> None:
+def test_every_column_has_the_same_alias_in_style_and_schema(package: Path) -> None:
     for layer, root in styles(package).items():
         aliases = {alias.get("field"): alias.get("name") for alias in root.iter("alias")}
         schema = query(
@@ -134,7 +134,7 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert sorted(set(kinds), key=kinds.index) == [
         *("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
     ]
-    # QGIS throws shorter names away and makes up its own.
+    # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)
     ids = {layer.findtext("id") for layer in root.iter("maplayer")}
     assert ids == set(order) == {node.get("id") for node in root.iter("layer-tree-layer")}
@@ -175,7 +175,7 @@ def test_bad_names_stay_text(result: RunResult, tmp_path: Path) -> None:
     for root in documents:
         assert not list(root.iter("script"))
         texts = [*root.itertext(), *(v for node in root.iter() for v in node.attrib.values())]
-        # What stands in [% %] QGIS evaluates; expressions hold it as a quoted text.
+        # QGIS evaluates text between [% and %]; in expressions it is quoted.
         assert not any("[%" in text for text in root.itertext())
         assert not any("[%" in node.get("label", "") for node in root.iter("rule"))
         assert not any("[%" in node.get("name", "") for node in root.iter("layer-tree-group"))
@@ -209,16 +209,16 @@ def test_clean_text_is_xml_and_no_expression(text: str) -> None:
 
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"])))
 def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -> None:
-    """Read it by the rules of QGIS's lexer: quotes doubled, backslashes escape."""
+    """Read it by the rules of QGIS's lexer: quotes are doubled, backslashes escape."""
     written = literal(text)
     etree.Element("a").set("filter", written)
     token = re.compile(r"'((?:[^'\\]|''|\\.)*)'|char\((\d+)\)", re.DOTALL)
-    words, place = [], 0
-    while place < len(written):
-        found = token.match(written, place)
-        assert found, written[place:]
+    parts, position = [], 0
+    while position < len(written):
+        found = token.match(written, position)
+        assert found, written[position:]
         quoted, code = found.groups()
-        words.append(
+        parts.append(
             chr(int(code))
             if code
             else re.sub(
@@ -228,11 +228,11 @@ def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -
                 flags=re.DOTALL,
             )
         )
-        place = found.end()
-        if place < len(written):
-            assert written.startswith(" || ", place)
-            place += 4
-    assert "".join(words) == text
+        position = found.end()
+        if position < len(written):
+            assert written.startswith(" || ", position)
+            position += 4
+    assert "".join(parts) == text
 
 
 @pytest.mark.parametrize(
@@ -243,12 +243,12 @@ def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -
 def test_arrows_are_turned_by_the_planes_convergence(
     result: RunResult, box: tuple[float, float, float, float]
 ) -> None:
-    """The formula, worked out in Python, against the projection at points all over the chart."""
+    """The formula, evaluated in Python, against the projection at points all over the chart."""
     region = shapely.box(*box)
     projection = Projection.for_region(region)
     chart = renew.Chart(projection.geometry_to_plane(region, densify_m=10_000), [])
     elsewhere = replace(result, scene=replace(result.scene, projection=projection, chart=chart))
-    formula = ground(elsewhere).convergence
+    formula = map_crs(elsewhere).convergence
     python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
     for lon, lat in np.random.default_rng(0).uniform(box[:2], box[2:], (50, 2)):
         place = {"lon": lon, "lat": lat, "sin": np.sin, "radians": np.radians}
@@ -257,11 +257,11 @@ def test_arrows_are_turned_by_the_planes_convergence(
         assert found == pytest.approx(float(true), abs=0.1)
 
 
-def test_a_map_round_the_pole_turns_its_arrows_all_the_way(result: RunResult) -> None:
+def test_on_a_map_around_the_pole_arrows_turn_with_the_longitude(result: RunResult) -> None:
     projection = Projection.for_region(shapely.box(-180, 84, 180, 90))
     ring = shapely.Point(0, 0).buffer(600_000)
     scene = replace(result.scene, projection=projection, chart=renew.Chart(ring, []))
-    formula = ground(replace(result, scene=scene)).convergence
+    formula = map_crs(replace(result, scene=scene)).convergence
     python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
     for lon in (-170.0, -90.0, 0.0, 45.0, 179.0):
         place = {"lon": lon, "lat": 87.0, "sin": np.sin, "radians": np.radians}
@@ -270,30 +270,30 @@ def test_a_map_round_the_pole_turns_its_arrows_all_the_way(result: RunResult) ->
         assert np.cos(np.radians(found - lon)) == pytest.approx(1.0, abs=1e-4)
 
 
-def test_across_180_degrees_the_map_is_in_longitudes_that_go_on(result: RunResult) -> None:
-    here, there = ground(result), ground(moved_east(result, 60.4))
+def test_across_180_degrees_the_map_is_in_continuous_longitudes(result: RunResult) -> None:
+    here, there = map_crs(result), map_crs(moved_east(result, 60.4))
     assert not here.is_lonlat
     assert there.system.authority == "EPSG:4326"
     assert there.bounds == pytest.approx((179.4 - 0.036, 8.964, 180.6 + 0.036, 10.036), abs=2e-3)
 
 
 def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> None:
-    """By the points' places in the grid, so that what is left is a coarser grid."""
-    seen = view(result)
-    dense = replace(
-        seen,
-        seasons=tuple(
-            replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in seen.seasons
-        ),
+    """By the points' indices in the grid, so that the rest is a coarser grid."""
+    coarse = view(result)
+    seasons = tuple(
+        replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in coarse.seasons
     )
-    plain = [rule.get("filter") for rule in leaves(style("currents", seen).renderer)]
+    dense = replace(coarse, seasons=seasons)
+    plain = [rule.get("filter") for rule in leaves(style("currents", coarse).renderer)]
     thinned = [rule.get("filter") for rule in leaves(style("currents", dense).renderer)]
     assert not any("@map_scale" in condition for condition in plain)
     assert all("@map_scale" in condition for condition in thinned)
 
 
-def test_routes_of_two_seasons_on_one_way_are_both_seen(package: Path, result: RunResult) -> None:
-    """The season that leads lies below, and wider than what lies on it."""
+def test_coinciding_routes_of_two_seasons_are_both_visible(
+    package: Path, result: RunResult
+) -> None:
+    """The leading season lies below, and is wider than the other."""
     best = {r.season: r.metrics.fuel for r in result.routes if r.rank == 1}
     lead = min(best, key=lambda season: best[season])
     renderer = styles(package)["routes"].find("renderer-v2")

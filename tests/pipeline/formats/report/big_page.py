@@ -1,4 +1,4 @@
-"""A report as large as they get: 50,000 vertices of coast, 16 routes, 7,000 arrows a season."""
+"""A report of the largest size: 50,000 vertices of coast, 16 routes, 7,000 arrows per season."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from pipeline.model import RouteKey, RouteMetrics, SeasonPlan
 
 ISLANDS, CORNERS = 250, 200
-ROUTES_A_SEASON = 8
+ROUTES_PER_SEASON = 8
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A page as a browser met it: its size, and seconds until map and controls were drawn."""
+    """Size of a page, and seconds until a browser has drawn map and controls."""
 
     size_bytes: int
     ready_s: float
@@ -44,7 +44,7 @@ def big_result() -> RunResult:
     contingency: dict[RouteKey, renew.Contingency] = {}
     for entry in result.plans:
         found = result.evaluation.contingency[entry.season, 1]
-        for rank in range(1, ROUTES_A_SEASON + 1):
+        for rank in range(1, ROUTES_PER_SEASON + 1):
             contingency[entry.season, rank] = found
     return replace(
         result,
@@ -61,7 +61,7 @@ def write_big_page(path: Path) -> None:
 
 
 def measure(browser: Browser, path: Path) -> Measured:
-    """Open a page in a fresh context and wait until it says that it is ready."""
+    """Open a page in a new context and wait until it is ready."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()
     page.goto(path.as_uri(), wait_until="commit")
@@ -72,7 +72,7 @@ def measure(browser: Browser, path: Path) -> Measured:
 
 
 def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, ...]:
-    """Ragged islands all over the chart, each a star about its middle."""
+    """Ragged, star-shaped islands all over the chart."""
     chance = np.random.default_rng(7)
     xmin, ymin, xmax, ymax = bounds
     angle = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
@@ -86,7 +86,7 @@ def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, 
 
 
 def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
-    """Gyres, known everywhere, so that arrows stand as thick as they may."""
+    """Gyres, defined everywhere, so that arrows are as dense as possible."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     strength = 0.3 if season == "summer" else 0.6
     return renew.GyreCurrent(strength, xmax - xmin, ymax - ymin, columns=3, rows=3)
@@ -95,11 +95,11 @@ def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
 def _more_routes(
     result: RunResult, entry: SeasonPlan
 ) -> tuple[SeasonPlan, tuple[RouteMetrics, ...]]:
-    """Repeat a season's routes, each time a little dearer."""
+    """Repeat a season's routes, each with a little more fuel."""
     assert entry.plan is not None
     routes, rows = [], []
     ranked = result.season_routes(entry.season)
-    for number in range(ROUTES_A_SEASON):
+    for number in range(ROUTES_PER_SEASON):
         like = ranked[number % len(ranked)]
         name, fuel = f"{like.route.homotopy}.x{number}", like.route.fuel * (1 + 0.01 * number)
         routes.append(replace(like.route, homotopy=name, fuel=fuel))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.referees import chromium
+from tests.validators import chromium
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reader:
-    """Opens pages, and notes what they ask for, complain of and put into dialogs."""
+    """Opens pages, and records their requests, console errors and dialogs as faults."""
 
     browser: Browser
     faults: list[str] = field(default_factory=list)
 
     def open(self, path: Path, *, width: int = 900, height: int = 700, **options: object) -> Page:
-        """Open a file in a context of its own and wait until its script is through."""
+        """Open a file in a context of its own and wait until its script has run."""
         context = self.browser.new_context(
             viewport={"width": width, "height": height},
             **options,  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The page in a real browser: it answers by mouse, keyboard and screen reader, and stays alone."""
+"""The page in a real browser: mouse, keyboard, screen reader, and no requests."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 
 from pipeline.formats.report import assets
-from pipeline.formats.shared import text as phrases
+from pipeline.formats.shared import text as texts
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
+from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
-from tests.pipeline.formats.report.hands import drawn, now, season, slide, written
-from tests.referees import axe_faults
+from tests.validators import axe_faults
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -37,7 +37,7 @@ def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def hostile(result: RunResult) -> RunResult:
-    """The run with bad text wherever a text comes from outside."""
+    """The run with bad text in every text from outside."""
     seasons = tuple(s.model_copy(update={"title": HOSTILE}) for s in result.scenario.seasons)
     scenario = result.scenario.model_copy(
         update={"title": HOSTILE, "description": HOSTILE, "seasons": seasons}
@@ -56,7 +56,7 @@ def hostile(result: RunResult) -> RunResult:
     )
 
 
-def test_the_map_takes_the_pictures_place(reader: Reader, file: Path) -> None:
+def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     assert page.locator("#map").is_visible()
     assert not page.locator(".maps").is_visible()
@@ -72,15 +72,15 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
     for number, entry in enumerate(result.plans):
         season(page, number)
         rows = [m for m in result.evaluation.routes if m.season == entry.season]
-        buttons = page.locator(f"[data-routes='{number}'] [data-pick]")
+        buttons = page.locator(f"[data-routes='{number}'] [data-select]")
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
             text = buttons.nth(index).inner_text()
-            assert text.split()[:4] == [str(m.rank), m.side, phrases.number(m.fuel), "fuel"]
+            assert text.split()[:4] == [str(m.rank), m.side, texts.number(m.fuel), "fuel"]
             buttons.nth(index).click()
             slide(page, 1000)
-            assert now(page, "fuel") == phrases.number(m.fuel)
-            assert now(page, "time") == phrases.hours(m.duration_s)
+            assert now(page, "fuel") == texts.number(m.fuel)
+            assert now(page, "time") == texts.hours(m.duration_s)
             assert float(now(page, "distance").split()[0]) == pytest.approx(
                 m.length_m / 1000, rel=5e-4
             )
@@ -93,20 +93,20 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
             assert label == f"{least} to land"
 
 
-def test_words_are_spelt_as_in_the_tables(browser: Browser) -> None:
+def test_quantities_are_formatted_as_in_the_tables(browser: Browser) -> None:
     page = browser.new_page()
-    words = (Path(assets.__file__).parent / "scripts" / "words.js").read_text(encoding="utf-8")
+    code = (Path(assets.__file__).parent / "scripts" / "text.js").read_text(encoding="utf-8")
     values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, -1.5]
-    spelt = page.evaluate(
-        f"values => {{ {words}; return values.map(v => [spellNumber(v), spellDistance(v),"
-        " spellTime(v)]); }",
+    formatted = page.evaluate(
+        f"values => {{ {code}; return values.map(v => [formatNumber(v), formatDistance(v),"
+        " formatTime(v)]); }",
         values,
     )
-    assert [number for number, _, _ in spelt] == [
-        phrases.number(v).replace("-", "\N{MINUS SIGN}") for v in values
+    assert [number for number, _, _ in formatted] == [
+        texts.number(v).replace("-", "\N{MINUS SIGN}") for v in values
     ]
-    assert [far for _, far, _ in spelt[:-1]] == [phrases.distance(v) for v in values[:-1]]
-    assert [time for _, _, time in spelt[:-1]] == [phrases.hours(v) for v in values[:-1]]
+    assert [far for _, far, _ in formatted[:-1]] == [texts.distance(v) for v in values[:-1]]
+    assert [time for _, _, time in formatted[:-1]] == [texts.hours(v) for v in values[:-1]]
     page.close()
 
 
@@ -137,27 +137,27 @@ def test_layers_switch(reader: Reader, file: Path) -> None:
         assert drawn(page, pane) == before[pane]
 
 
-def test_routes_switch_and_are_chosen(reader: Reader, file: Path) -> None:
+def test_routes_switch_and_are_selected(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     rows = page.locator("[data-routes='0'] li")
-    assert "chosen" in (rows.nth(0).get_attribute("class") or "")
+    assert "selected" in (rows.nth(0).get_attribute("class") or "")
     before = drawn(page, "routes")
     rows.nth(3).locator("input").click()
     without = drawn(page, "routes")
     assert without != before
     rows.nth(3).locator("input").click()
     assert drawn(page, "routes") == before
-    page.get_by_role("button", name="Only the one followed").click()
+    page.get_by_role("button", name="Only the selected one").click()
     assert drawn(page, "routes") not in {before, without}
-    # A route that is chosen is drawn, ticked or not.
+    # The selected route is drawn, ticked or not.
     rows.nth(2).locator("button").click()
-    chosen = page.locator("[data-route].chosen")
-    assert [chosen.nth(i).get_attribute("data-route") for i in range(2)] == ["0-2", "0-2"]
-    assert chosen.count() == 2
+    selected = page.locator("[data-route].selected")
+    assert [selected.nth(i).get_attribute("data-route") for i in range(2)] == ["0-2", "0-2"]
+    assert selected.count() == 2
     assert rows.nth(2).locator("button").get_attribute("aria-pressed") == "true"
     page.get_by_role("button", name=re.compile("^Show route 2 of Winter")).click()
     assert page.locator("[data-routes='1']").is_visible()
-    assert page.locator("[data-routes='1'] li").nth(1).get_attribute("class") == "chosen"
+    assert page.locator("[data-routes='1'] li").nth(1).get_attribute("class") == "selected"
     assert page.locator("[name=season]").nth(1).is_checked()
 
 
@@ -174,12 +174,12 @@ def test_the_voyage_plays(reader: Reader, file: Path) -> None:
     assert vessel.bounding_box() != place
     assert float(now(page, "fuel")) > 0
     assert int(page.locator("#time").input_value()) > 5
-    # Said once, and only when the vessel has come to rest.
+    # Announced once, after the vessel has stopped.
     page.wait_for_selector("#spoken:not(:empty)", state="attached")
     assert page.locator("#spoken").inner_text().startswith(f"After {now(page, 'time')}: ")
 
 
-def test_the_voyage_is_where_and_when_it_says(
+def test_the_voyages_position_and_time_are_true(
     reader: Reader, file: Path, result: RunResult
 ) -> None:
     page = reader.open(file)
@@ -194,12 +194,12 @@ def test_the_voyage_is_where_and_when_it_says(
         slide(page, value)
         values.append(float(now(page, "fuel")))
         assert page.locator("#time").get_attribute("aria-valuetext") == (
-            f"{now(page, 'time')} of {phrases.hours(result.evaluation.routes[0].duration_s)}"
+            f"{now(page, 'time')} of {texts.hours(result.evaluation.routes[0].duration_s)}"
         )
     assert values == sorted(values)
 
 
-def test_without_motion_the_vessel_goes_in_steps(reader: Reader, file: Path) -> None:
+def test_with_reduced_motion_the_vessel_moves_in_steps(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="reduce")
     seen = page.evaluate(
         """() => new Promise(done => {
@@ -213,7 +213,7 @@ def test_without_motion_the_vessel_goes_in_steps(reader: Reader, file: Path) -> 
     assert seen == 2
 
 
-def test_the_keyboard_reaches_all(reader: Reader, file: Path) -> None:
+def test_the_keyboard_reaches_every_control(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     reached: list[str] = []
     for _ in range(40):
@@ -246,19 +246,19 @@ def test_the_keyboard_reaches_all(reader: Reader, file: Path) -> None:
             assert page.locator("#time").input_value() == "1"
         elif name == "shown" and "shown" not in reached[:-1]:
             before = drawn(page, "routes")
-            # The best is drawn, ticked or not; the next row's box takes its own away.
+            # The best is selected, so it is drawn, ticked or not; the next row's box hides its own.
             page.keyboard.press("Tab")
             page.keyboard.press("Tab")
             page.keyboard.press("Space")
             assert drawn(page, "routes") != before
-        elif name == "pick":
+        elif name == "select":
             page.keyboard.press("Enter")
             assert page.evaluate("document.activeElement.getAttribute('aria-pressed')") == "true"
             break
-    assert {"season", "layer", "map", "whole", "play", "time", "shown", "pick"} <= set(reached)
+    assert {"season", "layer", "map", "fit", "play", "time", "shown", "select"} <= set(reached)
 
 
-def test_nothing_stands_in_anybodys_way(reader: Reader, file: Path) -> None:
+def test_axe_finds_no_barriers(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     looks: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 360), ("dark", 1280))
     for scheme, width in looks:
@@ -267,7 +267,7 @@ def test_nothing_stands_in_anybodys_way(reader: Reader, file: Path) -> None:
         assert axe_faults(page) == [], (scheme, width)
 
 
-def test_the_map_turns_dark_with_the_page(reader: Reader, file: Path) -> None:
+def test_the_map_follows_the_pages_colour_scheme(reader: Reader, file: Path) -> None:
     page = reader.open(file, color_scheme="light")
     panes = ("water", "currents", "land", "routes")
     light = [drawn(page, pane) for pane in panes]
@@ -279,7 +279,7 @@ def test_the_map_turns_dark_with_the_page(reader: Reader, file: Path) -> None:
 
 
 def assert_fits(page: Page) -> None:
-    """At no width anything makes the page wider than its window."""
+    """Check that at no width the page is wider than its window."""
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 800})
         wide = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
@@ -289,13 +289,13 @@ def assert_fits(page: Page) -> None:
         assert box["width"] > 0.6 * min(width, 1000)
 
 
-def test_every_width_has_room(reader: Reader, file: Path) -> None:
+def test_the_page_fits_every_width(reader: Reader, file: Path) -> None:
     assert_fits(reader.open(file, width=WIDTHS[0]))
 
 
-def test_bad_names_do_nothing(reader: Reader, result: RunResult, tmp_path: Path) -> None:
+def test_bad_names_are_harmless(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     page = reader.open(written(hostile(result), tmp_path))
-    page.locator("[data-routes='0'] [data-pick]").nth(1).click()
+    page.locator("[data-routes='0'] [data-select]").nth(1).click()
     season(page, 1)
     assert_fits(page)
     assert page.locator("img").count() == 0
@@ -303,7 +303,7 @@ def test_bad_names_do_nothing(reader: Reader, result: RunResult, tmp_path: Path)
     shown = page.locator("h1").inner_text()
     assert "<script>alert(1)</script></script><!--<img src=x" in shown
     assert "\N{ROCKET}" in shown
-    # What the script writes is text, too: a route under the pointer bears its season's name.
+    # The script writes text, too: the label of a route under the pointer has its season's name.
     start = page.locator(".vessel").bounding_box()
     assert start is not None
     page.mouse.move(start["x"] + 14, start["y"] + 14)
@@ -311,18 +311,18 @@ def test_bad_names_do_nothing(reader: Reader, result: RunResult, tmp_path: Path)
     assert "<script>alert(1)</script>" in label.inner_text()
 
 
-def test_paper_has_the_pictures(reader: Reader, file: Path) -> None:
+def test_on_paper_the_static_pictures_are_shown(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     assert not page.locator(".notice details li").first.is_visible()
     page.emulate_media(media="print")
     assert page.locator(".maps svg.map").first.is_visible()
     assert page.locator(".notice details li").first.is_visible()
-    for gone in (".explorer", "#play", "#map", "button"):
-        assert not page.locator(gone).first.is_visible()
+    for hidden in (".explorer", "#play", "#map", "button"):
+        assert not page.locator(hidden).first.is_visible()
     assert len(page.pdf(format="A4")) > 50_000
 
 
-def test_without_scripts_a_static_picture_stands(reader: Reader, file: Path) -> None:
+def test_without_scripts_the_static_pictures_are_shown(reader: Reader, file: Path) -> None:
     page = reader.open(file, java_script_enabled=False)
     pictures = page.locator(".maps svg.map")
     assert pictures.count() == 2
@@ -332,15 +332,17 @@ def test_without_scripts_a_static_picture_stands(reader: Reader, file: Path) -> 
     assert page.locator(".plots svg").first.is_visible()
 
 
-def test_a_plane_has_metres(reader: Reader, planar_result: RunResult, tmp_path: Path) -> None:
+def test_a_planar_scenario_has_positions_in_metres(
+    reader: Reader, planar_result: RunResult, tmp_path: Path
+) -> None:
     page = reader.open(written(planar_result, tmp_path))
     assert now(page, "place") == "x 10.00 m, y 10.00 m"
     slide(page, 1000)
     assert now(page, "place") == "x 90.00 m, y 90.00 m"
-    assert now(page, "fuel") == phrases.number(planar_result.evaluation.routes[0].fuel)
+    assert now(page, "fuel") == texts.number(planar_result.evaluation.routes[0].fuel)
 
 
-def test_seasons_without_a_route_can_not_be_chosen(
+def test_seasons_without_a_route_can_not_be_selected(
     reader: Reader, result: RunResult, tmp_path: Path
 ) -> None:
     failed = small_run.with_a_failed_season(result)
@@ -354,7 +356,7 @@ def test_seasons_without_a_route_can_not_be_chosen(
     assert not page.locator(".player").is_visible()
 
 
-def test_the_largest_page_is_light_and_ready_at_once(
+def test_the_largest_page_is_small_and_ready_within_a_second(
     browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.mktemp("big") / "report.html"
@@ -364,5 +366,5 @@ def test_the_largest_page_is_light_and_ready_at_once(
     assert sum(len(entry["routes"]) for entry in data["seasons"]) == 16
     assert all(6_800 < len(entry["current"]["u"]) <= 7_000 for entry in data["seasons"])
     assert path.stat().st_size < 1_750_000
-    # The best of some: other tests share the machine.
+    # The best of several tries, since other tests share the machine.
     assert any(measure(browser, path).ready_s < 1.0 for _ in range(6))

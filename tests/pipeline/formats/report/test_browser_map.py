@@ -1,4 +1,4 @@
-"""The map in a real browser: as near as one can go, under a finger, on paper."""
+"""The map in a real browser: at the largest zoom, by touch, on paper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.report import assets
 from tests.pipeline.formats import small_run
-from tests.pipeline.formats.report.hands import closest, drawn, pixels, written
+from tests.pipeline.formats.report.actions import closest, drawn, pixels, written
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -31,10 +31,10 @@ def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
-    """A route of many places is no staircase: about a cubic its middle stays within a hair."""
+    """A route of many points is smooth: the middle of its line is close to a cubic."""
     page = reader.open(file, width=1280, height=900)
     page.locator("[data-layer=others]").click()
-    page.get_by_role("button", name="Only the one followed").click()
+    page.get_by_role("button", name="Only the selected one").click()
     shown = pixels(page, "routes").astype(float)
     best, halo = (int(colour[3:5], 16) for colour in ("#c2185b", COLOURS["halo"]))
     weight = shown[..., 3] / 255 * np.clip((halo - shown[..., 1]) / (halo - best), 0, 1)
@@ -48,13 +48,13 @@ def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
 
 
 @pytest.mark.parametrize("pixel_ratio", [1, 2])
-def test_arrows_stand_as_thick_at_the_closest_zoom(
+def test_arrows_are_as_dense_at_the_closest_zoom(
     reader: Reader, file: Path, pixel_ratio: int
 ) -> None:
     page = reader.open(file, width=1280, height=900, device_scale_factor=pixel_ratio)
     whole = pixels(page, "currents")[..., 3].astype(bool).mean()
     closest(page)
-    # Close by, arrows have more room.
+    # At the closest zoom arrows may be further apart.
     assert pixels(page, "currents")[..., 3].astype(bool).mean() > 0.25 * whole > 0
 
 
@@ -71,7 +71,7 @@ def test_the_scale_bar_is_true_at_the_closest_zoom(
     assert box["width"] <= 110
 
 
-def test_between_the_lattice_the_current_is_blended(browser: Browser) -> None:
+def test_between_the_lattice_the_current_is_interpolated(browser: Browser) -> None:
     page = browser.new_page()
     assets_folder = Path(assets.__file__).parent
     page.add_script_tag(path=assets_folder / "vendor" / "leaflet" / "leaflet.js")
@@ -84,13 +84,13 @@ def test_between_the_lattice_the_current_is_blended(browser: Browser) -> None:
     found = page.evaluate(
         f"current => {{ {code}; return {{"
         "places: [[0, 0], [1.5, 2.5], [-0.25, 3.25], [1, 1.25], [1, 1]]"
-        ".map(([r, c]) => currentAt(current, r, c)),"
+        ".map(([r, c]) => interpolatedCurrent(current, r, c)),"
         "steps: [0.25, 0.5, 1, 2, 4].map(stride => arrowSteps(stride, 5, -9, 9)),"
         "seen: arrowSteps(0.5, 5, 1, 2.3),"
         "strides: [3, 25, 26, 100, 105, 900].map(arrowStride) }; }",
         {"columns": columns, "u": u, "v": v},
     )
-    # Beyond the outermost places theirs holds; beside land, that of the water; on land, none.
+    # Beyond the outermost places their own current; beside land, that of the water; on land, none.
     for place, expected in zip(
         found["places"], [(0.1, 1.0), (0.35, 2.5), (0.4, 1.0), (0.3, 2.0), None], strict=True
     ):
@@ -105,7 +105,7 @@ def test_between_the_lattice_the_current_is_blended(browser: Browser) -> None:
     page.close()
 
 
-def test_zones_can_be_switched_off_and_say_their_rule(
+def test_zones_can_be_hidden_and_have_labels(
     reader: Reader, result: RunResult, tmp_path: Path
 ) -> None:
     page = reader.open(written(small_run.with_zones(result, name=HOSTILE), tmp_path))
@@ -126,41 +126,39 @@ def test_zones_can_be_switched_off_and_say_their_rule(
     assert "<script>alert(1)</script>" in label.first.inner_text()
 
 
-def test_shoals_lie_over_the_land_that_they_are_part_of(
-    reader: Reader, result: RunResult, tmp_path: Path
-) -> None:
+def test_shoals_are_drawn_over_land(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     page = reader.open(written(small_run.with_zones(result), tmp_path))
     shoal = [int(COLOURS["shoal"][i : i + 2], 16) for i in (1, 3, 5)]
     seen = (pixels(page, "land")[..., :3] == shoal).all(axis=-1)
     assert seen.sum() > 100
 
 
-def test_a_finger_hits_everything(reader: Reader, result: RunResult, tmp_path: Path) -> None:
+def test_touch_targets_are_large_enough(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     path = written(small_run.with_zones(result), tmp_path)
     page = reader.open(path, width=360, has_touch=True, is_mobile=True)
     small = page.evaluate(
         """() => [...document.querySelectorAll("button, input, summary, .leaflet-bar a")]
-          .filter(made => made.checkVisibility())
-          .map(made => made.closest("label") ?? made)
-          .filter(made => { const { width, height } = made.getBoundingClientRect();
-                            return width < 44 || height < 44; })
-          .map(made => made.outerHTML)"""
+          .filter(element => element.checkVisibility())
+          .map(element => element.closest("label") ?? element)
+          .filter(element => { const { width, height } = element.getBoundingClientRect();
+                               return width < 44 || height < 44; })
+          .map(element => element.outerHTML)"""
     )
     assert small == []
 
 
-def test_every_class_is_shown_from_its_tables_first_columns(reader: Reader, file: Path) -> None:
+def test_buttons_of_the_classes_are_in_the_tables_first_columns(reader: Reader, file: Path) -> None:
     page = reader.open(file, width=360)
-    for button in page.locator("table.classes [data-pick]").all():
+    for button in page.locator("table.classes [data-select]").all():
         box = button.bounding_box()
         assert box is not None
         assert box["x"] + box["width"] <= 360
 
 
-def test_paper_keeps_the_legends_colours(reader: Reader, file: Path) -> None:
+def test_on_paper_the_legend_has_its_colours(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     page.emulate_media(media="print")
-    swatches = page.locator(".legend.still i.area")
+    swatches = page.locator(".legend.static i.area")
     assert swatches.count() >= 2
     assert set(
         swatches.evaluate_all("all => all.map(one => getComputedStyle(one).printColorAdjust)")

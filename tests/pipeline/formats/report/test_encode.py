@@ -18,24 +18,25 @@ PLACES = hnp.arrays(
 
 
 def read_line(moves: list[int], lattice: Lattice) -> np.ndarray:
-    """Sum a line up again, as the page's script does."""
+    """Decode a line as the page's script does."""
     return lattice.origin + lattice.step * np.cumsum(np.reshape(moves, (-1, 2)), axis=0)
 
 
 @given(PLACES, st.sampled_from([1.0, 5.0, 1000.0]))
-def test_a_line_comes_back_to_half_a_step(places: np.ndarray, scale: float) -> None:
+def test_a_line_is_decoded_to_half_a_step(places: np.ndarray, scale: float) -> None:
     lattice = Lattice.of((-3000.0, -3000.0, 9000.0, 5000.0), scale)
     assert 12_000 * scale / lattice.step_m >= 2e5
     assert lattice.step * scale == pytest.approx(lattice.step_m)
     back = read_line(lattice.line(places), lattice)
-    steps = lattice.whole(places)
-    kept = [group[0] for group in (list(g) for _, g in itertools.groupby(steps.tolist()))]
-    assert len(back) == len(kept)
-    assert np.abs(back - (lattice.origin + lattice.step * np.array(kept))).max() < 1e-6 * 12_000
+    steps = lattice.to_steps(places)
+    different = [group[0] for group in (list(g) for _, g in itertools.groupby(steps.tolist()))]
+    assert len(back) == len(different)
+    expected = lattice.origin + lattice.step * np.array(different)
+    assert np.abs(back - expected).max() < 1e-6 * 12_000
     assert np.abs(lattice.origin + lattice.step * steps - places).max() <= 0.5001 * lattice.step
 
 
-def test_rings_turn_so_that_overlaps_are_filled_and_holes_are_not() -> None:
+def test_outer_rings_are_anticlockwise_and_holes_clockwise() -> None:
     outer = shapely.Point(50, 50).buffer(30)
     holed = shapely.Polygon(outer.reverse().exterior, [shapely.Point(50, 50).buffer(10).exterior])
     lattice = Lattice.of((0.0, 0.0, 100.0, 100.0), 1.0)
@@ -49,9 +50,9 @@ def test_rings_turn_so_that_overlaps_are_filled_and_holes_are_not() -> None:
 
 
 @given(hnp.arrays(float, st.integers(1, 50), elements=st.floats(-1e6, 1e6)))
-def test_a_series_comes_back_and_ends_where_it_ended(values: np.ndarray) -> None:
-    kept = series(values)
-    step, moves = kept["step"], kept["moves"]
+def test_a_series_is_decoded_and_its_last_value_is_exact(values: np.ndarray) -> None:
+    encoded = series(values)
+    step, moves = encoded["step"], encoded["moves"]
     assert isinstance(step, float)
     assert isinstance(moves, list)
     back = step * np.cumsum(moves)
@@ -61,11 +62,11 @@ def test_a_series_comes_back_and_ends_where_it_ended(values: np.ndarray) -> None
         assert back[-1] == pytest.approx(values[-1], rel=1e-12)
 
 
-def test_a_series_without_end_is_left_out() -> None:
+def test_a_series_with_infinite_values_has_no_moves() -> None:
     assert series(np.array([1.0, np.inf]))["moves"] is None
 
 
-def test_areas_are_cut_to_the_chart() -> None:
+def test_areas_are_clipped_to_the_chart() -> None:
     chart = shapely.box(0, 0, 10, 10)
     areas = np.array(
         [shapely.box(1, 1, 2, 2), shapely.box(8, 8, 12, 12), shapely.box(20, 20, 21, 21)],
@@ -74,7 +75,7 @@ def test_areas_are_cut_to_the_chart() -> None:
     assert sorted(shapely.area(within(areas, chart))) == pytest.approx([1.0, 4.0])
 
 
-def test_a_coast_is_made_coarser_only_where_it_is_too_long() -> None:
+def test_a_coast_is_simplified_only_if_it_has_too_many_vertices() -> None:
     coast = np.array([shapely.Point(0, 0).buffer(10, quad_segs=500)], dtype=object)
     assert shapely.get_num_coordinates(coarser(coast, 0.01, 5000)).sum() == 2001
     shorter = coarser(coast, 1e-4, 200)
@@ -84,18 +85,18 @@ def test_a_coast_is_made_coarser_only_where_it_is_too_long() -> None:
     assert shapely.get_num_coordinates(coarser(triangle, 1e-9, 1)).sum() == 5
 
 
-def test_islets_go_before_islands() -> None:
+def test_islets_are_dropped_before_islands() -> None:
     corners = np.random.default_rng(3).uniform(0, 1000, (3000, 2))
     islets = shapely.box(*corners.T, *(corners + 0.4).T)
     island = shapely.Point(500, 500).buffer(100, quad_segs=20)
-    seen = coarser(np.append(islets, island), 0.1, 200)
-    assert shapely.is_empty(seen[:-1]).all()
-    assert shapely.area(seen[-1]) == pytest.approx(shapely.area(island), rel=0.01)
+    simple = coarser(np.append(islets, island), 0.1, 200)
+    assert shapely.is_empty(simple[:-1]).all()
+    assert shapely.area(simple[-1]) == pytest.approx(shapely.area(island), rel=0.01)
 
 
 @given(st.text())
 def test_json_stays_data_in_a_script(text: str) -> None:
     hostile = f"</script><!--{text}<script>]]>"
-    spelt = json_for_script({"name": hostile})
-    assert json.loads(spelt) == {"name": hostile}
-    assert not set("<>&") & set(spelt)
+    written = json_for_script({"name": hostile})
+    assert json.loads(written) == {"name": hostile}
+    assert not set("<>&") & set(written)

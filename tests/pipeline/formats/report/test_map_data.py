@@ -26,17 +26,17 @@ def data(result: RunResult) -> dict[str, Any]:
 
 
 def plane(result: RunResult, moves: list[int]) -> np.ndarray:
-    """Places (n, 2) of the plane that a line stands for."""
+    """Planar points (n, 2) of an encoded line."""
     lattice = Lattice.of(result.scene.chart.bounds, result.scene.projection.scale)
     return lattice.origin + lattice.step * np.cumsum(np.reshape(moves, (-1, 2)), axis=0)
 
 
-def summed(kept: dict[str, Any]) -> np.ndarray:
-    return np.asarray(kept["step"] * np.cumsum(kept["moves"]))
+def decoded(encoded: dict[str, Any]) -> np.ndarray:
+    return np.asarray(encoded["step"] * np.cumsum(encoded["moves"]))
 
 
 def filled(rings: list[np.ndarray]) -> BaseGeometry:
-    """Fill outer rings, which turn anticlockwise, and take the others out."""
+    """Area of outer rings, which are anticlockwise, without the others."""
     areas: dict[bool, list[BaseGeometry]] = {True: [], False: []}
     for ring in rings:
         areas[shapely.LinearRing(ring).is_ccw].append(shapely.Polygon(ring).buffer(0))
@@ -49,7 +49,7 @@ def test_the_coast_is_the_original_one(data: dict[str, Any], result: RunResult) 
     assert drawn.symmetric_difference(land).area < 1e-4 * land.area
 
 
-def test_routes_run_from_start_to_goal_with_their_own_figures(
+def test_routes_run_from_start_to_goal_with_their_metrics(
     data: dict[str, Any], result: RunResult
 ) -> None:
     start, goal = plane(result, data["start"])[0], plane(result, data["goal"])[0]
@@ -62,17 +62,17 @@ def test_routes_run_from_start_to_goal_with_their_own_figures(
             assert places[-1] == pytest.approx(goal, abs=1e-3)
             line = shapely.LineString(places)
             assert line.hausdorff_distance(shapely.LineString(r.route.path)) < 2e-3
-            assert summed(route["fuel"])[-1] == pytest.approx(r.metrics.fuel, rel=1e-9)
-            assert summed(route["time"])[-1] == pytest.approx(r.metrics.duration_s, rel=1e-9)
-            assert summed(route["distance"])[-1] == pytest.approx(r.metrics.length_m, rel=1e-4)
-            clearance = summed(route["clearance"])
+            assert decoded(route["fuel"])[-1] == pytest.approx(r.metrics.fuel, rel=1e-9)
+            assert decoded(route["time"])[-1] == pytest.approx(r.metrics.duration_s, rel=1e-9)
+            assert decoded(route["distance"])[-1] == pytest.approx(r.metrics.length_m, rel=1e-4)
+            clearance = decoded(route["clearance"])
             assert clearance.min() == pytest.approx(r.metrics.clearance_m, rel=0.01)
             soft = filled([plane(result, ring) for ring in route["soft"]])
             zone = r.route.soft_no_go.intersection(result.scene.chart.extent)
             assert soft.symmetric_difference(zone).area < 0.05 * zone.area
 
 
-def test_arrows_stand_on_water_and_tell_the_planners_current(
+def test_arrows_are_on_water_and_show_the_planners_current(
     data: dict[str, Any], result: RunResult
 ) -> None:
     land = shapely.union_all(result.scene.land)
@@ -93,13 +93,13 @@ def test_arrows_stand_on_water_and_tell_the_planners_current(
         assert (shapely.contains_xy(land, places[dry]) | still).all()
 
 
-def test_every_turn_that_met_land_is_kept(result: RunResult) -> None:
+def test_every_turn_that_met_land_is_shown(result: RunResult) -> None:
     key = ("summer", 1)
     found = result.evaluation.contingency[key]
     collided = np.zeros(len(found.points), dtype=bool)
     collided[::7] = True
-    kept = {**result.evaluation.contingency, key: replace(found, collided=collided)}
-    changed = replace(result, evaluation=Evaluation(result.evaluation.routes, kept))
+    contingency = {**result.evaluation.contingency, key: replace(found, collided=collided)}
+    changed = replace(result, evaluation=Evaluation(result.evaluation.routes, contingency))
     seasons: Any = map_data(changed, LIMITS)["seasons"]
     route = seasons[0]["routes"][0]
     assert plane(result, route["hits"]) == pytest.approx(found.points[collided], abs=1e-3)
@@ -117,14 +117,14 @@ def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:
     assert [(season["current"], season["routes"]) for season in seasons] == [(None, [])] * 2
 
 
-def test_zones_are_cut_to_the_chart_and_have_edges_of_their_own_only(
+def test_zones_are_clipped_to_the_chart_and_have_only_their_own_edges(
     data: dict[str, Any], result: RunResult
 ) -> None:
     assert data["zones"] == []
     zoned = small_run.with_zones(result, rule="no <entry>")
     zones: Any = map_data(zoned, LIMITS)["zones"]
     extent = result.scene.chart.extent
-    assert [(zone["kind"], zone["words"]) for zone in zones] == [
+    assert [(zone["kind"], zone["text"]) for zone in zones] == [
         ("restricted", "Whale & calf: no <entry>"),
         ("traffic", "Traffic scheme: keep to starboard"),
     ]

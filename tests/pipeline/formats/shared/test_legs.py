@@ -1,4 +1,4 @@
-"""Legs, against small steps along the planned line in a plane that stretches as Mercator's does."""
+"""Legs, against small steps along the planned line in a plane stretched like Mercator's."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def test_courses_are_those_of_the_planned_line() -> None:
         at, on = result.scene.projection.to_lonlat(np.stack([path[:-1], ahead]))
         course = GEOD.inv(at[:, 0], at[:, 1], on[:, 0], on[:, 1])[0]
         apart = (own.course_deg[:-1] - course + 180) % 360 - 180
-        # As much as a piece of ten kilometres turns.
+        # The change of course along a piece of ten kilometres.
         assert np.abs(apart).max() < 0.1
 
 
 def test_times_are_those_at_true_scale() -> None:
-    """A step takes its true length by the speed that the current leaves the vessel there."""
+    """A step takes its true length divided by the speed over ground there."""
     result = runs.stretched()
     scene, ranked = result.scene, result.routes[0]
     path = np.asarray(ranked.route.path)
@@ -50,9 +50,9 @@ def test_times_are_those_at_true_scale() -> None:
     ahead = np.diff(dense, axis=0)
     apart = np.linalg.norm(ahead, axis=1)
     ahead = np.divide(ahead, apart[:, None], where=apart[:, None] > 0, out=np.zeros_like(ahead))
-    set_ = np.asarray(scene.currents[ranked.season]((dense[:-1] + dense[1:]) / 2))
-    time = np.append(0.0, np.cumsum(step / (scene.vessel.speed + (set_ * ahead).sum(axis=1))))
-    # The duration itself is that of the steered track.
+    current = np.asarray(scene.currents[ranked.season]((dense[:-1] + dense[1:]) / 2))
+    time = np.append(0.0, np.cumsum(step / (scene.vessel.speed + (current * ahead).sum(axis=1))))
+    # The duration itself is that of the steered trajectory.
     time *= ranked.metrics.duration_s / time[-1]
     vertices = np.append(0, np.arange(1, len(path)) * 200 - 1)
     assert legs(ranked, result).time_s == pytest.approx(time[vertices], rel=1e-3)

@@ -48,7 +48,7 @@ def currents(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 @pytest.fixture
 def small_files() -> Iterator[None]:
-    """Let no file grow beyond 4 kB: the nearest thing to a full disk that needs no other disk."""
+    """Limit files to 4 kB, which is like a full disk but needs no other disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4_000, hard))
     try:
@@ -62,9 +62,9 @@ def with_grids(result: RunResult, *grids: CurrentGrid) -> RunResult:
 
 
 def faults(path: Path) -> list[str]:
-    """What the CF checker of IOOS holds against a file, of high and medium weight.
+    """Faults of high and medium weight that the CF checker of IOOS finds in a file.
 
-    Its table of standard names comes with it; the suite's guard refuses every connection.
+    It has its own table of standard names, so it needs no connection.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its own and its libraries' deprecations
@@ -114,7 +114,7 @@ def test_the_figures_are_the_sources_own(currents: Path, result: RunResult) -> N
             assert np.isnan(season.uo).sum() == np.isnan(grid.u).sum() > 0
 
 
-def test_a_point_without_figure_is_the_fill_value_itself(currents: Path) -> None:
+def test_a_point_without_value_has_the_fill_value(currents: Path) -> None:
     with netCDF4.Dataset(currents) as file:
         file.set_auto_mask(False)
         for component in (file["uo"], file["vo"]):
@@ -123,7 +123,7 @@ def test_a_point_without_figure_is_the_fill_value_itself(currents: Path) -> None
             assert (stored == component._FillValue).sum() == 8
 
 
-# Near and far from the lines of other grids: 0.5 nanodegrees are one line, 2 are two.
+# Offsets from the lines of other grids: at 0.5 nanodegrees it is one line, at 2 it is two.
 _NUDGES = st.sampled_from([0.0, 2e-10, 5e-10, 2e-9, 1e-6, 0.04])
 
 
@@ -135,7 +135,7 @@ def axes(draw: st.DrawFn, middle: float) -> np.ndarray:
 
 @st.composite
 def current_grids(draw: st.DrawFn, season: str) -> CurrentGrid:
-    """Grids about 180 degrees east, some of whose points have no figures, or only one of them."""
+    """Grids around 180 degrees, some of whose points lack one or both components."""
     lon, lat = draw(axes(180.0)), draw(axes(-17.0))
     speeds = st.floats(-4, 4) | st.just(np.nan)
     u, v = (draw(hnp.arrays(float, (len(lat), len(lon)), elements=speeds)) for _ in "uv")
@@ -143,13 +143,13 @@ def current_grids(draw: st.DrawFn, season: str) -> CurrentGrid:
 
 
 def sampled(field: xr.DataArray, points: np.ndarray) -> np.ndarray:
-    """Bilinear figures at points (n, 2) of latitude and longitude."""
+    """Bilinear values at points (n, 2) of latitude and longitude."""
     axes = (field.lat.values, field.lon.values)
     return np.asarray(RegularGridInterpolator(axes, field.values)(points))
 
 
-def as_field(grid: CurrentGrid, figures: np.ndarray) -> xr.DataArray:
-    return xr.DataArray(figures, {"lat": grid.lat, "lon": grid.lon}, ("lat", "lon"))
+def as_field(grid: CurrentGrid, values: np.ndarray) -> xr.DataArray:
+    return xr.DataArray(values, {"lat": grid.lat, "lon": grid.lon}, ("lat", "lon"))
 
 
 @given(
@@ -157,7 +157,7 @@ def as_field(grid: CurrentGrid, figures: np.ndarray) -> xr.DataArray:
     st.integers(0, 2**32 - 1),
 )
 @settings(max_examples=40, deadline=None)
-def test_a_season_read_bilinearly_is_its_own_grid_read_so(
+def test_a_season_read_bilinearly_equals_its_own_grid(
     grids: tuple[CurrentGrid, ...], seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -174,7 +174,7 @@ def test_a_season_read_bilinearly_is_its_own_grid_read_so(
     for grid in grids:
         season = file.sel(season=grid.season)
         own = season.sel(lat=grid.lat, lon=grid.lon, method="nearest", tolerance=1e-9)
-        # Clear of its ends, which may be off by a nanodegree in the file.
+        # Away from its ends, which may be off by a nanodegree in the file.
         low, high = ((grid.lat[end], grid.lon[end]) for end in (0, -1))
         points = rng.uniform(np.array(low) + 1e-9, np.array(high) - 1e-9, (200, 2))
         outside = (season.lat < grid.lat[0] - 1e-9) | (season.lat > grid.lat[-1] + 1e-9)
@@ -193,7 +193,7 @@ def test_a_season_read_bilinearly_is_its_own_grid_read_so(
 def test_a_finer_and_wider_season_leaves_the_other_as_it_is(
     result: RunResult, tmp_path: Path
 ) -> None:
-    """By hand: on a cell of 2 degrees with lines between, beside a gap, and with lines outside."""
+    """Computed by hand: in a cell of 2 degrees with lines between, next to a gap, and outside."""
     nan = np.nan
     square = np.array([[0.0, 1.0], [2.0, 5.0]])
     coarse = np.array([[1.0, 2.0, nan], [3.0, 6.0, 1.0]])
@@ -233,7 +233,7 @@ def test_a_reader_by_the_conventions_finds_east_and_north(currents: Path) -> Non
         assert abs(float(summer.vo.mean())) < 0.05
 
 
-def test_the_file_says_what_it_is(currents: Path, result: RunResult) -> None:
+def test_the_file_has_global_attributes(currents: Path, result: RunResult) -> None:
     with xr.open_dataset(currents) as file:
         assert re.fullmatch(r"CF-1\.\d+", file.attrs["Conventions"])
         assert file.attrs["title"] == "Surface currents of Two islands"
@@ -244,24 +244,24 @@ def test_the_file_says_what_it_is(currents: Path, result: RunResult) -> None:
             assert credit.licence in file.attrs["license"]
 
 
-def test_each_season_says_where_it_is_from(result: RunResult, tmp_path: Path) -> None:
+def test_each_season_has_its_source(result: RunResult, tmp_path: Path) -> None:
     summer, winter = result.fetched.currents
     summer = replace(summer, notes=("one", "two"), credit=replace(summer.credit, url="https://u"))
     write_currents(with_grids(result, summer, winter), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert file.season.values.tolist() == ["summer", "winter"]
         for grid in (summer, winter):
-            # A component of one season carries them along.
-            told = {
+            # A component of one season has them as coordinates.
+            facts = {
                 name: str(c.values) for name, c in file.uo.sel(season=grid.season).coords.items()
             }
-            assert told["season_title"] == result.season_title(grid.season)
-            assert told["valid"] == grid.valid
-            assert told["source"] == grid.credit.name
-            assert told["references"] == grid.credit.url
-            assert told["license"] == grid.credit.licence
-            assert told["acknowledgement"] == grid.credit.text
-            assert told["notes"] == "; ".join(grid.notes)
+            assert facts["season_title"] == result.season_title(grid.season)
+            assert facts["valid"] == grid.valid
+            assert facts["source"] == grid.credit.name
+            assert facts["references"] == grid.credit.url
+            assert facts["license"] == grid.credit.licence
+            assert facts["acknowledgement"] == grid.credit.text
+            assert facts["notes"] == "; ".join(grid.notes)
         assert all(file[name].attrs["long_name"] for name in file.coords)
 
 
@@ -296,7 +296,7 @@ def test_the_time_is_that_of_the_source(
 
 
 @pytest.mark.parametrize("valid", ["", "climatology of June", "2024-01-28/yesterday"])
-def test_a_time_that_cannot_be_read_is_left_as_it_is(
+def test_a_period_that_cannot_be_read_stays_a_text(
     result: RunResult, tmp_path: Path, valid: str
 ) -> None:
     summer, winter = result.fetched.currents
@@ -308,7 +308,7 @@ def test_a_time_that_cannot_be_read_is_left_as_it_is(
     assert faults(path) == []
 
 
-def test_longitudes_go_on_across_180_degrees(result: RunResult, tmp_path: Path) -> None:
+def test_longitudes_are_continuous_across_180_degrees(result: RunResult, tmp_path: Path) -> None:
     moved = moved_east(result, 60.4)
     write_currents(moved, tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
@@ -317,7 +317,7 @@ def test_longitudes_go_on_across_180_degrees(result: RunResult, tmp_path: Path) 
     assert faults(tmp_path / "currents.nc") == []
 
 
-def test_bad_names_are_kept_as_labels(result: RunResult, tmp_path: Path) -> None:
+def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> None:
     bad = badly_named(result)
     odd = bad.scenario.model_copy(update={"title": f"{SCRIPT}\0\ud800"})
     summer, winter = bad.fetched.currents
@@ -333,14 +333,14 @@ def test_bad_names_are_kept_as_labels(result: RunResult, tmp_path: Path) -> None
     assert faults(tmp_path / "currents.nc") == []
 
 
-def test_what_no_string_can_hold_is_replaced_in_a_label(result: RunResult, tmp_path: Path) -> None:
+def test_characters_that_no_string_can_hold_are_replaced(result: RunResult, tmp_path: Path) -> None:
     names = {"summer": "<b>\0\0", "winter": "\ud800\U0001f30a"}
     write_currents(renamed(result, names), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert file.season.values.tolist() == ["<b>\ufffd\ufffd", "?\U0001f30a"]
 
 
-def test_the_example_of_the_documents_runs(
+def test_the_example_in_the_documents_runs(
     currents: Path, result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     readme = (ROOT / "outputs" / "README.md").read_text("utf-8")
@@ -363,15 +363,13 @@ def test_a_plane_has_no_currents_to_write(result: RunResult, planar_result: RunR
     assert not has_currents(planar_result)
 
 
-def test_a_missing_folder_is_an_error_of_the_system(result: RunResult, tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
         write_currents(result, tmp_path / "nowhere" / "currents.nc")
 
 
 @pytest.mark.usefixtures("small_files")
-def test_a_file_that_cannot_be_finished_is_an_error_of_the_system(
-    result: RunResult, tmp_path: Path
-) -> None:
+def test_a_file_that_cannot_be_finished_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"currents\.nc"):
         write_currents(result, tmp_path / "currents.nc")
 

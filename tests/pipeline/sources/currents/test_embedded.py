@@ -12,7 +12,7 @@ import shapely
 from pipeline.model import Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
-from pipeline.scenario.model import Season
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.embedded import EmbeddedTable
 
 NO_LAND = Land((), (), 0.0)
@@ -26,12 +26,12 @@ def palawan() -> EmbeddedTable:
 
 
 def season(name: str) -> Season:
-    """Return a season that takes the table."""
+    """Return a season that uses the table."""
     return Season(name=name, valid="2024-07", currents=("embedded-palawan",))
 
 
 @pytest.mark.parametrize(("name", "step"), [("summer", 0.5), ("winter", 1.0)])
-def test_every_row_stands_at_its_place_and_nothing_else(name: str, step: float) -> None:
+def test_the_grid_has_every_row_at_its_place_and_nothing_else(name: str, step: float) -> None:
     grid = palawan().current(shapely.box(116, 8, 121, 13), season(name), NO_LAND, Path())
     rows = [
         row
@@ -52,20 +52,20 @@ def test_every_row_stands_at_its_place_and_nothing_else(name: str, step: float) 
     assert grid.season == name
 
 
-def test_it_covers_its_cells_and_half_a_cell_is_the_limit() -> None:
+def test_it_covers_half_a_cell_beyond_its_nodes() -> None:
     table = palawan()
-    # The summer's points reach from 115 to 123 E and 7 to 14 N.
-    assert table.uncovered(shapely.box(114.75, 6.75, 123.25, 14.25), season("summer")) == ""
-    for box, word in (
+    # The nodes of summer reach from 115 to 123 E and 7 to 14 N.
+    assert table.uncovered_reason(shapely.box(114.75, 6.75, 123.25, 14.25), season("summer")) == ""
+    for box, side in (
         (shapely.box(114.74, 7, 122, 13), "west of 114.75"),
         (shapely.box(116, 6.74, 122, 13), "south of 6.75"),
         (shapely.box(116, 7, 123.26, 13), "east of 123.25"),
         (shapely.box(116, 7, 122, 14.26), "north of 14.25"),
     ):
-        assert word in table.uncovered(box, season("summer"))
+        assert side in table.uncovered_reason(box, season("summer"))
 
 
-def test_the_identity_follows_the_figures_and_the_season(
+def test_the_identity_follows_the_values_and_the_season(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec = palawan().spec

@@ -1,4 +1,4 @@
-"""OpenStreetMap's land: the walk over its WKB, what is done to polygons, and the land itself."""
+"""OpenStreetMap's land: reading its WKB, cleaning polygons, and the real land."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.sources.land import osm
-from pipeline.sources.land.polygons import box_around
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -35,7 +34,7 @@ def _wkb(*polygons: shapely.Polygon) -> bytes:
 
 
 def _near(wkb: bytes, box: shapely.Polygon) -> osm.LandPolygons:
-    return osm.tidy(osm.near(wkb, box), box)
+    return osm.clean(osm.read_near(wkb, box), box)
 
 
 def _square(x: float, y: float, size: float = 1.0) -> shapely.Polygon:
@@ -49,7 +48,7 @@ def _square(x: float, y: float, size: float = 1.0) -> shapely.Polygon:
     west=st.integers(-180, 170),
     south=st.integers(-85, 75),
 )
-def test_the_walk_finds_what_a_plain_reader_finds(
+def test_reading_in_chunks_finds_what_a_plain_reader_finds(
     corners: list[tuple[int, int]], chunk: int, lakes: tuple[int, ...], west: int, south: int
 ) -> None:
     holes = [[(x, x), (x + 1, x), (x, x + 1)] for x in lakes]
@@ -63,7 +62,7 @@ def test_the_walk_finds_what_a_plain_reader_finds(
     box = shapely.box(west, south, west + 9.5, south + 9.5)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(osm, "_CHUNK", chunk)
-        found = osm.near(_wkb(*polygons), box)
+        found = osm.read_near(_wkb(*polygons), box)
     expected = [p for p in polygons if p.intersects(box)]
     assert sorted(p.wkt for p in found) == sorted(p.wkt for p in expected)
 
@@ -77,21 +76,21 @@ def test_land_is_cut_along_the_box_and_islands_stay_whole() -> None:
     )
 
 
-def test_lakes_stay() -> None:
+def test_lakes_are_kept() -> None:
     lake = shapely.Polygon(_square(1, 1, 8).exterior, [_square(3, 3).exterior])
     (found,) = _near(_wkb(lake), EQUATOR).polygons
     assert found.equals(lake)
 
 
-def test_invalid_polygons_are_mended_and_counted() -> None:
+def test_invalid_polygons_are_repaired_and_counted() -> None:
     bowtie = shapely.Polygon([(1, 1), (3, 3), (3, 1), (1, 3)])
     found = _near(_wkb(bowtie, _square(5, 5)), EQUATOR)
-    assert found.mended == 1
+    assert found.repaired == 1
     assert all(p.is_valid for p in found.polygons)
     assert shapely.union_all(found.polygons).area == pytest.approx(2 + 1)
 
 
-def test_duplicates_are_left_out_and_counted() -> None:
+def test_duplicates_are_dropped_and_counted() -> None:
     found = _near(_wkb(_square(1, 1), _square(5, 5), _square(1, 1)), EQUATOR)
     assert found.duplicates == 1
     assert len(found.polygons) == 2
@@ -100,33 +99,16 @@ def test_duplicates_are_left_out_and_counted() -> None:
 @pytest.mark.parametrize("turn", [0, -360])
 def test_pieces_on_both_sides_of_180_degrees_become_one(turn: int) -> None:
     box = shapely.box(170 + turn, -5, 190 + turn, 5)
-    # Their corners on the seam don't match, as with coasts that were thinned piece by piece.
+    # Their corners on the seam don't match, as with coasts that were simplified piece by piece.
     found = _near(_wkb(shapely.box(178, -1, 180, 1), shapely.box(-180, -1.2, -179, 0.9)), box)
     (island,) = found.polygons
-    assert found.seams == 2
+    assert found.seam_pieces == 2
     assert island.bounds == (178 + turn, -1.2, 181 + turn, 1)
     assert not island.interiors
 
 
-def test_nothing_near() -> None:
+def test_far_land_is_not_returned() -> None:
     assert _near(_wkb(_square(50, 50)), EQUATOR).polygons == ()
-
-
-@pytest.mark.parametrize("latitude", [0.0, 60.0, 89.0])
-def test_the_box_is_wider_by_so_many_metres(latitude: float) -> None:
-    region = shapely.box(10, latitude, 11, latitude + 0.5)
-    west, south, east, north = box_around(region, 20_000).bounds
-    assert 10 - west == pytest.approx(east - 11)
-    assert (10 - west) * 111.2 * np.cos(np.radians(north)) >= 19.9
-    assert south == pytest.approx(latitude - 0.18, abs=0.01)
-    assert north == pytest.approx(latitude + 0.68, abs=0.01)
-
-
-def test_the_box_is_one_turn_wide_at_most() -> None:
-    assert box_around(shapely.box(-180, 80, 180, 90), 20_000).bounds[2] == 180
-    west, _, east, north = box_around(shapely.box(0, 88, 10, 90), 20_000).bounds
-    assert east - west == pytest.approx(360)
-    assert north == 90
 
 
 def test_real_land_around_puerto_princesa(world: bytes) -> None:
@@ -139,7 +121,7 @@ def test_real_land_around_puerto_princesa(world: bytes) -> None:
         (118.95, 9.70, False),  # Sulu Sea
     ]:
         assert land.intersects(shapely.Point(lon, lat)) is is_land, (lon, lat)
-    assert found.mended == found.duplicates == found.seams == 0
+    assert found.repaired == found.duplicates == found.seam_pieces == 0
     assert all(p.is_valid for p in found.polygons)
 
 
@@ -148,10 +130,10 @@ def test_real_islands_across_180_degrees_are_whole(
     world: bytes, region: shapely.Polygon, pieces: int
 ) -> None:
     found = _near(world, region)
-    assert found.seams >= pieces
+    assert found.seam_pieces >= pieces
     across = [p for p in found.polygons if p.bounds[0] < 180 < p.bounds[2]]
     assert across
-    # No slit along the seam: just beside it the land is as wide as on it.
+    # No gap along the seam: just beside it the land is as wide as on it.
     land = shapely.union_all(found.polygons)
     south, north = region.bounds[1], region.bounds[3]
     on, beside = (
@@ -160,8 +142,8 @@ def test_real_islands_across_180_degrees_are_whole(
     )
     assert on == pytest.approx(beside, rel=1e-2)
     assert on > 0
-    west = osm.near(world, shapely.box(-182.5, south, -177.0, north))
-    assert len(west) > 0, "the same waters, counted the other way"
+    west = osm.read_near(world, shapely.box(-182.5, south, -177.0, north))
+    assert len(west) > 0, "the same islands, with longitudes below -180"
 
 
 def test_credit_names_the_licence_and_the_release() -> None:
@@ -185,8 +167,8 @@ def test_the_package_s_own_mask_agrees(world: bytes) -> None:
         shapely.prepare(land)
         expected = oracle.contains_many((lon + 180) % 360 - 180, lat)
         ours = shapely.intersects_xy(land, lon, lat)
-        # It looks at a raster first, and so leaves out land that lies within half a cell of the
-        # coast; what it calls land is land.
+        # It looks at a raster first, and so misses land within half a cell of the coast; what it
+        # calls land is land.
         assert not (expected & ~ours).any()
         extra = shapely.distance(land.boundary, shapely.points(lon, lat)[ours & ~expected])
         assert len(extra) < 0.01 * len(ours)

@@ -1,4 +1,4 @@
-"""Charts laid on top of each other, from a scenario's table or the command line."""
+"""Several charts as one, from a scenario or the command line."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pipeline.loading import load_scenario
 from pipeline.model import Credit, Land, Zone
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.osm_adapter import OsmLand
-from pipeline.sources.land.overlay import Stack, stacked
+from pipeline.sources.land.overlay import Overlay, overlay
 from pipeline.sources.registry import land_source
 from tests.pipeline.conftest import ACROSS_BOX
-from tests.pipeline.small_waters import small_waters
+from tests.pipeline.small_region import small_region
 from tests.pipeline.sources.land.test_vector import write
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 SCENARIO = (
-    small_waters("mine")
+    small_region("mine")
     + """[chart]
 source = {source}
 [[seasons]]
@@ -41,14 +41,14 @@ def chart(
     accuracy_m: float = 10.0,
     uncharted: shapely.Polygon | None = None,
 ) -> Land:
-    """Land of one source."""
+    """Make the land of one source."""
     zones = () if uncharted is None else (Zone("uncharted", "", "", uncharted),)
-    whose = (Credit(name, "land", name, ""),)
-    return Land(polygons, whose, accuracy_m, (f"note of {name}",), zones)
+    credit = Credit(name, "land", name, "")
+    return Land(polygons, (credit,), accuracy_m, (f"note of {name}",), zones)
 
 
-def faults(folder: Path, source: str) -> str:
-    """Faults of a scenario with a chart.source."""
+def fault(folder: Path, source: str) -> str:
+    """Return the fault of a scenario with a chart.source."""
     path = folder / "mine.toml"
     path.write_text(SCENARIO.format(source=source), encoding="utf-8")
     with pytest.raises(RequestError) as caught:
@@ -57,9 +57,9 @@ def faults(folder: Path, source: str) -> str:
     return line
 
 
-def test_all_forbid_each_is_credited_and_the_worst_accuracy_holds() -> None:
+def test_areas_and_credits_add_up_and_the_worst_accuracy_counts() -> None:
     one, two = shapely.box(0, 0, 2, 2), shapely.box(1, 1, 3, 3)
-    both = stacked([chart(one), chart(two, name="two", accuracy_m=60.0)])
+    both = overlay([chart(one), chart(two, name="two", accuracy_m=60.0)])
     assert shapely.union_all(both.polygons).equals(shapely.union(one, two))
     assert [credit.name for credit in both.credits] == ["one", "two"]
     assert both.accuracy_m == 60.0
@@ -69,12 +69,12 @@ def test_all_forbid_each_is_credited_and_the_worst_accuracy_holds() -> None:
 
 def test_only_what_no_chart_covers_is_no_go() -> None:
     west, middle = shapely.box(0, 0, 2, 1), shapely.box(1, 0, 2, 1)
-    alone = stacked([chart(uncharted=west)])
+    alone = overlay([chart(uncharted=west)])
     assert shapely.union_all(alone.polygons).equals(west)
-    two = stacked([chart(uncharted=west), chart(name="two", uncharted=shapely.box(1, 0, 3, 1))])
+    two = overlay([chart(uncharted=west), chart(name="two", uncharted=shapely.box(1, 0, 3, 1))])
     assert shapely.union_all(two.polygons).equals(middle)
     assert [zone.kind for zone in two.zones] == ["uncharted"]
-    assert stacked([chart(uncharted=west), chart(name="two")]).polygons == ()
+    assert overlay([chart(uncharted=west), chart(name="two")]).polygons == ()
 
 
 def test_a_file_on_top_of_openstreetmap(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_file_on_top_of_openstreetmap(tmp_path: Path) -> None:
     scenario = load_scenario(str(path))
     assert [one.name or one.path for one in scenario.chart.source] == ["osm-land", str(file)]
     both = land_source(scenario.chart, None)
-    assert isinstance(both, Stack)
+    assert isinstance(both, Overlay)
     osm, rocks = both.sources
     assert isinstance(osm, OsmLand)
     (rock,) = rocks.land(shapely.box(*ACROSS_BOX)).polygons
@@ -92,7 +92,7 @@ def test_a_file_on_top_of_openstreetmap(tmp_path: Path) -> None:
     assert set(osm.identity) | set(rocks.identity) <= set(both.identity)
 
 
-def test_the_command_line_s_chart_goes_before(tmp_path: Path) -> None:
+def test_the_command_lines_chart_replaces_the_scenarios(tmp_path: Path) -> None:
     file = write(tmp_path / "rocks.geojson", ROCK)
     scenario = load_scenario("palawan-season", charts=file)
     assert [one.path for one in scenario.chart.source] == [str(file)]
@@ -123,7 +123,7 @@ def test_no_source_is_none(given: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("source", "parts"),
     [
         ('"osm-lnad"', ["chart.source", "did you mean 'osm-land'", "./charts"]),
         ('["osm-land", "osm-lnad"]', ["chart.source[1]", "did you mean 'osm-land'"]),
@@ -135,22 +135,8 @@ def test_no_source_is_none(given: object) -> None:
     ],
 )
 def test_faults_name_the_source_and_the_remedy(
-    tmp_path: Path, source: str, said: list[str]
+    tmp_path: Path, source: str, parts: list[str]
 ) -> None:
-    line = faults(tmp_path, source)
-    for words in said:
-        assert words in line
-
-
-@pytest.mark.parametrize("name", ["s57", "natural-earth"])
-def test_a_kind_of_chart_needs_its_files(name: str) -> None:
-    with pytest.raises(RequestError, match=r"--charts PATH"):
-        land_source(ChartSpec.model_validate({"source": name}), 1.0)
-
-
-def test_a_name_that_does_not_fit_its_path_is_refused(tmp_path: Path) -> None:
-    file = write(tmp_path / "land.gpkg", ROCK)
-    for name, path in (("s57", file), ("natural-earth", tmp_path)):
-        spec = ChartSpec.model_validate({"source": {"name": name, "path": str(path)}})
-        with pytest.raises(RequestError, match="does not hold what"):
-            land_source(spec, 1.0)
+    line = fault(tmp_path, source)
+    for part in parts:
+        assert part in line

@@ -1,4 +1,4 @@
-"""S-57 cells: real ones of NOAA against their own soundings, and made-up ones against the rules."""
+"""S-57 cells: NOAA's against their own soundings, and synthetic ones against the rules."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 GEOD = pyproj.Geod(ellps="WGS84")
 BOSTON = shapely.box(-71.02, 42.305, -70.955, 42.37)
 DEPTH_M = 2.0
-# A made-up harbour, a hundredth of a degree wide, at 1:10,000.
+# A synthetic harbour, a hundredth of a degree wide, at 1:10,000.
 HARBOUR = shapely.box(0.0, 0.0, 0.01, 0.01)
 AROUND = shapely.box(-0.01, -0.01, 0.02, 0.02)
 
@@ -44,13 +44,13 @@ def cells(shared: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def harbour(cells: Path) -> Land:
-    """Give what is no-go in Boston harbour for a safety depth of 2 m."""
+    """Give the no-go areas of Boston harbour for a safety depth of 2 m."""
     return S57Chart(cells, DEPTH_M).land(BOSTON)
 
 
 @pytest.fixture
 def boston(cells: Path, tmp_path: Path) -> Path:
-    """Give a folder of its own with the Boston cell and its five updates, to be spoiled."""
+    """Give a copy of the Boston cell and its five updates, to be damaged."""
     for file in cells.glob("US5BOSCD.*"):
         shutil.copyfile(file, tmp_path / file.name)
     return tmp_path
@@ -69,19 +69,19 @@ def objects(*geometries: shapely.Geometry, **columns: object) -> Objects:
 def cell(
     classes: dict[str, Objects] | None = None, name: str = "XX5TEST", scale: int = 10_000
 ) -> Cell:
-    """Make a cell over the harbour, 5 m deep throughout unless it says otherwise."""
+    """Make a cell over the harbour, 5 m deep unless other classes are given."""
     given = {"DEPARE": objects(HARBOUR, DRVAL1=5.0), **(classes or {})}
     return Cell(name, "1", "0", "2026-01-01", scale, HARBOUR, given)
 
 
 def no_go(*given: Cell, depth_m: float = DEPTH_M) -> shapely.Geometry:
-    """Make the no-go area of cells inside the harbour."""
+    """Return the no-go area of cells inside the harbour."""
     land = s57.land(given, AROUND, HARBOUR, depth_m)
     return shapely.intersection(shapely.union_all(land.polygons), HARBOUR)
 
 
 def layer(base: Path, name: str, column: str) -> tuple[npt.NDArray[np.object_], np.ndarray]:
-    """Read a layer by GDAL as it is: geometries, and one column."""
+    """Read a layer by GDAL, unchanged: geometries, and one column."""
     meta, _, wkb, data = pyogrio.raw.read(
         base, layer=name, SPLIT_MULTIPOINT="ON", ADD_SOUNDG_DEPTH="ON"
     )
@@ -102,12 +102,12 @@ def test_no_sounding_in_the_water_is_shallower_than_the_safety_depth(
     inside = shapely.intersects(water, shapely.force_2d(points))
     assert inside.sum() > 100
     assert depths[inside].min() >= depth_m
-    # And the water is not shut where it is deep: most deep soundings lie in it.
+    # And deep water is not no-go: most deep soundings lie in the water.
     assert inside[depths > depth_m + 1].mean() > 0.85
 
 
-def test_every_rock_wreck_and_mark_stays_out_of_the_water(cells: Path, harbour: Land) -> None:
-    barred = shapely.union_all(harbour.polygons)
+def test_rocks_wrecks_and_marks_are_no_go(cells: Path, harbour: Land) -> None:
+    no_go_area = shapely.union_all(harbour.polygons)
     for name in ("UWTROC", "OBSTRN", "WRECKS", "BOYLAT", "BCNLAT", "PILPNT", "LNDARE"):
         geometry, _ = layer(cells / "US5BOSCD.000", name, "OBJNAM" if name != "UWTROC" else "RCID")
         if name in {"UWTROC", "OBSTRN", "WRECKS"}:
@@ -116,11 +116,11 @@ def test_every_rock_wreck_and_mark_stays_out_of_the_water(cells: Path, harbour: 
         there = geometry[shapely.intersects(geometry, BOSTON)]
         assert len(there) > 0, name
         points = there[shapely.get_dimensions(there) == 0]
-        assert shapely.covers(barred, points).all(), name
-        assert shapely.area(shapely.difference(there, barred)).max() < 1e-12, name
+        assert shapely.covers(no_go_area, points).all(), name
+        assert shapely.area(shapely.difference(there, no_go_area)).max() < 1e-12, name
 
 
-def test_what_the_credit_says_is_what_the_newest_update_says(harbour: Land) -> None:
+def test_the_credit_names_the_newest_update(harbour: Land) -> None:
     (credit,) = harbour.credits
     assert "US5BOSCD (1:12,000) edition 4, update 5, issued 2026-01-08" in credit.text
     assert "not for navigation" in credit.text
@@ -132,14 +132,14 @@ def test_accuracy_and_restrictions_are_the_cells_own(cells: Path, harbour: Land)
     names = {zone.name for zone in harbour.zones if zone.kind == "restricted"}
     assert "Right Whale Critical Habitat" in names
     areas, codes = layer(cells / "US4MD81M.000", "RESARE", "RESTRN")
-    closed = next(area for area, code in zip(areas, codes, strict=True) if "'7'" in str(code))
-    bay = S57Chart(cells, DEPTH_M).land(closed.centroid.buffer(0.01))
+    prohibited = next(area for area, code in zip(areas, codes, strict=True) if "'7'" in str(code))
+    bay = S57Chart(cells, DEPTH_M).land(prohibited.centroid.buffer(0.01))
     assert bay.accuracy_m == 40.0
     assert "entry prohibited" in {zone.rule for zone in bay.zones}
     assert any("entry is prohibited" in note for note in bay.notes)
 
 
-def test_what_no_cell_covers_is_no_go_and_told(cells: Path) -> None:
+def test_what_no_cell_covers_is_no_go_and_noted(cells: Path) -> None:
     west = shapely.box(-71.06, 42.31, -70.99, 42.36)
     source = land_source(
         ChartSpec.model_validate({"source": str(cells), "under_keel_clearance_m": 1.0}), 1.0
@@ -156,7 +156,7 @@ def test_a_region_without_any_cell_is_refused(cells: Path) -> None:
         S57Chart(cells, DEPTH_M).land(shapely.box(10, 50, 11, 51))
 
 
-def test_deeper_draught_less_water(cells: Path) -> None:
+def test_a_deeper_draught_leaves_less_water(cells: Path) -> None:
     areas = [
         shapely.union_all(S57Chart(cells, depth).land(BOSTON).polygons).intersection(BOSTON).area
         for depth in (2.0, 10.0)
@@ -165,7 +165,7 @@ def test_deeper_draught_less_water(cells: Path) -> None:
     assert areas[-1] > 1.2 * areas[0]
 
 
-def test_longitudes_may_be_counted_on(cells: Path, harbour: Land) -> None:
+def test_longitudes_may_be_a_turn_further(cells: Path, harbour: Land) -> None:
     there = S57Chart(cells, DEPTH_M).land(shapely.affinity.translate(BOSTON, 360))
     one, two = (shapely.union_all(land.polygons) for land in (harbour, there))
     assert two.area == pytest.approx(one.area, rel=1e-6)
@@ -174,12 +174,12 @@ def test_longitudes_may_be_counted_on(cells: Path, harbour: Land) -> None:
 
 def test_a_missing_update_is_refused(boston: Path) -> None:
     (boston / "US5BOSCD.003").unlink()
-    with pytest.raises(RequestError, match=r"update \.005 lies there.*\.003 is missing"):
+    with pytest.raises(RequestError, match=r"update \.005 is there.*\.003 is missing"):
         S57Chart(boston, DEPTH_M).land(BOSTON)
 
 
 @pytest.mark.parametrize("suffix", [".000", ".002"])
-def test_a_cell_cut_short_is_refused(boston: Path, suffix: str) -> None:
+def test_a_truncated_cell_is_refused(boston: Path, suffix: str) -> None:
     file = boston / f"US5BOSCD{suffix}"
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(RequestError, match=r"US5BOSCD\.000 can't be read.*fetch the cell"):
@@ -193,7 +193,7 @@ def test_an_update_changes_the_identity(boston: Path) -> None:
     assert S57Chart(boston, 3.0).identity != S57Chart(boston, DEPTH_M).identity
 
 
-def test_no_cells_and_twice_the_same_cell_are_refused(boston: Path, tmp_path: Path) -> None:
+def test_no_cell_and_repeated_cells_are_refused(boston: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(RequestError, match="no S-57 cell"):
@@ -201,7 +201,7 @@ def test_no_cells_and_twice_the_same_cell_are_refused(boston: Path, tmp_path: Pa
     again = boston / "again"
     again.mkdir()
     shutil.copyfile(boston / "US5BOSCD.000", again / "US5BOSCD.000")
-    with pytest.raises(RequestError, match="cell US5BOSCD lies more than once"):
+    with pytest.raises(RequestError, match="cell US5BOSCD is there more than once"):
         S57Chart(boston, DEPTH_M).land(BOSTON)
 
 
@@ -225,27 +225,27 @@ def test_depths_need_a_draught(cells: Path) -> None:
 def test_only_water_known_to_be_deep_enough_is_water() -> None:
     left, middle, right = (shapely.box(x, 0, x + 0.0025, 0.01) for x in (0, 0.0025, 0.005))
     depths = objects(left, middle, right, DRVAL1=[1.9, 2.0, None])
-    barred = no_go(cell({"DEPARE": depths}))
-    assert barred.equals(HARBOUR.difference(middle)), "shallow, unknown and unsurveyed are no-go"
+    found = no_go(cell({"DEPARE": depths}))
+    assert found.equals(HARBOUR.difference(middle)), "shallow, unknown and unsurveyed are no-go"
 
 
-def test_where_areas_overlap_the_shallower_holds() -> None:
+def test_where_depth_areas_overlap_the_shallower_counts() -> None:
     shoal = shapely.box(0.002, 0.002, 0.004, 0.004)
     assert no_go(cell({"DRGARE": objects(shoal, DRVAL1=1.0)})).equals(shoal)
 
 
 @pytest.mark.parametrize("name", ["OBSTRN", "WRECKS", "UWTROC"])
 @pytest.mark.parametrize(
-    ("depth", "barred"), [(None, True), (1.9, True), (-0.5, True), (2.0, False)]
+    ("depth", "is_no_go"), [(None, True), (1.9, True), (-0.5, True), (2.0, False)]
 )
-def test_sunken_objects_bar_where_not_known_to_be_deep(
-    name: str, depth: float | None, *, barred: bool
+def test_sunken_objects_are_no_go_unless_known_to_be_deep(
+    name: str, depth: float | None, *, is_no_go: bool
 ) -> None:
     at = shapely.Point(0.005, 0.005)
     found = no_go(cell({name: objects(at, VALSOU=depth)}))
-    assert (not found.is_empty) is barred
-    if barred:
-        # 10 m around the point at least: half a millimetre of 1:10,000 is less.
+    assert (not found.is_empty) is is_no_go
+    if is_no_go:
+        # At least 10 m around the point: half a millimetre of 1:10,000 is less.
         corners = shapely.get_coordinates(found)
         _, _, apart = GEOD.inv(*np.broadcast_to(at.coords[0], corners.shape).T, *corners.T)
         assert 10.0 <= apart.min() < apart.max() < 10.5
@@ -270,7 +270,7 @@ def test_points_are_as_wide_as_the_chart_draws_them(name: str, scale: int, radiu
     assert abs(area) > np.pi * radius_m**2
 
 
-def test_lines_in_the_water_bar_it_and_those_on_its_edge_add_nothing() -> None:
+def test_lines_in_the_water_are_no_go_and_those_on_its_edge_add_nothing() -> None:
     wall = shapely.LineString([(0.002, 0.005), (0.008, 0.005)])
     assert no_go(cell({"SLCONS": objects(wall)})).covers(wall)
     land = shapely.box(0, 0, 0.01, 0.002)
@@ -286,7 +286,7 @@ def test_lines_in_the_water_bar_it_and_those_on_its_edge_add_nothing() -> None:
     assert no_go(quay).equals(land)
 
 
-def test_the_larger_scale_wins_where_cells_overlap() -> None:
+def test_the_larger_scale_takes_precedence_where_cells_overlap() -> None:
     rock = objects(shapely.Point(0.002, 0.005), VALSOU=None)
     west = shapely.box(0, 0, 0.005, 0.01)
     shoal = objects(HARBOUR, DRVAL1=0.0)
@@ -296,25 +296,25 @@ def test_the_larger_scale_wins_where_cells_overlap() -> None:
     )
     for order in ((coarse, fine), (fine, coarse)):
         land = s57.land(order, AROUND, HARBOUR, DEPTH_M)
-        barred = shapely.intersection(shapely.union_all(land.polygons), HARBOUR)
-        assert barred.equals(HARBOUR.difference(west)), "hidden by the finer one"
+        found = shapely.intersection(shapely.union_all(land.polygons), HARBOUR)
+        assert found.equals(HARBOUR.difference(west)), "hidden by the larger scale"
         assert land.accuracy_m == 25.0
 
 
-def test_of_one_scale_the_later_issue_holds() -> None:
+def test_of_cells_of_one_scale_the_later_issue_takes_precedence() -> None:
     old = Cell(
         "XX5OLD", "1", "0", "2019-01-01", 10_000, HARBOUR, {"DEPARE": objects(HARBOUR, DRVAL1=0.0)}
     )
     assert no_go(old, cell()).is_empty
 
 
-def test_poor_surveys_are_told() -> None:
+def test_poor_surveys_are_noted() -> None:
     east = shapely.box(0.005, 0, 0.01, 0.01)
     land = s57.land([cell({"M_QUAL": objects(east, CATZOC=5.0)})], AROUND, HARBOUR, DEPTH_M)
     assert any("50% of the water is charted from poor" in note for note in land.notes)
 
 
-def test_traffic_lanes_travel_along_and_bar_nothing() -> None:
+def test_traffic_lanes_are_zones_but_not_no_go() -> None:
     lane = objects(shapely.box(0.002, 0, 0.004, 0.01), OBJNAM="", RESTRN="")
     given = cell({"TSSLPT": lane})
     assert no_go(given).is_empty
@@ -323,8 +323,8 @@ def test_traffic_lanes_travel_along_and_bar_nothing() -> None:
 
 
 @pytest.mark.parametrize("turn", [0.0, 17.3, 45.0, 80.1])
-def test_no_wall_stands_where_cells_of_two_scales_meet(turn: float) -> None:
-    # A seam at any angle, its corners rounded as cells are, and bends in it that only one knows.
+def test_there_is_no_barrier_where_cells_of_two_scales_meet(turn: float) -> None:
+    # A seam at any angle, its corners rounded as those of cells, with vertices that only one has.
     corner = shapely.affinity.rotate(shapely.box(0.0, 0.0, 0.02, 0.02), turn, origin=(0.004, 0.003))
     west = shapely.set_precision(shapely.intersection(corner, HARBOUR), 1e-7)
     north, south = (
@@ -336,7 +336,7 @@ def test_no_wall_stands_where_cells_of_two_scales_meet(turn: float) -> None:
     assert no_go(cell(scale=50_000), fine).area < 1e-20
 
 
-def test_no_wall_stands_between_neighbours() -> None:
+def test_there_is_no_barrier_between_neighbouring_cells() -> None:
     halves = []
     for name, low, shelf in (("XX5WEST", 0.0, 0.0031), ("XX5EAST", 0.005, 0.0072)):
         half = shapely.box(low, 0, low + 0.005, 0.01)

@@ -1,4 +1,4 @@
-"""Land out of the user's files: any format and CRS gives the same land, and nothing is guessed."""
+"""Land from the user's files: the same in any format and CRS, and nothing is guessed."""
 
 from __future__ import annotations
 
@@ -9,18 +9,16 @@ import pyogrio
 import pyproj
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.sources.land.polygons import BEYOND_M, mended, widened
+from pipeline.sources.land.polygons import BEYOND_M
 from pipeline.sources.land.vector import VectorFile
 from pipeline.sources.registry import land_source
 
 GEOD = pyproj.Geod(ellps="WGS84")
-# What pyogrio's makers test with: Natural Earth's countries, and curves.
+# Files of pyogrio's own tests: Natural Earth's countries, and curves.
 FIXTURES = Path(pyogrio.__file__).parent / "tests" / "fixtures"
 NATURAL_EARTH = FIXTURES / "naturalearth_lowres" / "naturalearth_lowres.shp"
 
@@ -38,7 +36,7 @@ def write(
     layer: str | None = None,
     append: bool = False,
 ) -> Path:
-    """Write geometries as they are."""
+    """Write geometries to a file whose format its name says."""
     kinds = {geometry.geom_type + " Z" * geometry.has_z for geometry in geometries}
     pyogrio.raw.write(
         path,
@@ -54,26 +52,26 @@ def write(
 
 
 def in_crs(geometry: shapely.Geometry, crs: str) -> shapely.Geometry:
-    """Project a geometry as another program would: its edges cut to some 100 m first."""
+    """Project a geometry as another program would: its edges cut to about 100 m first."""
     there = pyproj.Transformer.from_crs(4326, crs, always_xy=True)
     fine = shapely.segmentize(geometry, 0.001)
     return shapely.transform(fine, lambda xy: np.column_stack(there.transform(*xy.T)))
 
 
-def land(path: Path, region: shapely.Polygon = REGION, **asked: object) -> shapely.Geometry:
-    """Land of a file as one geometry."""
-    source = ChartSource.model_validate({"path": str(path), **asked})
+def land(path: Path, region: shapely.Polygon = REGION, **options: object) -> shapely.Geometry:
+    """Return the land of a file as one geometry."""
+    source = ChartSource.model_validate({"path": str(path), **options})
     return shapely.union_all(VectorFile(path, source).land(region).polygons)
 
 
-def apart_share(one: shapely.Geometry, other: shapely.Geometry) -> float:
-    """Area that only one of two has, as a share of the second's."""
+def difference_share(one: shapely.Geometry, other: shapely.Geometry) -> float:
+    """Return the area that only one of two has, as a share of the second's."""
     return float(shapely.symmetric_difference(one, other).area / other.area)
 
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".geojson", ".shp", ".fgb"])
 def test_any_format(tmp_path: Path, suffix: str) -> None:
-    assert apart_share(land(write(tmp_path / f"land{suffix}", ISLAND)), ISLAND) < 1e-6
+    assert difference_share(land(write(tmp_path / f"land{suffix}", ISLAND)), ISLAND) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -83,10 +81,10 @@ def test_any_crs(tmp_path: Path, crs: str) -> None:
     region = REGION if crs != "EPSG:2227" else shapely.box(-122.6, 37.4, -122.0, 38.0)
     island = ISLAND if region is REGION else shapely.box(-122.5, 37.6, -122.3, 37.8)
     file = write(tmp_path / "land.gpkg", in_crs(island, crs), crs=crs)
-    assert apart_share(land(file, region), island) < 1e-3
+    assert difference_share(land(file, region), island) < 1e-3
 
 
-def test_edges_that_bend_are_cut(tmp_path: Path) -> None:
+def test_edges_that_are_curved_in_degrees_are_cut(tmp_path: Path) -> None:
     # A straight edge of 200 km in Mercator is no straight line on a stereographic plane.
     corners = [(118.1, 9.1), (119.9, 9.1), (119.9, 10.9), (118.1, 10.9)]
     there = pyproj.Transformer.from_crs(4326, "EPSG:3995", always_xy=True)
@@ -97,17 +95,17 @@ def test_edges_that_bend_are_cut(tmp_path: Path) -> None:
         middles,
         lambda xy: np.column_stack(there.transform(xy[:, 0], xy[:, 1], direction="INVERSE")),
     )
-    assert apart_share(found, back) < 1e-5
+    assert difference_share(found, back) < 1e-5
 
 
 @pytest.mark.parametrize("turn", [0.0, 360.0])
-def test_longitudes_of_either_count(tmp_path: Path, turn: float) -> None:
+def test_longitudes_from_minus_180_or_from_0(tmp_path: Path, turn: float) -> None:
     island = shapely.box(-71.0, 9.5, -70.0, 10.5)
     file = write(tmp_path / "land.gpkg", shapely.affinity.translate(island, turn))
     for region_turn in (0.0, 360.0):
         region = shapely.affinity.translate(shapely.box(-72.0, 9.0, -69.0, 11.0), region_turn)
         there = shapely.affinity.translate(island, region_turn)
-        assert apart_share(land(file, region), there) < 1e-9
+        assert difference_share(land(file, region), there) < 1e-9
 
 
 def test_halves_on_both_sides_of_180_degrees_and_planes_across_it(tmp_path: Path) -> None:
@@ -116,14 +114,14 @@ def test_halves_on_both_sides_of_180_degrees_and_planes_across_it(tmp_path: Path
         shapely.intersection(ACROSS, shapely.box(180, -20, 190, -10)), -360
     )
     halves = write(tmp_path / "halves.geojson", west, east)
-    assert apart_share(land(halves, FIJI), ACROSS) < 1e-9
+    assert difference_share(land(halves, FIJI), ACROSS) < 1e-9
     plane = write(tmp_path / "fiji.gpkg", in_crs(ACROSS, "EPSG:3832"), crs="EPSG:3832")
-    assert apart_share(land(plane, FIJI), ACROSS) < 1e-3
+    assert difference_share(land(plane, FIJI), ACROSS) < 1e-3
     there = shapely.affinity.translate(FIJI, -360)
-    assert apart_share(land(plane, there), shapely.affinity.translate(ACROSS, -360)) < 1e-3
+    assert difference_share(land(plane, there), shapely.affinity.translate(ACROSS, -360)) < 1e-3
 
 
-def test_holes_stay_and_heights_go(tmp_path: Path) -> None:
+def test_holes_are_kept_and_heights_dropped(tmp_path: Path) -> None:
     found = land(write(tmp_path / "land.gpkg", shapely.force_3d(ISLAND, 7.0)))
     assert not found.has_z
     assert not found.intersects(shapely.Point(119.0, 9.95))
@@ -138,16 +136,16 @@ def test_mainland_is_cut_near_the_region(tmp_path: Path) -> None:
     assert beyond == pytest.approx(BEYOND_M, rel=0.02)
 
 
-def test_invalid_rings_are_mended_and_reported(tmp_path: Path) -> None:
+def test_invalid_rings_are_repaired_and_reported(tmp_path: Path) -> None:
     bowtie = shapely.Polygon([(118.2, 9.2), (119.2, 10.2), (119.2, 9.2), (118.2, 10.2)])
     file = write(tmp_path / "land.gpkg", bowtie, ISLAND)
     found = VectorFile(file, ChartSource(path=str(file))).land(REGION)
     assert all(polygon.is_valid for polygon in found.polygons)
     assert shapely.union_all(found.polygons).covers(shapely.Point(118.3, 9.5))
-    assert "land.gpkg: 1 area was invalid and was mended" in found.notes[0]
+    assert "land.gpkg: 1 area was invalid and was repaired" in found.notes[0]
 
 
-def test_points_and_lines_need_a_width(tmp_path: Path) -> None:
+def test_points_and_lines_need_a_radius(tmp_path: Path) -> None:
     rock, wall = shapely.Point(119.5, 10.5), shapely.LineString([(119.6, 9.2), (119.6, 9.3)])
     file = write(tmp_path / "marks.geojson", rock, wall, ISLAND)
     with pytest.raises(RequestError, match=r"1 points and 1 lines near.*radius_m = 20"):
@@ -159,24 +157,12 @@ def test_points_and_lines_need_a_width(tmp_path: Path) -> None:
     assert found.covers(ISLAND)
 
 
-@given(
-    lon=st.floats(-179, 179),
-    lat=st.floats(-80, 80),
-    radius=st.floats(5, 500),
-)
-def test_widened_points_enclose_their_circle(lon: float, lat: float, radius: float) -> None:
-    (area,) = widened(np.array([shapely.Point(lon, lat)], dtype=object), radius)
-    edge = shapely.get_coordinates(shapely.segmentize(area.exterior, radius / 2e6))
-    _, _, apart = GEOD.inv(np.full(len(edge), lon), np.full(len(edge), lat), *edge.T)
-    assert radius * (1 - 1e-4) <= apart.min() < apart.max() < 1.03 * radius
-
-
 def test_a_layer_is_chosen_and_not_guessed(tmp_path: Path) -> None:
     file = write(tmp_path / "two.gpkg", ISLAND, layer="coast")
     write(file, shapely.box(118.1, 9.1, 118.2, 9.2), layer="piers", append=True)
     with pytest.raises(RequestError, match=r"2 layers with geometries \(coast, piers\); name one"):
         land(file)
-    assert apart_share(land(file, layer="coast"), ISLAND) < 1e-9
+    assert difference_share(land(file, layer="coast"), ISLAND) < 1e-9
     with pytest.raises(RequestError, match="no layer 'cost': did you mean 'coast'"):
         land(file, layer="cost")
 
@@ -184,14 +170,14 @@ def test_a_layer_is_chosen_and_not_guessed(tmp_path: Path) -> None:
 def test_a_missing_crs_is_asked_for(tmp_path: Path) -> None:
     file = write(tmp_path / "land.shp", in_crs(ISLAND, "EPSG:32651"), crs="EPSG:32651")
     file.with_suffix(".prj").unlink()
-    with pytest.raises(RequestError, match=r"does not say its CRS.*crs = "):
+    with pytest.raises(RequestError, match=r"does not give its CRS.*crs = "):
         land(file)
-    assert apart_share(land(file, crs="EPSG:32651"), ISLAND) < 1e-3
+    assert difference_share(land(file, crs="EPSG:32651"), ISLAND) < 1e-3
     with pytest.raises(RequestError, match="pyproj does not know"):
         land(file, crs="EPSG:0")
 
 
-def test_a_file_of_another_place_or_in_a_wrong_crs_is_refused(tmp_path: Path) -> None:
+def test_a_file_of_another_region_or_in_a_wrong_crs_is_refused(tmp_path: Path) -> None:
     file = write(tmp_path / "land.gpkg", ISLAND)
     with pytest.raises(RequestError, match=r"nothing near the region .*118\.6, 9\.5"):
         land(file, shapely.box(0, 0, 1, 1))
@@ -223,8 +209,8 @@ def test_curves_become_polygons(name: str) -> None:
 def test_natural_earth_by_its_entry() -> None:
     if not NATURAL_EARTH.is_file():
         pytest.skip("needs pyogrio's own fixtures, which this build of it leaves out")
-    asked = {"name": "natural-earth", "path": str(NATURAL_EARTH)}
-    source = land_source(ChartSpec.model_validate({"source": asked}), None)
+    given = {"name": "natural-earth", "path": str(NATURAL_EARTH)}
+    source = land_source(ChartSpec.model_validate({"source": given}), None)
     found = source.land(shapely.box(8, 36, 20, 46))
     (credit,) = found.credits
     assert (credit.text, credit.licence) == ("Made with Natural Earth", "Public domain")
@@ -237,16 +223,16 @@ def test_natural_earth_by_its_entry() -> None:
     assert found.notes == ()
 
 
-def test_an_accuracy_that_is_not_given_is_assumed_and_told(tmp_path: Path) -> None:
+def test_an_accuracy_that_is_not_given_is_assumed_and_noted(tmp_path: Path) -> None:
     file = write(tmp_path / "land.gpkg", ISLAND)
-    silent = VectorFile(file, ChartSource(path=str(file))).land(REGION)
-    assert silent.accuracy_m == 50.0
-    assert "right to 50 m" in silent.notes[0]
-    told = VectorFile(file, ChartSource(path=str(file), accuracy_m=3.0)).land(REGION)
-    assert (told.accuracy_m, told.notes) == (3.0, ())
+    without = VectorFile(file, ChartSource(path=str(file))).land(REGION)
+    assert without.accuracy_m == 50.0
+    assert "assumed to be accurate to 50 m" in without.notes[0]
+    given = VectorFile(file, ChartSource(path=str(file), accuracy_m=3.0)).land(REGION)
+    assert (given.accuracy_m, given.notes) == (3.0, ())
 
 
-def test_identity_follows_the_content_and_what_is_asked(tmp_path: Path) -> None:
+def test_the_identity_follows_the_content_and_the_options(tmp_path: Path) -> None:
     file = write(tmp_path / "land.shp", ISLAND)
     first = VectorFile(file, ChartSource(path=str(file))).identity
     assert VectorFile(file, ChartSource(path=str(file))).identity == first
@@ -255,15 +241,8 @@ def test_identity_follows_the_content_and_what_is_asked(tmp_path: Path) -> None:
     assert VectorFile(file, ChartSource(path=str(file))).identity != first
 
 
-def test_credit_is_what_the_user_says(tmp_path: Path) -> None:
+def test_the_credit_is_the_users(tmp_path: Path) -> None:
     file = write(tmp_path / "land.gpkg", ISLAND)
-    asked = ChartSource(path=str(file), credit="© Harbour office", licence="CC BY 4.0")
-    credit = VectorFile(file, asked).credit
+    source = ChartSource(path=str(file), credit="© Harbour office", licence="CC BY 4.0")
+    credit = VectorFile(file, source).credit
     assert (credit.text, credit.licence) == ("© Harbour office", "CC BY 4.0")
-
-
-def test_mended_leaves_what_is_sound() -> None:
-    sound = np.array([ISLAND, shapely.Point(0, 0)], dtype=object)
-    same, count = mended(sound)
-    assert same is sound
-    assert count == 0

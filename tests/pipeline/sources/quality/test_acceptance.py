@@ -1,4 +1,4 @@
-"""The acceptance check: a sound file is taken as it is, and every defect is refused by name."""
+"""The acceptance check: a valid file is accepted unchanged, and every defect is refused."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
-from pipeline.sources.quality.acceptance import Expected, _spike, accept
+from pipeline.sources.quality.acceptance import Expected, accept, largest_spike
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ STEP = 1 / 12
 EXPECTED = Expected(
     labels=("2024-07",),
     weights=(1.0,),
-    form="%Y-%m",
+    label_format="%Y-%m",
     region=REGION.bounds,
     cell_deg=STEP,
     eastward="uo",
@@ -39,16 +39,16 @@ DAYS = replace(
     EXPECTED,
     labels=("2024-07-01", "2024-07-02", "2024-07-03"),
     weights=(0.5, 0.25, 0.25),
-    form="%Y-%m-%d",
+    label_format="%Y-%m-%d",
 )
 
 
 def field(step: float = STEP, region: tuple[float, ...] = REGION.bounds) -> Field:
     """Make a plausible field around the island: a smooth current, NaN on land."""
     west, south, east, north = region
-    beyond = 2 * step
-    lon = np.arange(west - beyond, east + beyond + step / 2, step)
-    lat = np.arange(south - beyond, north + beyond + step / 2, step)
+    margin = 2 * step
+    lon = np.arange(west - margin, east + margin + step / 2, step)
+    lat = np.arange(south - margin, north + margin + step / 2, step)
     x, y = np.meshgrid(lon, lat)
     u, v = 0.4 * np.sin(x) + 0.1, 0.3 * np.cos(y)
     on_land = shapely.contains_xy(ISLAND, x, y)
@@ -94,9 +94,9 @@ def write(
     return path
 
 
-def test_a_sound_file_is_accepted_as_it_is(tmp_path: Path) -> None:
+def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
     made = field()
-    read = accept(write(tmp_path / "sound.nc", made), EXPECTED, LAND)
+    read = accept(write(tmp_path / "valid.nc", made), EXPECTED, LAND)
     assert np.allclose(read.lon, made.lon, atol=1e-5)
     assert np.allclose(read.lat, made.lat, atol=1e-5)
     assert np.allclose(read.u, made.u, atol=4e-4, equal_nan=True)
@@ -105,12 +105,12 @@ def test_a_sound_file_is_accepted_as_it_is(tmp_path: Path) -> None:
 
 def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
     made = field()
-    turned = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
-    read = accept(write(tmp_path / "turned.nc", turned), EXPECTED, LAND)
-    straight = accept(write(tmp_path / "straight.nc", made), EXPECTED, LAND)
-    assert np.allclose(read.lon, straight.lon, atol=1e-4)
-    assert np.allclose(read.lat, straight.lat)
-    assert np.array_equal(read.u, straight.u, equal_nan=True)
+    other = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
+    read = accept(write(tmp_path / "other.nc", other), EXPECTED, LAND)
+    expected = accept(write(tmp_path / "made.nc", made), EXPECTED, LAND)
+    assert np.allclose(read.lon, expected.lon, atol=1e-4)
+    assert np.allclose(read.lat, expected.lat)
+    assert np.array_equal(read.u, expected.u, equal_nan=True)
 
 
 def _shifted(cells: int) -> Field:
@@ -118,9 +118,9 @@ def _shifted(cells: int) -> Field:
     return replace(made, u=np.roll(made.u, cells, axis=1), v=np.roll(made.v, cells, axis=1))
 
 
-def _with_a_cell(wrong_by: float) -> Field:
+def _with_a_spike(by: float) -> Field:
     made = field()
-    made.u[4, 5] += wrong_by
+    made.u[4, 5] += by
     return made
 
 
@@ -132,7 +132,7 @@ def _without_a_chunk() -> Field:
 
 
 @pytest.mark.parametrize(
-    ("make", "how", "said"),
+    ("make", "options", "message"),
     [
         (field, {"time_value": 24 * 40}, "times are ['2024-08'], not ['2024-07']"),
         (field, {"units": "km h-1"}, "uo is in 'km h-1', not m/s"),
@@ -141,11 +141,11 @@ def _without_a_chunk() -> Field:
         (field, {"depth": (0.5, 1.5)}, "not the surface alone"),
         (field, {"depth": (92.3,)}, "not the surface alone"),
         (lambda: field(step=0.25), {}, "longitude steps by 0.25"),
-        (lambda: field(region=(117, 8, 119, 11)), {}, "longitude ends at 119.1"),
-        (lambda: field(region=(117, 9, 120, 11)), {}, "latitude ends at 8.8"),
+        (lambda: field(region=(117, 8, 119, 11)), {}, "it has no data east of 119.2"),
+        (lambda: field(region=(117, 9, 120, 11)), {}, "it has no data south of 8.79"),
         (lambda: replace(field(), u=field().u * 10), {}, "at 2024-07 speeds reach"),
-        (lambda: _with_a_cell(1.5), {}, "stands out from its neighbours by 1"),
-        (lambda: _with_a_cell(-0.5), {}, "stands out from its neighbours by 0.4"),
+        (lambda: _with_a_spike(1.5), {}, "stands out from its neighbours by 1"),
+        (lambda: _with_a_spike(-0.5), {}, "stands out from its neighbours by 0.4"),
         (lambda: replace(field(), u=field().u * 0, v=field().v * 0), {}, "every speed is 0"),
         (lambda: replace(field(), u=field().u * np.nan), {}, "gaps where the other has none"),
         (lambda: _shifted(6), {}, "the field is shifted"),
@@ -153,17 +153,17 @@ def _without_a_chunk() -> Field:
     ],
 )
 def test_every_defect_is_refused_with_its_reason(
-    tmp_path: Path, make: Callable[[], Field], how: dict[str, Any], said: str
+    tmp_path: Path, make: Callable[[], Field], options: dict[str, Any], message: str
 ) -> None:
-    path = write(tmp_path / "bad.nc", make(), **how)
+    path = write(tmp_path / "bad.nc", make(), **options)
     with pytest.raises(StageError) as caught:
         accept(path, EXPECTED, LAND)
     assert "bad.nc" in str(caught.value)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_file_cut_short_or_no_netcdf_is_refused(tmp_path: Path, share: float) -> None:
+def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
     path = write(tmp_path / "cut.nc", field())
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
@@ -171,7 +171,7 @@ def test_a_file_cut_short_or_no_netcdf_is_refused(tmp_path: Path, share: float) 
         accept(path, EXPECTED, LAND)
 
 
-def test_a_real_file_of_other_days_and_cells_is_refused(shared: Path) -> None:
+def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
     path = (
         shared
         / "data"
@@ -186,7 +186,7 @@ def test_a_real_file_of_other_days_and_cells_is_refused(shared: Path) -> None:
 
 
 def _days() -> list[Field]:
-    """Make three days: the current turns and slackens."""
+    """Make three days with different currents."""
     made = field()
     return [made, replace(made, u=0.5 * made.u), replace(made, u=-made.u, v=made.v + 0.1)]
 
@@ -200,7 +200,7 @@ def test_the_steps_are_summed_by_their_weights(tmp_path: Path) -> None:
     assert np.allclose(read.v, v, atol=4e-4, equal_nan=True)
 
 
-def test_a_step_too_few_too_many_or_out_of_order_is_refused(tmp_path: Path) -> None:
+def test_missing_additional_and_unordered_steps_are_refused(tmp_path: Path) -> None:
     days = _days()
     for wrong in (days[:2], [*days, days[0]]):
         with pytest.raises(
@@ -213,7 +213,7 @@ def test_a_step_too_few_too_many_or_out_of_order_is_refused(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("day", [0, 1, 2])
-def test_gaps_of_one_step_alone_are_refused_however_few(tmp_path: Path, day: int) -> None:
+def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
     days = _days()
     days[day] = replace(days[day], u=days[day].u.copy(), v=days[day].v.copy())
     days[day].u[2, 3] = days[day].v[2, 3] = np.nan
@@ -221,24 +221,24 @@ def test_gaps_of_one_step_alone_are_refused_however_few(tmp_path: Path, day: int
     with pytest.raises(StageError, match="1 cells have gaps"):
         accept(path, DAYS, LAND)
     icy = accept(path, replace(DAYS, gaps_vary=True), LAND)
-    assert np.isnan(icy.u[2, 3]), "what one step lacks has no mean"
+    assert np.isnan(icy.u[2, 3]), "a gap in one step is a gap in the mean"
 
 
-def test_an_impossible_speed_of_one_step_does_not_vanish_in_the_mean(tmp_path: Path) -> None:
+def test_an_impossible_speed_in_one_step_is_refused(tmp_path: Path) -> None:
     days = _days()
     days[1] = replace(days[1], u=days[1].u * 20)
     with pytest.raises(StageError, match="at 2024-07-02 speeds reach"):
         accept(write(tmp_path / "wild.nc", *days), DAYS, LAND)
 
 
-# --- chunks that the service had nothing for ----------------------------------------------------
+# --- chunks that the service does not have ------------------------------------------------------
 
 
-def test_a_missing_chunk_of_land_is_land(tmp_path: Path) -> None:
+def test_a_missing_chunk_of_land_is_accepted(tmp_path: Path) -> None:
     path = write(tmp_path / "land.nc", field())
     for turn in (0, -360, 360):
         box = (118.1 + turn, 9.1, 119.4 + turn, 10.4)
-        accept(path, replace(EXPECTED, missing=(box,)), LAND)
+        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
 
 
 @pytest.mark.parametrize(
@@ -254,18 +254,18 @@ def test_a_missing_chunk_with_a_little_water_is_refused(
 ) -> None:
     path = write(tmp_path / "wet.nc", field())
     with pytest.raises(StageError, match=r"had no data for \d+ cells of water"):
-        accept(path, replace(EXPECTED, missing=(box,)), LAND)
+        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
 
 
-def test_a_missing_chunk_that_the_region_does_not_reach_is_nothing_to_it(tmp_path: Path) -> None:
+def test_a_missing_chunk_outside_the_region_is_accepted(tmp_path: Path) -> None:
     path = write(tmp_path / "beyond.nc", field())
-    accept(path, replace(EXPECTED, missing=((120.1, 7.0, 122.0, 12.0),)), LAND)
+    accept(path, replace(EXPECTED, missing_boxes=((120.1, 7.0, 122.0, 12.0),)), LAND)
 
 
-# --- cells that stand out -----------------------------------------------------------------------
+# --- spikes -------------------------------------------------------------------------------------
 
 
-def test_no_cell_of_real_fields_stands_out(shared: Path) -> None:
+def test_real_fields_have_no_spikes(shared: Path) -> None:
     folder = shared / "data" / "currents"
     for name, components in (
         ("cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc", ("uo", "vo")),
@@ -276,7 +276,7 @@ def test_no_cell_of_real_fields_stands_out(shared: Path) -> None:
             for component in components:
                 values = np.ma.filled(dataset[component][:].astype(float), np.nan)
                 for layer in values.reshape(-1, *values.shape[-2:]):
-                    assert _spike(layer, 1.0) == 0
+                    assert largest_spike(layer, 1.0) == 0
 
 
 @given(
@@ -286,11 +286,11 @@ def test_no_cell_of_real_fields_stands_out(shared: Path) -> None:
     st.sampled_from([-1, 1]),
     st.integers(0, 99),
 )
-def test_a_cell_of_a_smooth_field_that_is_off_is_found(
+def test_a_spike_in_a_smooth_field_is_found(
     row: int, column: int, by: float, sign: int, phase: int
 ) -> None:
     x, y = np.meshgrid(np.arange(32), np.arange(32))
     values = 0.1 * np.sin(0.05 * x + phase) * np.cos(0.05 * y)
-    assert _spike(values, 1.0) == 0
+    assert largest_spike(values, 1.0) == 0
     values[row, column] += sign * by
-    assert _spike(values, 1.0) == pytest.approx(by, abs=0.02)
+    assert largest_spike(values, 1.0) == pytest.approx(by, abs=0.02)

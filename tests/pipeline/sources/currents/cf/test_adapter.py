@@ -1,4 +1,4 @@
-"""A user's file through the command line: planned on, or refused before anything is written."""
+"""The user's own files: read, checked, and through the command line used or refused."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario, parse_scenario
 from pipeline.model import Land
-from pipeline.scenario.model import Season
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
-from pipeline.sources.quality.field import Field, Shore
-from tests.pipeline.seas import coastal, dataset, sea, write
-from tests.pipeline.small_waters import small_waters
+from pipeline.sources.quality.field import Field
+from tests.pipeline.small_region import small_region
+from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pipeline.model import CurrentGrid
+    from pipeline.sources.quality.field import LandMask
 
 NO_LAND = Land((), (), 0.0)
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
-# Open water south of Palawan's middle: small, quick to plan in, and the region of the tests here.
+# Open water south of the middle of Palawan: small, so that planning is quick.
 SCENARIO = (
-    small_waters("mine")
+    small_region("mine")
     + """[chart]
 tolerance_m = 500
 [[seasons]]
@@ -55,15 +56,11 @@ SHARED = {
 
 
 @pytest.fixture(scope="module")
-def shore() -> Shore:
-    """Give the world's land: it takes seconds to load."""
-    return Shore.world()
-
-
-@pytest.fixture(scope="module")
-def palawan(shore: Shore) -> Field:
-    """Give a sea around Palawan that would pass for a real one."""
-    return coastal(sea(np.arange(108.0, 130.0, 0.25), np.arange(0.0, 20.0, 0.25), seed=2), shore)
+def palawan(world_mask: LandMask) -> Field:
+    """Give a plausible sea around Palawan."""
+    return coastal(
+        sea(np.arange(108.0, 130.0, 0.25), np.arange(0.0, 20.0, 0.25), seed=2), world_mask
+    )
 
 
 def current(*paths: Path, valid: str = "2024-07", region: shapely.Polygon = REGION) -> CurrentGrid:
@@ -71,12 +68,12 @@ def current(*paths: Path, valid: str = "2024-07", region: shapely.Polygon = REGI
     names = tuple(str(path) for path in paths)
     season = Season(name="summer", valid=valid, currents=(names,))
     source = CfFiles(names)
-    assert source.uncovered(region, season) == ""
+    assert source.uncovered_reason(region, season) == ""
     return source.current(region, season, NO_LAND, Path())
 
 
 def run(folder: Path, text: str = SCENARIO, *extra: str) -> tuple[int, list[str], str]:
-    """Exit code, error lines and notes of `renew run` on a scenario's text."""
+    """Run `renew run` on a scenario's text; return its exit code, error lines and notes."""
     path = folder / "scenario.toml"
     path.write_text(text, encoding="utf-8")
     arguments = ["run", str(path), "--output", str(folder / "outputs"), *extra]
@@ -86,10 +83,10 @@ def run(folder: Path, text: str = SCENARIO, *extra: str) -> tuple[int, list[str]
     return result.exit_code, errors, "\n".join(line for line in lines if '"note"' in line)
 
 
-# --- what the planner is handed -----------------------------------------------------------------
+# --- what the planner is given ------------------------------------------------------------------
 
 
-def test_it_is_handed_the_region_and_a_few_cells_more(tmp_path: Path, palawan: Field) -> None:
+def test_the_grid_is_the_region_with_a_margin(tmp_path: Path, palawan: Field) -> None:
     data = dataset(palawan)
     data.attrs = {
         "title": "Somebody's\nmodel",
@@ -104,7 +101,7 @@ def test_it_is_handed_the_region_and_a_few_cells_more(tmp_path: Path, palawan: F
     x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
     assert np.array_equal(grid.u, palawan.u[np.ix_(y, x)], equal_nan=True)
     assert np.array_equal(grid.v, palawan.v[np.ix_(y, x)], equal_nan=True)
-    assert np.isnan(grid.u).any(), "Palawan lies in it"
+    assert np.isnan(grid.u).any(), "Palawan is in it"
     assert grid.valid == "2024-07-01"
     assert grid.notes == ("one time step (2024-07-01) stands for all of 2024-07-01 to 2024-08-01",)
     credit = grid.credit
@@ -115,29 +112,29 @@ def test_it_is_handed_the_region_and_a_few_cells_more(tmp_path: Path, palawan: F
 
 
 def test_zeros_on_land_are_gaps(tmp_path: Path, palawan: Field) -> None:
-    dry = Field(palawan.lon, palawan.lat, np.nan_to_num(palawan.u), np.nan_to_num(palawan.v))
-    data = dataset(dry)
+    zeros = Field(palawan.lon, palawan.lat, np.nan_to_num(palawan.u), np.nan_to_num(palawan.v))
+    data = dataset(zeros)
     data.attrs = {}
     grid = current(write(tmp_path / "zeros.nc", data))
     x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
     assert np.array_equal(grid.u, palawan.u[np.ix_(y, x)], equal_nan=True)
-    assert "zeros of the file are taken for land" in grid.notes
-    assert grid.credit.name == "zeros.nc, a file of the user's"
+    assert "zeros in the file are treated as land" in grid.notes
+    assert grid.credit.name == "zeros.nc, user's file"
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
-def test_the_identity_is_the_content(tmp_path: Path, palawan: Field, suffix: str) -> None:
+def test_the_identity_follows_the_content(tmp_path: Path, palawan: Field, suffix: str) -> None:
     path = write(tmp_path / f"field{suffix}", dataset(palawan))
     season = Season(name="summer", valid="2024-07", currents=((str(path),),))
 
-    def identity(at: Path = path, of: Season = season) -> tuple[str, ...]:
-        return CfFiles((str(at),)).identity(of)
+    def identity(file: Path = path, of: Season = season) -> tuple[str, ...]:
+        return CfFiles((str(file),)).identity(of)
 
     known = identity()
     assert identity() == known
     copy = tmp_path / f"copy{suffix}"
     (shutil.copytree if path.is_dir() else shutil.copy2)(path, copy)
-    assert identity(copy) == known, "the name and the place are nothing to it"
+    assert identity(copy) == known, "name and folder do not matter"
     assert identity(of=season.model_copy(update={"valid": "2024-07-01"})) != known
     part = max(
         (file for file in ([path] if path.is_file() else path.rglob("*")) if file.is_file()),
@@ -152,17 +149,17 @@ def test_the_identity_is_the_content(tmp_path: Path, palawan: Field, suffix: str
     assert CfFiles((str(tmp_path / "absent.nc"),)).identity(season)[0] == "nothing"
 
 
-def test_a_growing_folder_changes_nothing_for_the_days_that_were_there(
+def test_a_new_file_does_not_change_the_identity_of_earlier_days(
     tmp_path: Path, palawan: Field
 ) -> None:
     days = [f"2024-07-0{day}" for day in range(1, 5)]
     for day in days[:2]:
         write(tmp_path / f"{day}.nc", dataset(palawan, times=[day]))
     names = (str(tmp_path / "*.nc"),)
-    asked = [Season(name="s", valid=valid, currents=(names,)) for valid in (days[0], "2024-07")]
-    before = [CfFiles(names).identity(season) for season in asked]
+    seasons = [Season(name="s", valid=valid, currents=(names,)) for valid in (days[0], "2024-07")]
+    before = [CfFiles(names).identity(season) for season in seasons]
     write(tmp_path / f"{days[2]}.nc", dataset(palawan, times=[days[2]]))
-    after = [CfFiles(names).identity(season) for season in asked]
+    after = [CfFiles(names).identity(season) for season in seasons]
     assert after[0] == before[0]
     assert after[1] != before[1]
 
@@ -182,11 +179,11 @@ def test_a_growing_folder_changes_nothing_for_the_days_that_were_there(
         ("oscar", "2024-07", "July of a climatology", 1),
     ],
 )
-def test_real_files_pass_for_palawan(
+def test_real_files_are_accepted_for_palawan(
     shared: Path, name: str, valid: str, used: str, notes: int
 ) -> None:
     path = shared / "data" / "currents" / SHARED[name]
-    region = load_scenario("palawan-season").waters
+    region = load_scenario("palawan-season").area
     grid = current(path, valid=valid, region=region)
     assert grid.valid == used
     assert len(grid.notes) == notes, grid.notes
@@ -198,7 +195,7 @@ def test_real_files_pass_for_palawan(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHARED)
 @pytest.mark.parametrize(
-    ("what", "said"),
+    ("fault", "message"),
     [
         ("flip u", "one component has the wrong sign"),
         ("flip v", "one component has the wrong sign"),
@@ -208,33 +205,33 @@ def test_real_files_pass_for_palawan(
         ("cm/s", "another unit"),
         ("still", "every speed is 0"),
         ("same", "it is the same everywhere"),
-        ("hole", "open water has no figures"),
+        ("hole", "open water has no data"),
     ],
 )
-def test_real_files_that_were_spoilt_are_refused_or_doubted(
-    shared: Path, tmp_path: Path, name: str, what: str, said: str
+def test_faults_in_real_files_are_reported(
+    shared: Path, tmp_path: Path, name: str, fault: str, message: str
 ) -> None:
     with xr.open_dataset(shared / "data" / "currents" / SHARED[name], decode_times=False) as real:
-        path = write(tmp_path / "spoilt.nc", spoilt(real.load(), what))
+        path = write(tmp_path / "faulty.nc", with_fault(real.load(), fault))
     valid = {"cwb": "2020-06-17", "duacs": "2019-02-23", "glo": "2024-01", "oscar": "2024-07"}
     region = shapely.box(118, 16, 124, 24)
-    told = told_of(path, valid[name], region)
-    assert any(said in line for line in told), told
+    reported = messages(path, valid[name], region)
+    assert any(message in line for line in reported), reported
 
 
-def told_of(path: Path, valid: str, region: shapely.Polygon) -> tuple[str, ...]:
-    """What is said of a file: why it is refused, or the notes that it is taken with."""
+def messages(path: Path, valid: str, region: shapely.Polygon) -> tuple[str, ...]:
+    """Return why a file is refused, or the notes with which it is accepted."""
     try:
         return current(path, valid=valid, region=region).notes
     except RequestError as error:
         return error.faults
 
 
-def spoilt(data: xr.Dataset, what: str) -> xr.Dataset:
-    """Do to a real file what happens to files."""
+def with_fault(data: xr.Dataset, fault: str) -> xr.Dataset:
+    """Put a fault that files may have into a real one."""
     u, v = (name for name in data.data_vars if str(name).startswith(("u", "v")))
     east, north = data[u].copy(), data[v].copy()
-    nothing = xr.zeros_like(east).where(east.notnull())
+    zero = xr.zeros_like(east).where(east.notnull())
     changed: dict[str, Callable[[], tuple[xr.DataArray, xr.DataArray]]] = {
         "flip u": lambda: (-east, north),
         "flip v": lambda: (east, -north),
@@ -242,16 +239,16 @@ def spoilt(data: xr.Dataset, what: str) -> xr.Dataset:
         "km/h": lambda: (3.6 * east, 3.6 * north),
         "cm/s": lambda: (100 * east, 100 * north),
         "shift": lambda: (east, north),
-        "still": lambda: (nothing, nothing),
-        "same": lambda: (nothing + 0.3, nothing + 0.1),
+        "still": lambda: (zero, zero),
+        "same": lambda: (zero + 0.3, zero + 0.1),
         "hole": lambda: (
             east.where((east.latitude < 17) | (east.latitude > 21)),
             north.where((north.latitude < 17) | (north.latitude > 21)),
         ),
     }
-    for name, part in zip((u, v), changed[what](), strict=True):
+    for name, part in zip((u, v), changed[fault](), strict=True):
         data[name] = (data[name].dims, part.values, data[name].attrs)
-    if what == "shift":
+    if fault == "shift":
         data = data.assign_coords(latitude=data.latitude + 0.5)
         for name in ("latitude", "longitude"):
             data[name].attrs = {"units": f"degrees_{'north' if name == 'latitude' else 'east'}"}
@@ -273,14 +270,14 @@ def test_a_missing_file_is_one_message_and_nothing_is_written(tmp_path: Path) ->
     assert not (tmp_path / "outputs").exists()
 
 
-def test_a_file_of_another_time_or_place_is_told_what_it_has(
+def test_a_file_of_another_time_or_region_is_refused_with_what_it_has(
     tmp_path: Path, palawan: Field
 ) -> None:
     away = Field(palawan.lon + 20, palawan.lat, palawan.u, palawan.v)
     write(tmp_path / "field.nc", dataset(away, times=["2021-03-01"]))
     code, errors, _ = run(tmp_path)
     assert code == 2
-    assert "it has no figures there at all" in errors[0]
+    assert "it has no data there at all" in errors[0]
     assert "one time step, 2021-03-01, none inside 2024-07-01 to 2024-08-01" in errors[0]
     assert not (tmp_path / "outputs").exists()
 
@@ -294,11 +291,11 @@ def test_a_flipped_file_is_refused_and_nothing_is_written(
     assert code == 2
     assert "field.nc is refused: one component has the wrong sign" in errors[0]
     assert not (tmp_path / "outputs" / "mine").exists()
-    kept = [
+    stored = [
         set((of / ".artefacts" / "current").iterdir())
         for of in (tmp_path / "outputs", across_outputs)
     ]
-    assert {file.name for file in kept[0]} == {file.name for file in kept[1]}
+    assert {file.name for file in stored[0]} == {file.name for file in stored[1]}
 
 
 def test_currents_need_a_region() -> None:
@@ -307,18 +304,18 @@ def test_currents_need_a_region() -> None:
     assert "--currents needs a scenario with a [region]" in result.stderr
 
 
-def test_paths_are_from_the_scenarios_folder_and_names_are_names(tmp_path: Path) -> None:
-    (tmp_path / "waters").mkdir()
+def test_paths_start_at_the_scenarios_folder_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
     write(
-        tmp_path / "waters" / "field.nc",
+        tmp_path / "folder" / "field.nc",
         dataset(sea(np.arange(118, 120, 0.25), np.arange(9, 11, 0.25))),
     )
-    path = tmp_path / "waters" / "scenario.toml"
+    path = tmp_path / "folder" / "scenario.toml"
     own, fallback = '["field.nc"]', '[["field.nc"], "embedded-palawan"]'
     for text in (SCENARIO, SCENARIO.replace(own, fallback)):
         path.write_text(text)
         (season,) = load_scenario(str(path)).seasons
-        assert season.currents[0] == (str(tmp_path / "waters" / "field.nc"),)
+        assert season.currents[0] == (str(tmp_path / "folder" / "field.nc"),)
     assert season.currents[1] == "embedded-palawan"
     path.write_text(SCENARIO.replace("field.nc", "embeded-palawan"))
     with pytest.raises(RequestError, match=r"did you mean 'embedded-palawan'\?.*'\./field\.nc'"):
@@ -327,24 +324,24 @@ def test_paths_are_from_the_scenarios_folder_and_names_are_names(tmp_path: Path)
     with pytest.raises(RequestError, match=r"seasons\[0\]\.currents\[0\]"):
         load_scenario(str(path))
     path.write_text(SCENARIO.replace('"2024-07"', '"2024-02-30"'))
-    with pytest.raises(RequestError, match=r"seasons\[0\]\.valid = '2024-02-30' is no time"):
+    with pytest.raises(RequestError, match=r"seasons\[0\]\.valid = '2024-02-30' is not a time"):
         load_scenario(str(path))
 
 
-def test_a_scenario_with_files_reads_back_as_it_was_written(tmp_path: Path) -> None:
+def test_a_scenario_with_files_survives_writing_and_reading(tmp_path: Path) -> None:
     write(tmp_path / "field.nc", dataset(sea(np.arange(118, 120, 0.25), np.arange(9, 11, 0.25))))
     path = tmp_path / "scenario.toml"
     path.write_text(
         SCENARIO.replace("classes", "seed = 1\nclasses")
-        .replace("valid", 'time = "linear"\nvalid')
+        .replace("valid", 'time_method = "linear"\nvalid')
         .replace('2024-07"', '2024-07-01T00:00Z"')
     )
     scenario = load_scenario(str(path))
-    assert scenario.seasons[0].how == "linear"
+    assert scenario.seasons[0].resolved_time_method == "linear"
     assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
 
 
-def test_a_run_on_a_file_says_whose_it_is(
+def test_a_run_on_a_file_gives_its_credit(
     tmp_path: Path, palawan: Field, across_outputs: Path
 ) -> None:
     shutil.copytree(across_outputs, tmp_path / "outputs")

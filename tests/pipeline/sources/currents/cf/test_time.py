@@ -1,9 +1,9 @@
-"""Which steps of a file stand for a season's time."""
+"""The time steps of the user's files, and which of them make up a season's field."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -12,20 +12,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.scenario.period import period
-from pipeline.sources.currents.cf.time import How, Steps, choose, joined, steps
+from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps, select_steps
+
+if TYPE_CHECKING:
+    from pipeline.sources.interfaces import TimeMethod
 
 HOUR = timedelta(hours=1)
 
 
-def read(values: Any, units: str = "hours since 2024-07-01", **attributes: Any) -> Steps:  # noqa: ANN401
-    """Read a time axis of these raw values."""
+def read(values: Any, units: str = "hours since 2024-07-01", **attributes: Any) -> TimeSteps:  # noqa: ANN401
+    """Read a time axis with these undecoded values."""
     axis = xr.DataArray(np.asarray(values, dtype=float), dims="time", name="time")
-    found, _ = joined([steps(axis.assign_attrs(units=units, **attributes), None)])
+    found, _ = merge_steps([read_steps(axis.assign_attrs(units=units, **attributes), None)])
     return found
 
 
-def days(first: str, count: int, every: int = 1) -> Steps:
-    """Read a daily axis."""
+def days(first: str, count: int, every: int = 1) -> TimeSteps:
+    """Read an axis of days."""
     return read(np.arange(count) * every, f"days since {first}")
 
 
@@ -39,7 +42,7 @@ def days(first: str, count: int, every: int = 1) -> Steps:
         ("days since 2030-01-01", "standard"),
     ],
 )
-def test_moments_are_those_that_the_axis_was_made_from(units: str, calendar: str) -> None:
+def test_moments_are_those_that_the_axis_was_made_of(units: str, calendar: str) -> None:
     moments = [datetime(2019, 2, 23, 6, tzinfo=UTC), datetime(2024, 12, 31, 18, 30, tzinfo=UTC)]
     unit, _, since = units.partition(" since ")
     origin = datetime.fromisoformat(since.replace(" +", "+"))
@@ -51,13 +54,13 @@ def test_moments_are_those_that_the_axis_was_made_from(units: str, calendar: str
     assert found.labels == ("2019-02-23T06:00Z", "2024-12-31T18:30Z")
 
 
-def test_a_float32_of_days_is_the_whole_hour_that_it_stands_for() -> None:
+def test_days_in_float32_are_rounded_to_the_second() -> None:
     found = read(np.array([25255.25], dtype="f4"), "days since 1950-01-01")
     assert found.labels == ("2019-02-23T06:00Z",)
 
 
 @pytest.mark.parametrize("calendar", ["360_day", "noleap", "julian", "nonsense"])
-def test_a_calendar_of_other_days_is_refused(calendar: str) -> None:
+def test_another_calendar_is_refused(calendar: str) -> None:
     with pytest.raises(ValueError, match=f"'{calendar}'.*cdo setcalendar,standard"):
         read([0], calendar=calendar)
 
@@ -68,9 +71,9 @@ def test_what_is_no_time_is_refused(units: str) -> None:
         read([0, 24], units)
 
 
-def test_the_mean_of_a_month_takes_all_of_its_steps_and_no_other() -> None:
+def test_the_mean_of_a_month_is_of_all_its_steps_and_no_others() -> None:
     daily = days("2023-12-30", 40)
-    chosen = choose(daily, period("2024-01"), "mean")
+    chosen = select_steps(daily, period("2024-01"), "mean")
     taken = [daily.labels[i] for i in chosen.weights]
     assert taken == [f"2024-01-{day:02d}" for day in range(1, 32)]
     assert sum(chosen.weights.values()) == pytest.approx(1)
@@ -79,80 +82,80 @@ def test_the_mean_of_a_month_takes_all_of_its_steps_and_no_other() -> None:
     assert not chosen.notes
 
 
-def test_six_fields_five_days_apart_stand_for_their_month_without_a_word() -> None:
-    chosen = choose(days("2024-01-03", 6, every=5), period("2024-01"), "mean")
+def test_six_fields_five_days_apart_stand_for_their_month_without_a_note() -> None:
+    chosen = select_steps(days("2024-01-03", 6, every=5), period("2024-01"), "mean")
     assert len(chosen.weights) == 6
     assert not chosen.notes
 
 
 @pytest.mark.parametrize(
-    ("axis", "said"),
+    ("axis", "text"),
     [
         (days("2024-01-01", 5), "5 time steps (2024-01-01 to 2024-01-05) stand for all of"),
         (days("2024-01-20", 20), "12 time steps (2024-01-20 to 2024-01-31) stand for all of"),
         (days("2024-01-17", 1), "one time step (2024-01-17) stands for all"),
     ],
 )
-def test_a_part_of_a_month_is_told(axis: Steps, said: str) -> None:
-    (note,) = choose(axis, period("2024-01"), "mean").notes
-    assert said in note
+def test_steps_that_do_not_fill_the_month_are_noted(axis: TimeSteps, text: str) -> None:
+    (note,) = select_steps(axis, period("2024-01"), "mean").notes
+    assert text in note
     assert "2024-01-01 to 2024-02-01" in note
 
 
-def test_a_lone_field_stands_for_its_day_without_a_word() -> None:
-    chosen = choose(days("2020-06-17", 1), period("2020-06-17"), "mean")
+def test_a_single_field_stands_for_its_day_without_a_note() -> None:
+    chosen = select_steps(days("2020-06-17", 1), period("2020-06-17"), "mean")
     assert (dict(chosen.weights), chosen.valid, chosen.notes) == ({0: 1.0}, "2020-06-17", ())
 
 
-def test_no_step_in_the_period_is_refused_with_what_there_is() -> None:
+def test_a_period_without_steps_is_refused_with_the_steps_that_there_are() -> None:
     with pytest.raises(ValueError, match="6 time steps, 2024-01-03 to 2024-01-28, none inside"):
-        choose(days("2024-01-03", 6, every=5), period("2024-02"), "mean")
-    with pytest.raises(ValueError, match=r'none inside 2024-01-05.*or time = "nearest"'):
-        choose(days("2024-01-03", 6, every=5), period("2024-01-05"), "mean")
+        select_steps(days("2024-01-03", 6, every=5), period("2024-02"), "mean")
+    with pytest.raises(ValueError, match=r'none inside 2024-01-05.*or time_method = "nearest"'):
+        select_steps(days("2024-01-03", 6, every=5), period("2024-01-05"), "mean")
 
 
 @given(
     st.lists(st.integers(0, 5000), min_size=2, max_size=30, unique=True),
     st.integers(-50, 5050),
 )
-def test_the_nearest_step_is_the_nearest_or_too_far(hours: list[int], wanted: int) -> None:
+def test_nearest_selects_the_nearest_step_or_none_if_it_is_too_far(
+    hours: list[int], hour: int
+) -> None:
     axis = read(sorted(hours))
-    moment = datetime(2024, 7, 1, tzinfo=UTC) + wanted * HOUR
-    away = min(abs(moment - known) for known in axis.moments)
-    usual = float(np.median(np.diff(sorted(hours)))) * HOUR
-    asked = period(moment.strftime("%Y-%m-%dT%H:%MZ"))
-    if away > usual / 2 * 1.04:
+    moment = datetime(2024, 7, 1, tzinfo=UTC) + hour * HOUR
+    distance = min(abs(moment - own) for own in axis.moments)
+    interval = float(np.median(np.diff(sorted(hours)))) * HOUR
+    wanted = period(moment.strftime("%Y-%m-%dT%H:%MZ"))
+    if distance > interval / 2 * 1.04:
         with pytest.raises(ValueError, match=r"none within .* of 202"):
-            choose(axis, asked, "nearest")
+            select_steps(axis, wanted, "nearest")
         return
-    (place,) = choose(axis, asked, "nearest").weights
-    assert abs(axis.moments[place] - moment) == away
+    (index,) = select_steps(axis, wanted, "nearest").weights
+    assert abs(axis.moments[index] - moment) == distance
 
 
 @given(st.lists(st.integers(0, 300), min_size=2, max_size=30, unique=True), st.floats(0, 1))
-def test_linear_gives_back_any_quantity_that_runs_evenly_in_time(
-    hours: list[int], share: float
-) -> None:
+def test_linear_reproduces_a_linear_function_of_time(hours: list[int], share: float) -> None:
     axis = read(sorted(hours))
     begin, end = axis.moments[0], axis.moments[-1]
     moment = (begin + share * (end - begin)).replace(second=0, microsecond=0)
-    asked = period(moment.strftime("%Y-%m-%dT%H:%MZ"))
+    wanted = period(moment.strftime("%Y-%m-%dT%H:%MZ"))
     gaps = np.diff(sorted(hours))
     after = int(np.searchsorted(axis.moments, moment))  # type: ignore[call-overload]
     if axis.moments[after] != moment and gaps[after - 1] > 1.5 * np.median(gaps):
         with pytest.raises(ValueError, match="no steps between"):
-            choose(axis, asked, "linear")
+            select_steps(axis, wanted, "linear")
         return
-    chosen = choose(axis, asked, "linear")
+    chosen = select_steps(axis, wanted, "linear")
     assert all(weight >= 0 for weight in chosen.weights.values())
     found = sum(axis.moments[i].timestamp() * weight for i, weight in chosen.weights.items())
     assert found == pytest.approx(moment.timestamp(), abs=1)
 
 
-@pytest.mark.parametrize("wanted", ["2024-06-30T23:00Z", "2024-07-03T01:00Z"])
-def test_linear_does_not_reach_beyond_the_first_or_last_step(wanted: str) -> None:
+@pytest.mark.parametrize("valid", ["2024-06-30T23:00Z", "2024-07-03T01:00Z"])
+def test_linear_does_not_extrapolate(valid: str) -> None:
     with pytest.raises(ValueError, match="do not lie on both sides"):
-        choose(read([0, 24, 48]), period(wanted), "linear")
+        select_steps(read([0, 24, 48]), period(valid), "linear")
 
 
 # --- months -------------------------------------------------------------------------------------
@@ -161,16 +164,16 @@ def test_linear_does_not_reach_beyond_the_first_or_last_step(wanted: str) -> Non
 def test_monthly_fields_labelled_with_their_first_day_stand_for_the_month() -> None:
     axis = read([0, 31, 60, 91], "days since 2024-01-01")
     assert axis.labels == ("2024-01", "2024-02", "2024-03", "2024-04")
-    for wanted, how in (("2024-03", "mean"), ("2024-03-30T12:00Z", "nearest")):
-        chosen = choose(axis, period(wanted), how)  # type: ignore[arg-type]
+    for valid, method in (("2024-03", "mean"), ("2024-03-30T12:00Z", "nearest")):
+        chosen = select_steps(axis, period(valid), method)  # type: ignore[arg-type]
         assert (dict(chosen.weights), chosen.valid, chosen.notes) == ({2: 1.0}, "2024-03", ())
 
 
-def test_bounds_say_what_a_lone_field_stands_for() -> None:
+def test_bounds_give_the_period_of_a_single_field() -> None:
     axis = xr.DataArray([1.0], dims="time", name="time", attrs={"units": "days since 2024-08-01"})
-    alone, _ = joined([steps(axis, np.array([[0.0, 31.0]]))])
-    assert not choose(alone, period("2024-08"), "mean").notes
-    assert choose(alone, period("2024-08-29T00:00Z"), "nearest").valid == "2024-08-02"
+    single, _ = merge_steps([read_steps(axis, np.array([[0.0, 31.0]]))])
+    assert not select_steps(single, period("2024-08"), "mean").notes
+    assert select_steps(single, period("2024-08-29T00:00Z"), "nearest").valid == "2024-08-02"
 
 
 @pytest.mark.parametrize(
@@ -183,37 +186,37 @@ def test_bounds_say_what_a_lone_field_stands_for() -> None:
         read(np.arange(12) * 30.4 + 15, "days since 1993-01-01", climatology="climatology_bounds"),
     ],
 )
-def test_a_climatology_is_taken_by_its_calendar_month(axis: Steps) -> None:
+def test_a_climatology_gives_the_field_of_the_calendar_month(axis: TimeSteps) -> None:
     for month in (1, 7, 12):
-        for wanted in (f"2024-{month:02d}", f"1999-{month:02d}-28", f"2031-{month:02d}-02T05:00Z"):
-            how: How = "nearest" if "T" in wanted else "mean"
-            chosen = choose(axis, period(wanted), how)
+        for valid in (f"2024-{month:02d}", f"1999-{month:02d}-28", f"2031-{month:02d}-02T05:00Z"):
+            method: TimeMethod = "nearest" if "T" in valid else "mean"
+            chosen = select_steps(axis, period(valid), method)
             assert dict(chosen.weights) == {month - 1: 1.0}
             assert chosen.is_climatology
             assert "climatology" in chosen.valid
     with pytest.raises(ValueError, match="it is a climatology"):
-        choose(axis, period("2024-07"), "linear")
+        select_steps(axis, period("2024-07"), "linear")
 
 
 def test_a_climatology_without_the_month_is_refused() -> None:
     with pytest.raises(ValueError, match="a climatology of June, July, not of January"):
-        choose(read([6, 7], "month"), period("2024-01"), "mean")
+        select_steps(read([6, 7], "month"), period("2024-01"), "mean")
 
 
-def test_a_file_that_says_no_time_is_taken_and_told() -> None:
-    chosen = choose(steps(None, None), period("2024-07"), "mean")
+def test_a_file_without_time_is_accepted_with_a_note() -> None:
+    chosen = select_steps(read_steps(None, None), period("2024-07"), "mean")
     assert dict(chosen.weights) == {0: 1.0}
-    assert "says no time" in chosen.notes[0]
+    assert "gives no time" in chosen.notes[0]
 
 
 # --- several files ------------------------------------------------------------------------------
 
 
 @given(st.permutations(range(9)), st.integers(1, 4))
-def test_steps_of_several_files_are_put_in_order(order: list[int], files: int) -> None:
+def test_steps_of_several_files_are_merged_in_order(order: list[int], files: int) -> None:
     parts = [list(order[i::files]) for i in range(files)]
     axes = [
-        steps(
+        read_steps(
             xr.DataArray(
                 np.array(part, dtype=float), dims="t", attrs={"units": "days since 2024-07-02"}
             ),
@@ -221,15 +224,15 @@ def test_steps_of_several_files_are_put_in_order(order: list[int], files: int) -
         )
         for part in parts
     ]
-    merged, places = joined(axes)
+    merged, index = merge_steps(axes)
     assert merged.labels == tuple(f"2024-07-{day + 2:02d}" for day in range(9))
-    assert [parts[part][i] for part, i in places] == list(range(9))
+    assert [parts[part][i] for part, i in index] == list(range(9))
 
 
 def test_files_that_overlap_or_differ_in_kind_are_refused() -> None:
     with pytest.raises(ValueError, match="two steps of 2024-07-02"):
-        joined([days("2024-07-01", 2), days("2024-07-02", 2)])
-    with pytest.raises(ValueError, match="another kind of time"):
-        joined([days("2024-07-01", 2), read(range(1, 13), "month")])
-    with pytest.raises(ValueError, match="no telling them apart"):
-        joined([steps(None, None), steps(None, None)])
+        merge_steps([days("2024-07-01", 2), days("2024-07-02", 2)])
+    with pytest.raises(ValueError, match="have years and some not"):
+        merge_steps([days("2024-07-01", 2), read(range(1, 13), "month")])
+    with pytest.raises(ValueError, match="their order is unknown"):
+        merge_steps([read_steps(None, None), read_steps(None, None)])

@@ -1,0 +1,134 @@
+"""Maps of seasons: currents, land, the best route's soft no-go zone, and all routes.
+
+`season_svg` is for a page, which sets the colours, light or dark; `overview_figure` is for files.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pipeline.formats.figures.arrows import arrows, speed_scale
+from pipeline.formats.figures.artists import patch, stroke
+from pipeline.formats.figures.chart_map import (
+    SOFT_ALPHA,
+    add_layers,
+    draw_frame,
+    draw_start_and_goal,
+    land_layers,
+    map_figure,
+    soft_layer,
+    zone_handles,
+    zone_layers,
+)
+from pipeline.formats.figures.page_svg import page_svg
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.text import distance, number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import PathPatch
+
+    from pipeline.formats.shared.result import RunResult
+
+
+def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> str:
+    """Draw a season as an `<svg>` element for a page; see `page_svg`."""
+    figure, [(axes, sea)] = map_figure(result)
+    _draw_season(axes, sea, result, season)
+    return page_svg(figure, identity=identity, label=label)
+
+
+def overview_figure(result: RunResult, seasons: Sequence[str] = ()) -> Figure:
+    """Draw seasons side by side, each under its title; all seasons if none are given."""
+    chosen = seasons or [entry.season for entry in result.plans]
+    handles = _handles(result)
+    figure, maps = map_figure(
+        result,
+        handles,
+        titles=[_titles(result, season) for season in chosen],
+        columns=len(chosen),
+        # The figure of one season is narrow: its legend has two rows.
+        legend_columns=len(handles) if len(chosen) > 1 else 5,
+    )
+    for season, (axes, sea) in zip(chosen, maps, strict=True):
+        _draw_season(axes, sea, result, season)
+    return figure
+
+
+def _titles(result: RunResult, season: str) -> tuple[str, str]:
+    """Title of a season, and its best route's side, length and fuel."""
+    title = result.season_title(season)
+    ranked = result.season_routes(season)
+    if not ranked:
+        return title, "no route"
+    best = ranked[0].metrics
+    side = f"{best.side} about, " if best.side else ""
+    return title, f"{side}{distance(best.length_m)}, fuel {number(best.fuel)}"
+
+
+def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
+    """Draw currents, zones, land, routes and frame."""
+    layers = [*_area_layers(axes, result, season), *_route_layers(result, season)]
+    add_layers(axes, layers, sea)
+    paths = [ranked.route.path for ranked in result.season_routes(season)]
+    draw_start_and_goal(axes, result, paths)
+    draw_frame(axes, result, sea)
+
+
+def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
+    """Currents, over them the best route's soft no-go zone, and land on top."""
+    outlines = arrows(result, season).outlines(speed_scale(result))
+    return [
+        *(
+            patch(outline, facecolor=COLOURS[f"speed{i}"], edgecolor="none", zorder=2)
+            for i, outline in enumerate(outlines)
+            if not outline.is_empty
+        ),
+        *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
+        *land_layers(axes, result),
+        *zone_layers(result),
+    ]
+
+
+def _route_layers(result: RunResult, season: str) -> list[Artist]:
+    """All routes thin, and the best thick on a halo."""
+    layers: list[Artist] = []
+    for ranked in reversed(result.season_routes(season)):
+        strokes = [("halo", 4.0, 6), ("best", 2.2, 7)] if ranked.rank == 1 else [("other", 0.7, 5)]
+        layers += [
+            stroke(ranked.route.path, COLOURS[role], width, zorder)
+            for role, width, zorder in strokes
+        ]
+    return layers
+
+
+def _handles(result: RunResult) -> list[Artist]:
+    """Legend of lines, areas and speeds."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Artist] = [
+        Line2D([], [], color=COLOURS["best"], linewidth=2.2, label="best route"),
+        Line2D([], [], color=COLOURS["other"], linewidth=0.8, label="other classes"),
+        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
+        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
+        Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label="soft no-go"),
+        *zone_handles(result),
+    ]
+    labels = speed_scale(result).labels
+    handles += [
+        Line2D(
+            [],
+            [],
+            color=COLOURS[f"speed{i}"],
+            marker=">",
+            markersize=5,
+            label=text if i + 1 < len(labels) else f"{text} m/s",
+        )
+        for i, text in enumerate(labels)
+    ]
+    return handles

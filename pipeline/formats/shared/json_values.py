@@ -1,0 +1,31 @@
+"""Values that JSON can hold."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON knows out
+    """Make a value, with all that is nested in it, one that JSON can hold.
+
+    NumPy's types become Python's, numbers that are not finite None, and texts encodable.
+    """
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return encodable_text(value)
+    if isinstance(value, dict):
+        return {key: json_value(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [json_value(item) for item in value]
+    return value
+
+
+def encodable_text(text: str) -> str:
+    """Replace lone halves of a surrogate pair, which no encoding has, by U+FFFD."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")

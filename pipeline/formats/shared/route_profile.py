@@ -1,0 +1,202 @@
+"""Profile of a route: time, fuel, speed, current and clearance at points along it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.shared.legs import cumulative, step_times
+from pipeline.geo.projection import densified
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.geo.projection import Projection
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Maximum distance between points, true metres: between them the plane has one scale, and geodesics
+# are its straight lines.
+_MAX_STEP_M = 10_000.0
+# Factor on the least planar distance up to which coast may still be the nearest on earth.
+_NEAREST_FACTOR = 1.02
+# Distance, as a share of the route's length, below which two points count as one.
+_SAME_POINT = 1e-9
+
+
+@dataclass(frozen=True)
+class RouteProfile:
+    """A route at n points from start to goal, in order: arrays (n,), `lonlat` (n, 2).
+
+    All of the path's vertices and the point of least clearance are among them.
+
+    Attributes
+    ----------
+    distance_m : true geodesic metres from the start.
+    time_s : true-scale seconds since departure.
+    lonlat : degrees.
+    course_deg : true course towards the next point; at the goal, that of arrival.
+    fuel : used since departure, in the planner's units.
+    speed_m_s : mean over ground to the next point; at the goal, that of arrival.
+    current_along_m_s : component of the current along the course, positive if following.
+    clearance_m : true metres to the original land; inf without any land.
+    """
+
+    distance_m: FloatArray
+    time_s: FloatArray
+    lonlat: FloatArray
+    course_deg: FloatArray
+    fuel: FloatArray
+    speed_m_s: FloatArray
+    current_along_m_s: FloatArray
+    clearance_m: FloatArray
+
+
+def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) -> RouteProfile:
+    """Sample a route every 1/points of its length and at its vertices.
+
+    Fuel and time end at the route's own figures, and the least clearance is the route's. The index
+    of the coast is shared by all routes of a scene.
+    """
+    import pyproj
+
+    scene, metrics = result.scene, ranked.metrics
+    projection = scene.projection
+    path = _without_repeats(np.asarray(ranked.route.path, dtype=float))
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    sampled = densified(path, min(length / points, _MAX_STEP_M / projection.scale))
+    coast = coast_index(scene.land)
+    closest = coast.closest_approach(sampled, projection)
+    if closest is not None:
+        sampled = _with_point(sampled, closest.point, _SAME_POINT * length)
+
+    lonlat = projection.to_lonlat(sampled)
+    azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
+        lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
+    )
+    current = scene.currents[ranked.season]
+    planner_s, step_s = step_times(sampled, ranked, result)
+    steps = np.diff(sampled, axis=0)
+    tangent = _with_last_repeated(steps / np.linalg.norm(steps, axis=1, keepdims=True))
+    clearance = coast.clearance_m(sampled, projection, crosses_land=metrics.land_m > 0)
+    if closest is not None:
+        nearest = np.argmin(np.linalg.norm(sampled - closest.point, axis=1))
+        # A route over land has no clearance, however far the coastline may be.
+        least_m = 0.0 if metrics.land_m > 0 else closest.clearance_m
+        clearance = np.maximum(clearance, least_m)
+        clearance[nearest] = least_m
+    return RouteProfile(
+        distance_m=cumulative(step_m),
+        time_s=cumulative(step_s),
+        lonlat=lonlat,
+        course_deg=np.append(azimuth, back[-1] + 180) % 360,
+        fuel=cumulative(planner_s * (metrics.fuel / planner_s.sum())),
+        speed_m_s=_with_last_repeated(step_m / step_s),
+        current_along_m_s=(np.asarray(current(sampled)) * tangent).sum(axis=1),
+        clearance_m=clearance,
+    )
+
+
+@dataclass(frozen=True)
+class ClosestApproach:
+    """The point (2,) of a route where land is nearest, and its distance in true metres."""
+
+    point: FloatArray
+    clearance_m: float
+
+
+@dataclass(frozen=True)
+class CoastIndex:
+    """Land, its edges, and a tree of the edges that finds the nearest one."""
+
+    land: npt.NDArray[np.object_]
+    edges: npt.NDArray[np.object_]
+    tree: shapely.STRtree
+
+    def clearance_m(
+        self, sampled: FloatArray, projection: Projection, *, crosses_land: bool
+    ) -> FloatArray:
+        """True metres (n,) from points (n, 2) to the coast; 0 on land, if the route crosses any."""
+        import pyproj
+
+        if not len(self.edges):
+            return np.full(len(sampled), math.inf)
+        points = shapely.points(sampled)
+        nearest = self.tree.query_nearest(points, all_matches=False)[1]
+        ends = projection.to_lonlat(
+            shapely.get_coordinates(shapely.shortest_line(points, self.edges[nearest]))
+        )
+        near, far = ends[::2], ends[1::2]
+        clearance = np.asarray(
+            pyproj.Geod(ellps="WGS84").inv(near[:, 0], near[:, 1], far[:, 0], far[:, 1])[2]
+        )
+        if crosses_land:
+            clearance[shapely.STRtree(points).query(self.land, predicate="intersects")[1]] = 0.0
+        return clearance
+
+    def closest_approach(
+        self, sampled: FloatArray, projection: Projection
+    ) -> ClosestApproach | None:
+        """Closest approach to the coast of the line through points (n, 2); None without a coast.
+
+        The nearest in the plane need not be the nearest on earth, so all gaps that are nearly as
+        small are measured.
+        """
+        if not len(self.edges):
+            return None
+        steps = _segments(sampled)
+        apart = self.tree.query_nearest(steps, return_distance=True, all_matches=False)[1]
+        middles = projection.to_lonlat((sampled[:-1] + sampled[1:]) / 2)
+        true = apart / projection.point_scale(middles)
+        near = true <= true.min() * _NEAREST_FACTOR
+        step, edge = self.tree.query(
+            steps[near], predicate="dwithin", distance=apart[near] * _NEAREST_FACTOR
+        )
+        gaps = shapely.get_coordinates(
+            shapely.shortest_line(steps[near][step], self.edges[edge])
+        ).reshape(-1, 2, 2)
+        lengths = [projection.geodesic_length_m(gap) for gap in gaps]
+        best = int(np.argmin(lengths))
+        return ClosestApproach(gaps[best, 0], lengths[best])
+
+
+# Polygons are hashed by their coordinates, which takes a hundredth of the time of the tree.
+@lru_cache(maxsize=2)
+def coast_index(land: tuple[Polygon, ...]) -> CoastIndex:
+    """Index the edges of the land."""
+    rings = shapely.get_rings(np.array(land, dtype=object))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    joined = ring[:-1] == ring[1:]
+    edges = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[joined])
+    return CoastIndex(np.array(land, dtype=object), edges, shapely.STRtree(edges))
+
+
+def _without_repeats(path: FloatArray) -> FloatArray:
+    """Drop vertices (n, 2) that repeat the one before them."""
+    moved = np.linalg.norm(np.diff(path, axis=0), axis=1) > 0
+    return np.concatenate([path[:1], path[1:][moved]])
+
+
+def _with_point(line: FloatArray, point: FloatArray, same: float) -> FloatArray:
+    """Insert a point (2,) that lies on a line (n, 2), unless a vertex is within `same` of it."""
+    if np.linalg.norm(line - point, axis=1).min() <= same:
+        return line
+    after = int(np.argmin(shapely.distance(_segments(line), shapely.Point(point))))
+    return np.insert(line, after + 1, point, axis=0)
+
+
+def _segments(line: FloatArray) -> npt.NDArray[np.object_]:
+    """LineStrings (n - 1,) between the points (n, 2) of a line."""
+    return np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1)))
+
+
+def _with_last_repeated(values: FloatArray) -> FloatArray:
+    """Values of the steps that leave each point; the goal has that of the step that arrives."""
+    return np.concatenate([values, values[-1:]])

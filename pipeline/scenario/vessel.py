@@ -1,0 +1,74 @@
+"""The vessel of a scenario."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from pipeline.scenario.strict import Name, Positive, StrictModel
+
+if TYPE_CHECKING:
+    import renew
+
+
+class VesselSpec(StrictModel):
+    """A vessel: speed, turn rate and fuel law. An entry of the catalogue has the same keys."""
+
+    name: Name = Field(
+        default="vessel",
+        description="Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'.",
+    )
+    title: str = Field(
+        default="",
+        description="Name of the vessel for readers. Give any text.",
+        examples=["Ocean-going unmanned surface vessel, 7 m"],
+    )
+    origin: str = Field(
+        default="",
+        description="Where the vessel's figures come from. Give any text.",
+        examples=["Sea trials of May 2025"],
+    )
+    length_m: Positive = Field(
+        description="Length overall, metres. Give the length overall in metres.", examples=[7.0]
+    )
+    draught_m: Positive | None = Field(
+        default=None,
+        description="Draught, metres; needed on charts with depths. Give the metres that the "
+        "vessel reaches below the water line.",
+        examples=[0.9],
+    )
+    speed_m_s: Positive = Field(
+        description="Speed through water, m/s, the same all the way. Give the speed through water "
+        "in m/s.",
+        examples=[5.0],
+    )
+    turn_rate_deg_s: Positive = Field(
+        description="Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate "
+        "in degrees/s.",
+        examples=[16.5],
+    )
+    fuel_coefficient: Positive = Field(
+        default=1.0,
+        description="Factor of the fuel law: fuel per second = coefficient × speed^exponent, "
+        "which sets the unit of all fuel figures. Give a number above 0.",
+    )
+    fuel_exponent: Positive = Field(
+        default=2.0,
+        description="Exponent of the fuel law: fuel per second = coefficient × speed^exponent. "
+        "Give a number above 0: 2 is the paper's, 3 the propeller law of displacement hulls.",
+    )
+
+    def vessel(self) -> renew.Vessel:
+        """Return the planner's own vessel."""
+        import math
+
+        import renew
+
+        return renew.Vessel(
+            speed=self.speed_m_s,
+            turn_rate=math.radians(self.turn_rate_deg_s),
+            length=self.length_m,
+            fuel_coefficient=self.fuel_coefficient,
+            fuel_exponent=self.fuel_exponent,
+        )

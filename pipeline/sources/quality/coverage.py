@@ -1,0 +1,48 @@
+"""How far a region reaches beyond the cells of a grid of currents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    FloatArray = npt.NDArray[np.float64]
+
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north in degrees."""
+
+# Cells that a source adds around the region, so that currents at its edge are interpolated.
+MARGIN_CELLS = 2.5
+
+
+def widened(bounds: Bounds, lon_deg: float, lat_deg: float) -> Bounds:
+    """Bounds with a margin on each side."""
+    west, south, east, north = bounds
+    return west - lon_deg, south - lat_deg, east + lon_deg, north + lat_deg
+
+
+def cell_bounds(lon: FloatArray, lat: FloatArray) -> Bounds:
+    """Outer edges of a regular grid's cells: half a cell beyond its nodes."""
+    half_lon, half_lat = (lon[1] - lon[0]) / 2, (lat[1] - lat[0]) / 2
+    return (
+        float(lon[0] - half_lon),
+        float(lat[0] - half_lat),
+        float(lon[-1] + half_lon),
+        float(lat[-1] + half_lat),
+    )
+
+
+def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:
+    """Name each side on which a region reaches beyond a grid, with the grid's limit there."""
+    return [
+        f"{side} of {limit:g} (the region reaches {reached:g})"
+        for side, limit, reached, is_beyond in (
+            ("west", grid[0], region[0], region[0] < grid[0]),
+            ("south", grid[1], region[1], region[1] < grid[1]),
+            ("east", grid[2], region[2], region[2] > grid[2]),
+            ("north", grid[3], region[3], region[3] > grid[3]),
+        )
+        if is_beyond
+    ]

@@ -1,0 +1,104 @@
+"""The commands `list`, `show`, `check` and `--version`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import PackageNotFoundError
+from typing import TYPE_CHECKING
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli import version as version_module
+from pipeline.cli.main import app
+from pipeline.loading import load_scenario
+from pipeline.scenario import catalogue
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> None:
+    listed = CliRunner().invoke(app, ["list"])
+    assert listed.exit_code == 0
+    for section in catalogue.SECTIONS:
+        assert all(name in listed.stdout for name in catalogue.names(section))
+    shown = CliRunner().invoke(app, ["show", "palawan-usv"])
+    copy = tmp_path / "copy.toml"
+    copy.write_text(shown.stdout, encoding="utf-8")
+    assert load_scenario(str(copy)) == load_scenario("palawan-usv")
+    missed = CliRunner().invoke(app, ["show", "usv-7"])
+    assert missed.exit_code == 2
+    assert "did you mean 'usv-7m'?" in missed.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["list"], ["show", "palawan-season"]])
+def test_small_commands_load_no_heavy_library(arguments: list[str]) -> None:
+    script = (
+        "import sys\n"
+        "from typer.testing import CliRunner\n"
+        "from pipeline.cli.main import app\n"
+        f"assert CliRunner().invoke(app, {arguments!r}).exit_code == 0\n"
+        "heavy = {'copernicusmarine', 'xarray', 'geopandas', 'dask', 'distributed', 'numba',\n"
+        "         'matplotlib', 'scipy', 'shapely', 'renew'}\n"
+        "print(sorted(heavy & sys.modules.keys()))\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout == "[]\n"
+
+
+@pytest.fixture(scope="module")
+def declared_version(root: Path) -> str:
+    """Return the version in pyproject.toml."""
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return str(project["version"])
+
+
+def test_version_in_a_checkout_that_is_not_installed(
+    declared_version: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def not_installed(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(version_module, "version", not_installed)
+    result = CliRunner().invoke(app, ["--version"])
+    assert (result.exit_code, result.stdout) == (0, f"renew {declared_version}\n")
+
+
+def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version: str) -> None:
+    """An unpacked wheel is what an installation consists of; its version is in its metadata."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    zipfile.ZipFile(wheel).extractall(site)
+    # Another project's file beside the packages must not be mistaken for the checkout's.
+    (site / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "9"\n')
+    script = (
+        f"import sys; sys.path.insert(0, {str(site)!r}); import pipeline.cli.main as cli; "
+        "print(cli.__file__); cli.app(['--version'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        str(site / "pipeline" / "cli" / "main.py"),
+        f"renew {declared_version}",
+    ]
+
+
+def test_an_old_key_is_accepted_with_a_note(tmp_path: Path) -> None:
+    text = (catalogue.root() / "scenarios" / "palawan-usv.toml").read_text(encoding="utf-8")
+    path = tmp_path / "old.toml"
+    path.write_text(text.replace("close_gaps_m", "join_gap_m"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 0
+    assert "palawan-usv: valid" in result.stdout
+    assert result.stderr.splitlines() == [
+        "note: chart.join_gap_m is now called chart.close_gaps_m; the old name is still accepted"
+    ]

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.formats.tables.manifest import manifest, write_manifest
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.shared.result import RunResult
+
+
+def test_the_manifest_accounts_for_inputs_and_outputs(result: RunResult, tmp_path: Path) -> None:
+    output = tmp_path / "something.bin"
+    output.write_bytes(b"abc" * 1000)
+    write_manifest(result, tmp_path / "manifest.json", [output])
+    text = (tmp_path / "manifest.json").read_text(encoding="utf-8")
+    content = json.loads(text, parse_constant=lambda name: f"not JSON: {name}")
+    assert "not JSON" not in text
+    assert content["outputs"] == {
+        "something.bin": {
+            "bytes": 3000,
+            "sha256": hashlib.sha256(b"abc" * 1000).hexdigest(),
+        }
+    }
+    assert content["scenario_as_run"]["name"] == "small-run"
+    assert content["created_utc"] == "2026-01-02T03:04:05+00:00"
+    assert content["land_sources"][0]["text"] == small_run.LAND.text
+    assert [(s["season"], s["valid"]) for s in content["current_sources"]] == [
+        ("summer", "2020-06-17"),
+        ("winter", "2024-01"),
+    ]
+    assert content["notes"] == list(small_run.NOTES)
+    assert content["timings_s"] == {"fetch": 0.25, "plan": 1.0}
+    assert {"python", "numpy", "shapely", "GEOS", "PROJ"} <= set(content["versions"])
+    assert [s["status"] for s in content["seasons"]] == ["planned", "planned"]
+    # Nothing about the machine that it ran on.
+    assert str(tmp_path) not in text
+    assert "/home" not in text
+
+
+def test_different_inputs_have_different_hashes(result: RunResult) -> None:
+    before = manifest(result, [])["inputs"]
+    moved = tuple(shapely.affinity.translate(p, 1e-7) for p in result.fetched.land.polygons)
+    grid = result.fetched.currents[0]
+    grids = (replace(grid, v=-grid.v), *result.fetched.currents[1:])
+    land = replace(result.fetched.land, polygons=moved)
+    changed = replace(
+        result,
+        fetched=replace(result.fetched, land=land, currents=grids),
+        scenario=result.scenario.model_copy(update={"scale": 999.0}),
+    )
+    after = manifest(changed, [])["inputs"]
+    assert isinstance(before, dict)
+    assert isinstance(after, dict)
+    assert manifest(result, [])["inputs"] == before
+    for name in ("land", "scenario"):
+        assert before[name]["sha256"] != after[name]["sha256"]
+    assert before["currents"]["summer"]["sha256"] != after["currents"]["summer"]["sha256"]
+    assert before["currents"]["winter"] == after["currents"]["winter"]
+
+
+def test_the_manifest_names_a_failed_season(result: RunResult) -> None:
+    seasons = manifest(small_run.with_a_failed_season(result), [])["seasons"]
+    assert isinstance(seasons, list)
+    assert seasons[1]["status"] == "failed"
+    assert seasons[1]["failure"].startswith("no water joins")

@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import csv
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING
+
+from pipeline.formats.tables.metrics import COLUMNS, write_metrics
+from pipeline.model import Evaluation, RouteMetrics
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.formats.shared.result import RunResult
+
+
+def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
+    write_metrics(result, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(result.evaluation.routes)
+    assert set(COLUMNS.values()) == {field.name for field in fields(RouteMetrics)}
+    for row, metrics in zip(rows, result.evaluation.routes, strict=True):
+        for column, name in COLUMNS.items():
+            value = getattr(metrics, name)
+            assert type(value)(row[column]) == value
+
+
+def test_a_figure_that_does_not_exist_is_blank(result: RunResult, tmp_path: Path) -> None:
+    row = replace(result.evaluation.routes[0], optimality_gap=float("nan"))
+    rows = (row, *result.evaluation.routes[1:])
+    changed = replace(result, evaluation=Evaluation(rows, result.evaluation.contingency))
+    write_metrics(changed, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        assert next(csv.DictReader(file))["optimality_gap"] == ""

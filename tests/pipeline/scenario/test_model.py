@@ -1,0 +1,60 @@
+"""The scenario's models agree with the planner, and describe each of their keys."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING
+
+import pytest
+
+import renew
+from pipeline.scenario.messages import remedy_of
+from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.scenario.reference import tables
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from pydantic.fields import FieldInfo
+
+VERBS = ("add", "give", "leave", "list", "name", "use", "write")
+UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}
+
+
+def keys() -> list[tuple[str, FieldInfo]]:
+    """Return every key of a scenario, with its path."""
+
+    def of(model: type[BaseModel], path: str) -> list[tuple[str, FieldInfo]]:
+        return [(f"{path}.{name}".strip("."), field) for name, field in model.model_fields.items()]
+
+    return [key for table in tables() for key in of(table.model, table.path)]
+
+
+def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> None:
+    parameters = inspect.signature(renew.plan).parameters.values()
+    arguments = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    options = {name: field.default for name, field in PlannerOptions.model_fields.items()}
+    assert options == arguments
+    assert {name: type(value) for name, value in options.items()} == {
+        name: type(value) for name, value in arguments.items()
+    }
+
+
+@pytest.mark.parametrize(("path", "field"), keys(), ids=[path for path, _ in keys()])
+def test_a_keys_description_says_meaning_unit_and_remedy(path: str, field: FieldInfo) -> None:
+    description = field.description or ""
+    meaning, _, remedy = description.removesuffix(".").rpartition(". ")
+    assert meaning, "a sentence on the meaning comes before the remedy"
+    assert description.endswith(".")
+    assert remedy.lower().startswith(VERBS), remedy
+    assert remedy_of(description) == remedy[0].lower() + remedy[1:]
+    for suffix, unit in UNITS.items():
+        if path.endswith(suffix):
+            assert unit in meaning
+            break
+
+
+def test_every_table_is_described() -> None:
+    paths = {table.path for table in tables()}
+    assert {"", "region", "chart", "chart.source", "vessel", "seasons", "planner"} <= paths
+    assert all(table.model.__doc__ for table in tables())
+    assert tables()[0].model is Scenario

@@ -1,0 +1,13 @@
+"""Fixtures for the tests of the sources."""
+
+from __future__ import annotations
+
+import pytest
+
+from pipeline.sources.quality.field import LandMask
+
+
+@pytest.fixture(scope="session")
+def world_mask() -> LandMask:
+    """Give the land mask of the world, once: it takes seconds to load."""
+    return LandMask.world()

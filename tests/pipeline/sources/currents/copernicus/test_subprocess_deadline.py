@@ -1,0 +1,36 @@
+"""A subprocess with a deadline."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from tests.pipeline.sources.currents.copernicus.processes import ends_within
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_process_that_hangs_is_killed_with_its_children_at_the_deadline(tmp_path: Path) -> None:
+    pid_file = tmp_path / "pid"
+    script = (
+        "import subprocess, sys, time\n"
+        f"child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        f"open({str(pid_file)!r}, 'w').write(str(child.pid))\n"
+        "sys.stderr.write('the last message')\n"
+        "sys.stderr.flush()\n"
+        "time.sleep(60)\n"
+    )
+    begun = time.monotonic()
+    result = run_with_deadline([sys.executable, "-c", script], "", 1.5)
+    assert (result.exit_code, result.stderr) == (None, "the last message")
+    assert 1.4 < time.monotonic() - begun < 10
+    assert ends_within(int(pid_file.read_text()), seconds=5), "its child process still runs"
+
+
+def test_input_exit_code_and_output_are_passed_through() -> None:
+    script = "import sys; text = sys.stdin.read(); sys.stderr.write(text * 2); print(text)"
+    result = run_with_deadline([sys.executable, "-c", script + "; sys.exit(3)"], "ab", 30)
+    assert (result.exit_code, result.stdout, result.stderr) == (3, "ab\n", "abab")

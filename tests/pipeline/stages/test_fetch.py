@@ -1,0 +1,83 @@
+"""Sources that are passed over are recorded with the season that they were passed over for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.loading import load_scenario
+from pipeline.model import PassedOver
+from pipeline.run import plan_scenario
+from pipeline.scenario.model import Scenario
+from pipeline.stages.fetch import fetch
+from pipeline.store import Store
+from tests.pipeline.conftest import ACROSS_BOX
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EMBEDDED, SERVICE = "embedded-palawan", "copernicus-glorys-monthly"
+REASON = f"{SERVICE} needs the network; leave --offline out"
+
+
+def scenario(summer: list[str], winter: list[str]) -> Scenario:
+    """Return two seasons in a small region with the given sources."""
+    table = load_scenario("palawan-season").model_dump(mode="json")
+    table["region"]["bbox"] = ACROSS_BOX
+    table["start"], table["goal"] = [118.40, 10.20], [118.60, 10.30]
+    table["planner"]["classes"] = 1
+    for season, sources in zip(table["seasons"], (summer, winter), strict=True):
+        season["currents"] = sources
+    return Scenario.model_validate(table)
+
+
+def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> None:
+    """Summer prefers the source that winter only falls back to."""
+    asked = scenario([EMBEDDED], [SERVICE, EMBEDDED])
+    result = plan_scenario(asked, across_outputs, offline=True)
+    summer, winter = result.fetched.currents
+    assert summer.credit.name == winter.credit.name
+    assert not result.is_stand_in("summer")
+    assert result.is_stand_in("winter")
+    assert result.season_title("summer") == "Summer (July 2024)"
+    assert result.season_title("winter") == "Winter"
+    assert (summer.passed_over, winter.passed_over) == ((), (PassedOver(SERVICE, REASON),))
+    assert summer.stand_in_notes == ()
+    used = f"winter: planned on {winter.credit.name}, valid {winter.valid}"
+    assert result.fetched.stand_in_notes == (used,)
+    assert [note for note in result.fetched.notes if "winter" in note or "summer" in note] == [
+        f"winter: {REASON}",
+        used,
+    ]
+
+
+def test_seasons_with_the_same_reason_share_a_note(across_outputs: Path) -> None:
+    asked = scenario([SERVICE, EMBEDDED], [SERVICE, EMBEDDED])
+    fetched = fetch(asked, Store(across_outputs / ".artefacts"), offline=True).fetched
+    assert all(grid.is_stand_in for grid in fetched.currents)
+    assert [note for note in fetched.notes if REASON in note] == [f"summer, winter: {REASON}"]
+    assert len(fetched.stand_in_notes) == 2
+
+
+def test_what_was_passed_over_is_not_stored_with_the_current(across_outputs: Path) -> None:
+    """The same artefact serves a run that prefers its source, and one that falls back to it."""
+    store = Store(across_outputs / ".artefacts")
+    fallback = fetch(scenario([SERVICE, EMBEDDED], [EMBEDDED]), store, offline=True)
+    preferred = fetch(scenario([EMBEDDED], [EMBEDDED]), store, offline=True)
+    assert fallback.current_keys == preferred.current_keys
+    assert [grid.is_stand_in for grid in fallback.fetched.currents] == [True, False]
+    assert [grid.is_stand_in for grid in preferred.fetched.currents] == [False, False]
+
+
+@pytest.mark.parametrize("season", ["summer", "winter"])
+def test_a_season_without_a_source_fails_with_its_reasons(
+    across_outputs: Path, season: str
+) -> None:
+    sources = {"summer": [EMBEDDED], "winter": [EMBEDDED], season: [SERVICE]}
+    store = Store(across_outputs / ".artefacts")
+    parts = fetch(scenario(sources["summer"], sources["winter"]), store, offline=True)
+    assert parts.failures == {season: f"no source of currents could be used: {REASON}"}
+    assert [grid.season for grid in parts.fetched.currents] == [
+        name for name in ("summer", "winter") if name != season
+    ]

@@ -1,0 +1,51 @@
+"""The chart: bad geometry is refused, and what counts as land."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import shapely
+from shapely import Polygon, box
+
+import renew
+
+
+def chart_of(islands: list[Polygon]) -> renew.Chart:
+    return renew.Chart(box(0, 0, 100, 100), islands)
+
+
+def test_all_bad_geometry_is_named() -> None:
+    bow_tie = Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
+    endless = Polygon([(0, 0), (math.inf, 0), (0, 1)])
+    with pytest.raises(renew.GeometryError) as caught:
+        chart_of([box(1, 1, 2, 2), bow_tie, endless])
+    assert "no_go[1] is not valid: Self-intersection[5 5]" in str(caught.value)
+    assert "no_go[2] has coordinates that are not finite" in str(caught.value)
+    with pytest.raises(renew.GeometryError, match="no water is left"):
+        chart_of([box(-1, -1, 101, 101)])
+
+
+def test_land_and_water_add_up_to_the_extent() -> None:
+    lake = box(60, 60, 70, 70)
+    # They overlap, touch, stick out of the extent and have a lake.
+    islands = [
+        box(10, 10, 30, 30),
+        box(20, 20, 40, 40),
+        box(40, 40, 50, 50),
+        box(90, 90, 120, 120),
+        box(55, 55, 80, 80).difference(lake),
+    ]
+    chart = chart_of(islands)
+    land = shapely.union_all([box(0, 0, 100, 100).intersection(island) for island in islands])
+    assert chart.hard_no_go.is_valid
+    assert chart.hard_no_go.symmetric_difference(land).area < 1e-3
+    assert chart.water.area == pytest.approx(100**2 - land.area)
+    assert chart.water.contains(lake.centroid)
+
+
+def test_holes_in_the_extent_are_land_like_any_other() -> None:
+    hole = box(40, 40, 60, 60)
+    chart = renew.Chart(Polygon(box(0, 0, 100, 100).exterior, [hole.exterior]))
+    assert chart.hard_no_go.symmetric_difference(hole).area < 1e-3
+    assert not chart.extent.interiors

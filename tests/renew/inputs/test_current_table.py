@@ -1,0 +1,65 @@
+"""The table of a current against SciPy's interpolation and against the field itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy.interpolate import RegularGridInterpolator
+from shapely import box
+
+import renew
+from renew.inputs.current import TabulatedCurrent
+from renew.inputs.current_table import table_of, velocities, velocity
+from tests.compiler import uncompiled
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
+
+BOUNDS = (0.0, 0.0, SIZE, SIZE)
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_lookups_are_bilinear_on_even_and_uneven_nodes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = np.cumsum(rng.uniform(0.5, 2.0, 7)) if seed % 2 else np.linspace(-3, 4, 7)
+    y = np.cumsum(rng.uniform(0.5, 2.0, 5))
+    uv = rng.normal(0, 1, (5, 7, 2))
+    table = table_of(x, y, uv)
+    assert (table.per_x > 0) == (seed % 2 == 0)
+    points = rng.uniform((x[0] - 1, y[0] - 1), (x[-1] + 1, y[-1] + 1), (200, 2))
+    inside = np.clip(points, (x[0], y[0]), (x[-1], y[-1]))
+    expected = RegularGridInterpolator((y, x), uv)(inside[:, ::-1])
+    assert velocities(table, points) == pytest.approx(expected, abs=1e-12)
+    nodes = np.stack(np.meshgrid(x, y), axis=-1)
+    assert velocities(table, nodes.reshape(-1, 2)) == pytest.approx(uv.reshape(-1, 2), abs=1e-9)
+    # The same without the compiler.
+    assert uncompiled(velocity)(table, *points[0]) == pytest.approx(expected[0], abs=1e-12)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=seeds)
+def test_a_fine_table_is_as_good_as_its_field(seed: int) -> None:
+    field = StreamFunctionCurrent(seed, 0.8)
+    table = field.table(BOUNDS)
+    assert table.is_fine
+    points = np.random.default_rng(seed).uniform(0, SIZE, (5000, 2))
+    error = np.linalg.norm(TabulatedCurrent(table)(points) - field(points), axis=1).max()
+    assert error <= 2 * table.error
+    assert table.strongest == pytest.approx(0.8, rel=0.01)
+
+
+def test_a_field_with_a_step_has_no_fine_table() -> None:
+    class Step(renew.CurrentField):
+        def __call__(self, points: np.ndarray) -> np.ndarray:
+            return np.where(points[..., :1] < 0.3 * SIZE, [0.5, 0.0], [-0.5, 0.0])
+
+    assert not Step().table(BOUNDS).is_fine
+    # A plan can still be made, and its fuel is computed in the field itself.
+    chart = renew.Chart(box(*BOUNDS), [box(80, 80, 120, 120)])
+    route = renew.plan(chart, Step(), PAPER_VESSEL, (10, 10), (190, 190)).best
+    assert route.fuel == pytest.approx(renew.fuel(route.path, Step(), PAPER_VESSEL))
+
+
+def test_the_strongest_current_of_the_gyre_is_its_amplitude() -> None:
+    chart, gyre = single_gyre()
+    assert gyre.table(chart.bounds).strongest == pytest.approx(gyre.max_speed(chart.bounds))

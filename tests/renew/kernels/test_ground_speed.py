@@ -1,0 +1,52 @@
+"""Speed over ground against the triangle of velocities."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renew.kernels.ground_speed import Polar, ground_speed, ground_speeds
+from tests.compiler import uncompiled
+from tests.strategies import angles
+
+
+@given(strength=st.floats(0.0, 3.0), towards=angles, course=angles, speed=st.floats(0.5, 2.0))
+def test_crab_is_the_velocity_triangle_and_projected_is_never_slower(
+    strength: float, towards: float, course: float, speed: float
+) -> None:
+    cx, cy = strength * math.cos(towards), strength * math.sin(towards)
+    tx, ty = math.cos(course), math.sin(course)
+    current, tangent, left = np.array([cx, cy]), np.array([tx, ty]), np.array([-ty, tx])
+    polar = Polar(speed, crab=True)
+    crab = ground_speed(cx, cy, tx, ty, polar)
+    projected = ground_speed(cx, cy, tx, ty, Polar(speed, crab=False))
+    assert projected == pytest.approx(speed + current @ tangent)
+    interpreted = uncompiled(ground_speed)(cx, cy, tx, ty, polar)
+    assert crab == pytest.approx(interpreted, nan_ok=True)
+    if abs(current @ left) > speed * (1 + 1e-9):
+        assert math.isnan(crab)
+        return
+    if abs(current @ left) < speed * (1 - 1e-9):
+        # The vessel's velocity through water has its own speed, and points ahead: of the two
+        # headings that hold the course this is the faster one.
+        through_water = crab * tangent - current
+        assert np.linalg.norm(through_water) == pytest.approx(speed)
+        assert through_water @ tangent >= 0
+        assert crab <= projected + 1e-12
+
+
+def test_many_at_once_are_each_by_itself() -> None:
+    rng = np.random.default_rng(0)
+    velocity, bearing = rng.normal(0, 0.7, (50, 2)), rng.uniform(-math.pi, math.pi, 50)
+    tangent = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    for crab in (False, True):
+        polar = Polar(1.0, crab)
+        one_by_one = [
+            ground_speed(cx, cy, tx, ty, polar)
+            for (cx, cy), (tx, ty) in zip(velocity, tangent, strict=True)
+        ]
+        assert ground_speeds(velocity, tangent, polar) == pytest.approx(one_by_one, nan_ok=True)

@@ -1,0 +1,78 @@
+"""Least-fuel paths against a visibility graph and against random chains."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from functools import partial
+
+import networkx as nx
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from shapely import box
+
+import renew
+from renew.paths.least_fuel_path import refined_path, rough_path
+from tests.renew.paths.corridors import corridor_of
+from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, voyage_on
+
+NIMBLE = renew.Vessel(speed=1.0, turn_rate=math.radians(2000))
+STILL = renew.UniformCurrent(0.0, 0.0)
+
+
+def visibility_length(chart: renew.Chart, start: np.ndarray, goal: np.ndarray) -> float:
+    """Length of the shortest path by a visibility graph: the oracle for still water."""
+    nodes = np.vstack([start, goal, *(shapely.get_coordinates(p)[:-1] for p in chart.no_go)])
+    land = chart.hard_no_go.buffer(-1e-7)
+    graph: nx.Graph = nx.Graph()
+    for i, j in itertools.combinations(range(len(nodes)), 2):
+        sight = shapely.LineString(nodes[[i, j]])
+        if not sight.intersects(land) and chart.extent.covers(sight):
+            graph.add_edge(i, j, weight=sight.length)
+    return float(nx.shortest_path_length(graph, 0, 1, weight="weight"))
+
+
+@settings(max_examples=6, deadline=None)
+@given(seed=seeds)
+def test_still_water_gives_the_shortest_path(seed: int) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, count=4))
+    start, goal = np.array([10.0, 10.0]), np.array([190.0, 190.0])
+    best = renew.plan(chart, STILL, NIMBLE, start, goal, padding="none", classes=12).best
+    shortest = visibility_length(chart, start, goal)
+    assert shortest * (1 - 1e-9) <= best.length <= shortest * 1.003
+    assert best.fuel == pytest.approx(best.length)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=seeds)
+def test_no_sampled_path_needs_less_than_the_least_fuel_path_of_its_class(seed: int) -> None:
+    chart, current, start, goal = random_scene(seed)
+    plan = partial(renew.plan, chart, current, PAPER_VESSEL, start, goal)
+    plan = partial(plan, padding="none", classes=4, drift="crab")
+    optimal = plan()
+    best = {route.homotopy: route.fuel for route in optimal.routes}
+    try:
+        sampled = plan(method="sampled", samples=300)
+    except renew.UnreachableError:
+        return
+    for route in sampled.routes:
+        if route.homotopy in best:
+            assert best[route.homotopy] <= route.fuel * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("scene", [0, 3, 5])
+def test_the_refined_path_needs_no_more_than_the_rough_one_and_both_are_clear(scene: int) -> None:
+    chart, current, start, goal = random_scene(scene)
+    voyage = voyage_on(chart, start, goal, current)
+    corridor = corridor_of(voyage)
+    rough = rough_path(corridor)
+    path = refined_path(corridor, rough)
+    for one in (rough, path):
+        assert one[[0, -1]].tolist() == [start.tolist(), goal.tolist()]
+        assert corridor.legs_clear(one).all()
+    assert voyage.fuel(path) <= voyage.fuel(rough) * (1 + 1e-4)
+    # A path that may not bulge is no better.
+    narrow = refined_path(corridor, rough_path(corridor, bulging=False))
+    assert voyage.fuel(path) <= voyage.fuel(narrow) * (1 + 1e-3)

@@ -1,0 +1,122 @@
+"""Sections across a channel, and their free parts against dense samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renew.kernels.capsules import Capsules
+from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
+from tests.renew.paths.corridors import corridor_of
+from tests.strategies import random_scene, seeds, voyage_on
+
+
+def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeParts]:
+    """Thirty sections among nine capsules, and their free parts."""
+    rng = np.random.default_rng(seed)
+    left = rng.uniform(0, 20, (30, 2))
+    right = left + rng.normal(0, 6, (30, 2))
+    start = rng.uniform(0, 20, (9, 2))
+    capsules = Capsules(start, start + rng.normal(0, 4, (9, 2)), rng.uniform(0.2, 2.0, 9))
+    sections = Sections(left, right, np.ones(30, dtype=bool), np.arange(30))
+    return sections, capsules, free_parts(sections, capsules)
+
+
+@settings(max_examples=10)
+@given(
+    scene=st.integers(0, 3),
+    spacing=st.one_of(st.floats(2, 50), st.just(math.inf)),
+    angle=st.floats(0.1, 1.5),
+)
+def test_sections_stand_close_and_take_in_all_passing_edges(
+    scene: int, spacing: float, angle: float
+) -> None:
+    chart, current, start, goal = random_scene(scene)
+    channel = corridor_of(voyage_on(chart, start, goal, current)).channel
+    sections = sections_of(channel, start, goal, spacing, angle)
+    passing = sections.select(sections.passing)
+    assert passing.left.tolist() == channel.left.tolist()
+    assert passing.right.tolist() == channel.right.tolist()
+    assert (np.diff(sections.place) >= 0).all()
+    for bank in (sections.left, sections.right):
+        steps = np.linalg.norm(np.diff(np.vstack([start, bank, goal]), axis=0), axis=1)
+        assert steps.max() <= spacing * (1 + 1e-9)
+    # A fan that turns by some angle is cut into at least this number of parts.
+    across = np.arctan2(*(channel.left - channel.right).T[::-1])
+    turned = np.abs((np.diff(across) + np.pi) % (2 * np.pi) - np.pi)
+    parts = np.bincount(sections.place, minlength=len(channel.triangles))[1:-1]
+    assert (parts >= turned / angle * (1 - 1e-9)).all()
+
+
+def test_without_a_limit_the_sections_are_the_passing_edges() -> None:
+    chart, current, start, goal = random_scene(0)
+    channel = corridor_of(voyage_on(chart, start, goal, current)).channel
+    sections = sections_of(channel, start, goal, math.inf, math.inf)
+    assert sections.passing.all()
+    assert len(sections.left) == len(channel.left)
+    ends = sections.points(np.array([[0.0, 1.0]] * len(channel.left)))
+    assert ends[:, 0] == pytest.approx(channel.left)
+    assert ends[:, 1] == pytest.approx(channel.right)
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_free_parts_are_what_dense_samples_find_outside_all_capsules(seed: int) -> None:
+    sections, capsules, free = random_free_parts(seed)
+    share = np.linspace(0, 1, 1001)
+    points = sections.points(np.broadcast_to(share, (30, 1001)))
+    axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
+    distance = shapely.distance(shapely.points(points)[..., None], axes)
+    outside = (distance > capsules.radius).all(axis=-1)
+    for row in range(30):
+        intervals = free.intervals[row, : free.count[row]]
+        assert (np.diff(intervals.ravel()) > 0).all()
+        inside = (share[:, None] >= intervals[:, 0]) & (share[:, None] <= intervals[:, 1])
+        assert (inside.any(axis=1) != outside[row]).sum() <= 2 * (len(intervals) + 1)
+        assert free.blocked[row] == (not len(intervals))
+
+
+@settings(max_examples=20)
+@given(seed=seeds, points=st.integers(12, 41))
+def test_spread_points_lie_in_the_free_parts_evenly_and_at_all_their_ends(
+    seed: int, points: int
+) -> None:
+    _, _, free = random_free_parts(seed)
+    free = free.select(~free.blocked)
+    places = free.spread(points)
+    assert (np.diff(places, axis=1) >= 0).all()
+    for row, parts, count in zip(places, free.intervals, free.count, strict=True):
+        intervals = parts[:count]
+        lengths = intervals[:, 1] - intervals[:, 0]
+        inside = (row[:, None] >= intervals[:, 0] - 1e-12) & (
+            row[:, None] <= intervals[:, 1] + 1e-12
+        )
+        assert (inside.sum(axis=1) >= 1).all()
+        for low, high in intervals:
+            assert np.abs(row - low).min() < 1e-12
+            assert np.abs(row - high).min() < 1e-12
+        # Each interval has its share of the points, give or take the two at its ends.
+        assert inside.sum(axis=0) == pytest.approx(points * lengths / lengths.sum(), abs=2.5)
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_drawn_points_are_uniform_over_the_free_parts(seed: int) -> None:
+    _, _, free = random_free_parts(seed)
+    free = free.select(~free.blocked)
+    draws = 4000
+    places = free.draw(draws, np.random.default_rng(seed))
+    for row, intervals, count in zip(places, free.intervals, free.count, strict=True):
+        # Free length to the left of each draw, as a share of all: uniform between 0 and 1.
+        low, high = intervals[:count].T
+        passed = np.clip(row[:, None], low, high) - low
+        share = np.sort(passed.sum(axis=1) / (high - low).sum())
+        inside = (row[:, None] >= low - 1e-12) & (row[:, None] <= high + 1e-12)
+        assert inside.any(axis=1).all()
+        expected = (np.arange(draws) + 0.5) / draws
+        assert np.abs(share - expected).max() < 2.5 / math.sqrt(draws)  # Kolmogorov-Smirnov
