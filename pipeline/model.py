@@ -177,7 +177,7 @@ class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
     `land` is the original, unsimplified land; `currents` is keyed by season; `start` and `goal`
-    have shape (2,).
+    have shape (2,). A scene `is_planar` where it was given in metres, and not on a chart.
     """
 
     chart: renew.Chart
@@ -187,6 +187,14 @@ class Scene:
     goal: FloatArray
     projection: Projection
     vessel: renew.Vessel
+    is_planar: bool = False
+
+    def place_text(self, place: FloatArray) -> str:
+        """Name a place (2,), planar metres, for a message: as a scenario would give it."""
+        if self.is_planar:
+            return f"({place[0]:.6g}, {place[1]:.6g}) m"
+        lon, lat = self.projection.to_lonlat(place)
+        return f"{lon:.4f} E {lat:.4f} N"
 
 
 @dataclass(frozen=True, slots=True)

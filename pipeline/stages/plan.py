@@ -26,5 +26,6 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             **options.model_dump(),
         )
     except renew.PlanningError as error:
-        return SeasonPlan(season, None, " ".join(str(error).split()), time.perf_counter() - started)
+        failure = " ".join(error.located(scene.place_text).split())
+        return SeasonPlan(season, None, failure, time.perf_counter() - started)
     return SeasonPlan(season, plan, "", time.perf_counter() - started)

@@ -62,6 +62,7 @@ def plane_scene(scenario: Scenario) -> Scene:
         goal=np.asarray(scenario.goal, dtype=float),
         projection=projection,
         vessel=scenario.vessel.vessel(),
+        is_planar=True,
     )
 
 

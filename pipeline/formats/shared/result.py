@@ -127,7 +127,7 @@ class RunResult:
 
     def rejection_reason(self, rejected: renew.Rejected) -> str:
         """Why a class has no route, as text for readers."""
-        return rejected.reason
+        return rejected.located_reason(self.scene.place_text)
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
 from pipeline.model import SeasonPlan
 from pipeline.stages import planar
@@ -43,3 +49,22 @@ def test_the_chosen_route_has_rank_1_and_the_plan_keeps_its_order_by_fuel() -> N
 
 def test_a_season_that_could_not_be_planned_has_no_routes() -> None:
     assert SeasonPlan("calm", None, "no water connects start and goal", 0.1).ranked_routes == ()
+
+
+def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:
+    """A strait of 6 m, blocked by padding: in metres in a plane, in degrees on a chart."""
+    walls = [[[0, 45], [47, 45], [47, 55], [0, 55]], [[53, 45], [100, 45], [100, 55], [53, 55]]]
+    plane = {"extent": [0, 0, 100, 100], "obstacles": walls}
+    asked = SCENARIO | {"start": [50, 10], "goal": [50, 90], "plane": plane}
+    scenario = parse_scenario(asked | {"planner": {"padding": 8.0}})
+    scene = planar.plane_scene(scenario)
+    in_plane = plan_season(scene, "calm", scenario.planner).failure
+    assert "blocked at (50, 45) m" in in_plane
+    on_chart = replace(scene, is_planar=False, projection=Projection.at(118.5, 9.75))
+    in_degrees = plan_season(on_chart, "calm", scenario.planner).failure
+    found = re.search(r"blocked at ([\d.]+) E ([\d.]+) N", in_degrees)
+    assert found is not None
+    assert np.allclose(
+        on_chart.projection.to_plane(list(map(float, found.groups()))), [50, 45], atol=6
+    )
+    assert "triangle" not in in_plane + in_degrees
