@@ -17,12 +17,11 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import networkx as nx
 import numpy as np
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.channel import Channel, Transition
-from renew.classes.dual_graph import dual_graph, is_connected
+from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_chains import k_best_chains
 from renew.classes.portal_graph import (
@@ -104,8 +103,7 @@ class ClassEnumerator:
             yield Channel.of(self._triangulation, np.array([self._first]))
             return
         seen: set[Word] = set()
-        rows = nx.all_simple_paths(dual_graph(self._triangulation), self._first, self._last)
-        for row in itertools.islice(rows, _MAX_STEPS):
+        for row in simple_paths(self._triangulation, self._first, self._last, _MAX_STEPS):
             channel = Channel.of(self._triangulation, np.array(row))
             word = self._rays.word(channel.midline(self._voyage.start, self._voyage.goal))
             if word not in seen and blocked.isdisjoint(channel.transitions):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import networkx as nx
 import numpy as np
@@ -34,6 +35,43 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
     links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
     _, component = connected_components(links, directed=False)
     return bool(component[one] == component[other])
+
+
+def simple_paths(
+    triangulation: Triangulation, first: int, last: int, max_steps: int
+) -> Iterator[list[int]]:
+    """Rows of triangles, none twice, as a depth-first search meets them.
+
+    A triangle is only entered if the last one can still be reached from it without those in the
+    row: otherwise the search would spend most of its time in dead ends. It gives up after having
+    looked at `max_steps` triangles.
+    """
+    beside = {node: list(others) for node, others in dual_graph(triangulation).adjacency()}
+    row, used, waiting = [first], {first}, [iter(beside[first])]
+    while waiting and max_steps > 0:
+        after = next((node for node in waiting[-1] if node not in used), None)
+        if after is None:
+            waiting.pop()
+            used.remove(row.pop())
+        elif after == last:
+            yield [*row, last]
+        else:
+            reached = _flooded(beside, after, used, last)
+            max_steps -= len(reached)
+            if last in reached:
+                row.append(after)
+                used.add(after)
+                waiting.append(iter(beside[after]))
+
+
+def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
+    """Triangles that are met from one, without those in use, until some other is met."""
+    reached, waiting = {start}, [start]
+    while waiting and until not in reached:
+        found = [node for node in beside[waiting.pop()] if node not in used and node not in reached]
+        reached.update(found)
+        waiting += found
+    return reached
 
 
 def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:

@@ -24,6 +24,9 @@ from renew.kernels.capsules import (
 
 # Shortest free gap, as a share of its section: what is shorter is rounding, and no way through.
 _SLIVER = 1e-9
+# Largest number of sections of a channel, about: a midline much shorter than the edges that it
+# crosses would ask for millions.
+_MAX_SECTIONS = 5000
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,7 @@ def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) ->
     turned = np.abs(
         np.arctan2(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1))
     )
+    spacing = max(spacing, moved.sum() / _MAX_SECTIONS)
     steps = np.maximum(np.ceil(moved / spacing), np.ceil(turned / angle))
     return np.asarray(np.maximum(steps, 1), dtype=np.int64)
 

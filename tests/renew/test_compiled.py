@@ -1,4 +1,4 @@
-"""Where machine code is cached, and when it is made anew: in processes of their own."""
+"""Where machine code is cached, and when it is compiled again; each run in its own process."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,8 +15,8 @@ import pytest
 import renew
 
 PACKAGE = Path(renew.__file__).parent
-# Prints the result of a kernel that inlines another, how many kernels were compiled and not
-# loaded, and where machine code is written.
+# It prints the result of a kernel that inlines another one, how many kernels were compiled and not
+# loaded, whether the cache is temporary, and the folder to which machine code is written.
 SCRIPT = """
 import sys
 from renew import outer, _compiled
@@ -28,7 +29,7 @@ print(_compiled.cache_folder())
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """Make an installation with two kernels, one of which inlines the other."""
+    """Install a package with two kernels; one inlines the other."""
     package = tmp_path / "installed" / "renew"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
@@ -52,11 +53,11 @@ class Ran(NamedTuple):
 
 
 def run(package: Path, *prefix: str, **variables: str) -> Ran:
-    """Run the script in a process of its own, with a command in front of it."""
-    kept = {"PATH", "LD_LIBRARY_PATH"}
+    """Run the script in a new process, behind a prefix such as `setpriv`."""
+    passed_on = {"PATH", "LD_LIBRARY_PATH"}
     done = subprocess.run(
         [*prefix, sys.executable, "-c", SCRIPT],
-        env={key: value for key, value in os.environ.items() if key in kept} | variables,
+        env={key: value for key, value in os.environ.items() if key in passed_on} | variables,
         cwd=package.parent,
         capture_output=True,
         text=True,
@@ -74,14 +75,14 @@ def test_a_second_process_compiles_nothing(package: Path) -> None:
     assert folder.is_relative_to(package)
 
 
-def test_an_edit_of_an_inlined_kernel_is_seen(package: Path) -> None:
+def test_an_edit_of_an_inlined_kernel_compiles_again(package: Path) -> None:
     assert run(package).result == 6.0
     inner = package / "inner.py"
     inner.write_text(inner.read_text().replace("2.0", "5.0"))
     assert run(package)[:2] == (15.0, 1)
 
 
-def test_the_code_of_earlier_sources_is_removed(package: Path) -> None:
+def test_machine_code_of_earlier_sources_is_removed(package: Path) -> None:
     inner = package / "inner.py"
     for factor in range(8):
         inner.write_text(inner.read_text().replace("return ", f"return {factor}.0 + 0.0 * "))
@@ -89,13 +90,13 @@ def test_the_code_of_earlier_sources_is_removed(package: Path) -> None:
     assert len(list((package / "__pycache__").glob("kernels-*"))) == 4
 
 
-def test_a_folder_that_is_asked_for_comes_first(package: Path, tmp_path: Path) -> None:
+def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path) -> None:
     folder = run(package, NUMBA_CACHE_DIR=str(tmp_path / "asked")).folder
     assert folder.is_relative_to(tmp_path / "asked")
     assert not list((package / "__pycache__").glob("kernels-*"))
 
 
-def test_where_nothing_lasts_it_is_written_to_a_private_temporary_folder(
+def test_without_a_lasting_folder_it_is_written_to_a_private_temporary_one(
     package: Path, tmp_path: Path
 ) -> None:
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
@@ -105,16 +106,16 @@ def test_where_nothing_lasts_it_is_written_to_a_private_temporary_folder(
     assert (result, temporary) == (6.0, True)
     assert folder.is_relative_to(tmp_path / f"renew-{os.getuid()}")
     assert run(package, **places).compiled == 0
-    # Nobody else may have put machine code there.
+    # A folder that others can write to is not trusted.
     (tmp_path / f"renew-{os.getuid()}").chmod(0o777)
     assert run(package, **places).folder != folder
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can run as another user")
 @pytest.mark.skipif(shutil.which("setpriv") is None, reason="needs setpriv of util-linux")
-def test_another_user_of_an_installation_by_root(package: Path, tmp_path: Path) -> None:
+def test_another_user_loads_what_root_has_compiled(package: Path, tmp_path: Path) -> None:
     for folder in (package, *package.parents):
-        if folder.is_relative_to(tmp_path.parent.parent):
+        if folder != Path(tempfile.gettempdir()) and folder.is_relative_to(tempfile.gettempdir()):
             folder.chmod(0o755)
     home = tmp_path / "home"
     home.mkdir()
@@ -124,9 +125,9 @@ def test_another_user_of_an_installation_by_root(package: Path, tmp_path: Path) 
     assert first[:3] == (6.0, 1, False)
     assert first.folder.is_relative_to(home / ".cache")
     assert run(package, *nobody, HOME=str(home)).compiled == 0
-    # What root has compiled is read, though it can't be written to.
+    # What root has compiled is loaded, although this user can't write there.
     shutil.rmtree(home / ".cache")
     assert run(package).folder.is_relative_to(package)
     assert run(package, *nobody, HOME=str(home)).compiled == 0
-    # A home that can't be written, as that of a service.
+    # A home folder that can't be written, such as that of a service.
     assert run(package, *nobody, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
