@@ -56,7 +56,9 @@ def simple_paths(
         elif after == last:
             yield [*row, last]
         else:
-            reached = _flooded(beside, after, used, last)
+            # Where there is no other way on, the goal is reached by this one.
+            is_only_way = sum(node not in used for node in beside[row[-1]]) == 1
+            reached = {last} if is_only_way else _flooded(beside, after, used, last)
             max_steps -= len(reached)
             if last in reached:
                 row.append(after)

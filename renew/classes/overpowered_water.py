@@ -32,4 +32,6 @@ def overpowered_water(voyage: Voyage) -> BaseGeometry:
     endpoints = shapely.points([voyage.start, voyage.goal])
     kept_open = shapely.union_all(shapely.buffer(endpoints, _OPEN_RADIUS * cell))
     closed = shapely.difference(chart.water, kept_open)
-    return shapely.intersection(zone, closed, grid_size=chart.precision)
+    parts = shapely.get_parts(shapely.intersection(zone, closed, grid_size=chart.precision))
+    # Where the zone only touches the shore, the grid leaves lines and points.
+    return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
