@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
+from pipeline.paths import expanded, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
@@ -75,7 +76,7 @@ def parse_scenario(
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
-    folder = folder or Path.cwd()
+    folder = folder or working_directory()
     data, notes, faults = with_current_names(data)
     if on_note is not None:
         for note in notes:
@@ -145,7 +146,7 @@ def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
 def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     """Replace a scenario's chart by the user's file or folder."""
     chart = data.get("chart", {})
-    source = {"path": str(charts.expanduser().resolve())}
+    source = {"path": str(expanded(charts, "--charts").resolve())}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
@@ -156,7 +157,7 @@ def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any
             ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
         )
     seasons = data.get("seasons")
-    paths = [_absolute(str(file), Path.cwd()) for file in files]
+    paths = [str(expanded(file, "--currents").resolve()) for file in files]
     return {
         **data,
         "seasons": [
@@ -192,7 +193,8 @@ def _with_files(season: Season, folder: Path) -> Season:
 
 def _absolute(path: str, folder: Path) -> str:
     """Resolve a path, or a pattern of paths, relative to a folder or to the home folder (~)."""
-    return str((folder / Path(path).expanduser()).resolve())
+    is_relative = not path.startswith(("~", "/"))
+    return str(expanded(folder / path if is_relative else path, "scenario").resolve())
 
 
 def _missing_paths(scenario: Scenario) -> Iterator[str]:

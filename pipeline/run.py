@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
@@ -15,75 +13,26 @@ from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
+from pipeline.outcome import Event, Outcome, ignore
+from pipeline.session import session
 from pipeline.stages import planar
 from pipeline.stages.fetch import FetchedParts, fetch
-from pipeline.stages.season_task import SeasonTask, Status, run_tasks
+from pipeline.stages.season_runner import run_tasks
+from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
-from pipeline.stages.write import output_directory, write
-from pipeline.store import Store, artefact_key, exclusive_run, file_hash
+from pipeline.stages.write import write
+from pipeline.store import artefact_key, file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from pipeline.model import Evaluation, Simplified
+    from pipeline.outcome import EventHandler, Stage
     from pipeline.scenario.model import Scenario
-
-Stage = Literal["fetch", "simplify", "project", "plan", "write"]
-STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
-"""The stages that events report; a season is evaluated in the task that plans it."""
-
-# Folder of the store, inside the output folder.
-_ARTEFACTS = ".artefacts"
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A stage, or a season of it, began, ended, failed or has a note for the reader."""
-
-    stage: Stage
-    status: Literal["begun", "done", "failed", "note"]
-    season: str = ""
-    seconds: float = 0.0
-    detail: str = ""
-
-
-EventHandler = Callable[[Event], None]
-
-
-def _ignore(event: Event) -> None:
-    """Handle an event by doing nothing."""
-    del event
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """The outcome of a run; `fresh` is False where the results existed already."""
-
-    scenario: Scenario
-    directory: Path
-    plans: tuple[SeasonPlan, ...]
-    evaluation: Evaluation
-    notes: tuple[str, ...]
-    fresh: bool
-    seconds: float
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Failed seasons and unsafe results, one line each."""
-        seasons = [f"season {p.season!r}: {p.failure}" for p in self.plans if p.failure]
-        over_land = [
-            f"season {row.season!r}: route {row.rank} crosses {row.land_m:.0f} m of the original "
-            "land; raise chart.margin_m"
-            for row in self.evaluation.routes
-            if row.land_m > 0
-        ]
-        return (*seasons, *over_land)
-
-    @property
-    def exit_code(self) -> int:
-        """0 without failures, else 1."""
-        return 1 if self.failures else 0
+    from pipeline.session import Origin
+    from pipeline.stages.season_task import Status
+    from pipeline.store import Store
 
 
 def run(
@@ -91,7 +40,10 @@ def run(
     output: Path,
     *,
     offline: bool = False,
+    strict: bool = False,
     scheduler: str | None = None,
+    limit_s: float | None = None,
+    origin: Origin | None = None,
     on_event: EventHandler | None = None,
 ) -> Outcome:
     """Run a scenario and write its results to `output/<scenario>/`.
@@ -104,8 +56,14 @@ def run(
         Folder of all results; it also holds the store, where the next run finds the artefacts.
     offline
         Use no source that needs the network.
+    strict
+        Plan no season on another current than the one that the scenario asks for first.
     scheduler
         Address of a Dask scheduler whose workers see the same files; else this machine's cores.
+    limit_s
+        Time that a season may take, s; past it the season fails, and the others are written.
+    origin
+        The file that the scenario was loaded from: results of another file are not replaced.
     on_event
         Called for every stage and season.
 
@@ -116,8 +74,12 @@ def run(
     StageError
         No season could be planned for another reason, or nothing can be written.
     """
-    with _locked_run(scenario, output, on_event) as staged:
-        return staged.run_and_write(offline=offline, scheduler=scheduler)
+    options = _Options(offline, strict, scheduler, limit_s)
+    with session(scenario.name, output, origin) as held:
+        staged = _StagedRun(scenario, held.directory, held.store, on_event or ignore, options)
+        outcome = staged.run_and_write()
+        held.record_origin()
+        return outcome
 
 
 def plan_scenario(
@@ -125,45 +87,40 @@ def plan_scenario(
     output: Path,
     *,
     offline: bool = False,
+    origin: Origin | None = None,
     on_event: EventHandler | None = None,
 ) -> RunResult:
     """Return a scenario's result without writing it: from an earlier run, or planned now.
 
     Takes and raises what `run` does; only the store is written to.
     """
-    with _locked_run(scenario, output, on_event) as staged:
-        return staged.run_stages(offline=offline, scheduler=None)[0]
+    with session(scenario.name, output, origin) as held:
+        options = _Options(offline=offline)
+        staged = _StagedRun(scenario, held.directory, held.store, on_event or ignore, options)
+        return staged.run_stages()[0]
 
 
-@contextlib.contextmanager
-def _locked_run(
-    scenario: Scenario, output: Path, on_event: EventHandler | None
-) -> Iterator[_StagedRun]:
-    """Prepare a run that is the only one of its scenario in an output folder."""
-    output = output.resolve()
-    with (
-        _removing_new_folders_if_refused(output),
-        exclusive_run(output / _ARTEFACTS / f"{scenario.name}.lock", scenario.name),
-    ):
-        directory = output_directory(output, scenario.name)
-        yield _StagedRun(scenario, directory, Store(output / _ARTEFACTS), on_event or _ignore)
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """How a run is to be done, as `run` takes it."""
+
+    offline: bool = False
+    strict: bool = False
+    scheduler: str | None = None
+    limit_s: float | None = None
 
 
-@contextlib.contextmanager
-def _removing_new_folders_if_refused(output: Path) -> Iterator[None]:
-    """Remove a new store and a new output folder again where the request was wrong."""
-    created = [folder for folder in (output / _ARTEFACTS, output) if not folder.exists()]
-    try:
-        yield
-    except RequestError:
-        for folder in created:
-            # The store is removed entirely; the folder around it only if it is empty then.
-            if folder.name == _ARTEFACTS:
-                shutil.rmtree(folder, ignore_errors=True)
-            else:
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
-        raise
+def _refuse_stand_ins(parts: FetchedParts) -> None:
+    """Refuse to plan on other currents than those that the scenario asks for first."""
+    faults = [
+        f"season {grid.season!r} would be {grid.stand_in_notes[0]}, which is not its first choice"
+        + "".join(f"; {passed.reason}" for passed in grid.passed_over)
+        for grid in parts.fetched.currents
+        if grid.is_stand_in
+    ]
+    faults += [f"season {name!r}: {why}" for name, why in parts.failures.items()]
+    if faults:
+        raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
 
 
 def _unsafe_notes(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]:
@@ -185,12 +142,13 @@ class _StagedRun:
     directory: Path
     store: Store
     on_event: EventHandler
+    options: _Options
     timings: dict[str, float] = field(default_factory=dict)
 
-    def run_and_write(self, *, offline: bool, scheduler: str | None) -> Outcome:
+    def run_and_write(self) -> Outcome:
         """Run all stages."""
         started = time.perf_counter()
-        result, evaluated = self.run_stages(offline=offline, scheduler=scheduler)
+        result, evaluated = self.run_stages()
         with self._stage("write"):
             stamp = artefact_key(
                 "write",
@@ -208,15 +166,17 @@ class _StagedRun:
             self.directory,
             result.plans,
             result.evaluation,
-            result.fetched.notes,
+            result.fetched,
             fresh,
             time.perf_counter() - started,
         )
 
-    def run_stages(self, *, offline: bool, scheduler: str | None) -> tuple[RunResult, list[str]]:
+    def run_stages(self) -> tuple[RunResult, list[str]]:
         """Run all stages but the last; return the result, and the evaluations' file names."""
         with self._stage("fetch"):
-            parts = fetch(self.scenario, self.store, offline=offline)
+            parts = fetch(self.scenario, self.store, offline=self.options.offline)
+            if self.options.strict:
+                _refuse_stand_ins(parts)
             for note in parts.fetched.notes:
                 self.on_event(Event("fetch", "note", detail=note))
         with self._stage("simplify"):
@@ -229,7 +189,7 @@ class _StagedRun:
             scene_key, scene = self._project(parts, simplified_key, simplified)
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
-            plans, evaluation = self._plan_seasons(parts, tasks, scheduler)
+            plans, evaluation = self._plan_seasons(parts, tasks)
             unsafe = _unsafe_notes(evaluation, self.scenario)
             for note in unsafe:
                 self.on_event(Event("plan", "note", detail=note))
@@ -332,12 +292,14 @@ class _StagedRun:
                     evaluation_path=self.store.path("evaluate", evaluation_key),
                     options=options,
                     scale=self.scenario.scale,
+                    owner=self.store.owner,
+                    limit_s=self.options.limit_s,
                 )
             )
         return tasks
 
     def _plan_seasons(
-        self, parts: FetchedParts, tasks: Sequence[SeasonTask], scheduler: str | None
+        self, parts: FetchedParts, tasks: Sequence[SeasonTask]
     ) -> tuple[tuple[SeasonPlan, ...], Evaluation]:
         """Fourth and fifth stage; each season succeeds or fails by itself."""
         from pipeline.stages.evaluate import combine_seasons
@@ -352,7 +314,7 @@ class _StagedRun:
             ended: Literal["failed", "done"] = "failed" if status.failure else "done"
             self.on_event(Event("plan", ended, season=status.season, detail=status.failure))
 
-        run_tasks(list(waiting.values()), scheduler, report)
+        run_tasks(list(waiting.values()), self.options.scheduler, report)
         for season, task in waiting.items():
             result = None if season in crashed else task.result()
             if result is not None:

@@ -14,18 +14,15 @@ import hashlib
 import os
 import pickle
 import secrets
-import time
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, TypeVar
-
-from filelock import FileLock, Timeout
 
 from pipeline.code_identity import code_hash
 from pipeline.errors import StageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
 
 ValueT = TypeVar("ValueT")
@@ -43,23 +40,25 @@ _LIBRARIES = (
 )
 _MAGIC = b"RENEW artefact 1\n"
 _DIGEST_SIZE = hashlib.sha256().digest_size
-_SUFFIX, _UNFINISHED_SUFFIX = ".artefact", ".tmp"
-# Age at which an unfinished file is removed, s: its run was killed, as no write takes a day.
-_LEFTOVER_AGE_S = 24 * 3600.0
+SUFFIX, _UNFINISHED_SUFFIX = ".artefact", ".tmp"
+DOWNLOADS = "downloads"
+"""Folder of the store in which sources cache their downloads."""
 
 
 class Store:
     """Artefacts in a folder, one file each.
 
-    They are pickles: a store must be as trusted as the program itself.
+    They are pickles: a store must be as trusted as the program itself. `owner` is the name of the
+    scenario whose run writes to it; unfinished files are named by it.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, owner: str = "") -> None:
         self.root = root
+        self.owner = owner
 
     def path(self, stage: str, key: str) -> Path:
         """Return the path of an artefact, whether it exists or not."""
-        return self.root / stage / f"{key}{_SUFFIX}"
+        return self.root / stage / f"{key}{SUFFIX}"
 
     def load(self, stage: str, key: str, kind: type[ValueT]) -> ValueT | None:
         """Load an artefact; None where it is absent or damaged."""
@@ -68,7 +67,7 @@ class Store:
     def save(self, stage: str, key: str, value: object) -> Path:
         """Save an artefact under its key, completely or not at all."""
         path = self.path(stage, key)
-        save_artefact(path, value)
+        save_artefact(path, value, self.owner)
         return path
 
     def load_or_make(
@@ -88,42 +87,14 @@ class Store:
         return path
 
 
-@contextlib.contextmanager
-def exclusive_run(path: Path, name: str) -> Iterator[None]:
-    """Allow one run of a scenario at a time in an output folder.
+def remove_unfinished(root: Path, owner: str = "*") -> None:
+    """Remove unfinished files of killed runs of a scenario, or of all scenarios.
 
-    Raises
-    ------
-    StageError
-        Another run holds the lock.
+    Must not be called while such a run is at work.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(path)
-        lock.acquire(timeout=0)
-    except Timeout:
-        raise StageError(
-            f"another run of {name!r} is writing to {path.parent.parent}: wait until it has ended, "
-            "or choose another folder with --output"
-        ) from None
-    except OSError as error:
-        raise StageError(
-            f"can't write in {path.parent}: {error.strerror or error}; choose another folder with "
-            "--output"
-        ) from error
-    try:
-        remove_leftovers(path.parent)
-        yield
-    finally:
-        lock.release()
-
-
-def remove_leftovers(root: Path) -> None:
-    """Remove unfinished files of killed runs that are more than a day old."""
-    for leftover in root.glob(f"*/.*{_UNFINISHED_SUFFIX}"):
+    for leftover in root.glob(f"*/.{owner}.*{_UNFINISHED_SUFFIX}"):
         with contextlib.suppress(OSError):
-            if time.time() - leftover.stat().st_mtime > _LEFTOVER_AGE_S:
-                leftover.unlink()
+            leftover.unlink()
 
 
 def artefact_key(stage: str, *inputs: object) -> str:
@@ -134,12 +105,12 @@ def artefact_key(stage: str, *inputs: object) -> str:
     return str(token)
 
 
-def save_artefact(path: Path, value: object) -> None:
+def save_artefact(path: Path, value: object, owner: str = "") -> None:
     """Write a value with its hash under a temporary name, and rename it."""
     content = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_name(f".{path.stem[:16]}.{secrets.token_hex(4)}{_UNFINISHED_SUFFIX}")
+        fresh = path.with_name(f".{owner}.{secrets.token_hex(8)}{_UNFINISHED_SUFFIX}")
         try:
             with fresh.open("xb") as file:
                 file.write(_MAGIC + hashlib.sha256(content).digest() + content)
@@ -156,7 +127,10 @@ def save_artefact(path: Path, value: object) -> None:
 
 
 def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
-    """Load a value; None where the file is absent, damaged, or holds another type."""
+    """Load a value; None where the file is absent, damaged, or holds another type.
+
+    The file's time says when it was last used, by which the store is pruned.
+    """
     try:
         stored = path.read_bytes()
     except OSError:
@@ -166,7 +140,11 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
     if stored[:begin] != _MAGIC + hashlib.sha256(content).digest():
         return None
     value = pickle.loads(content)  # noqa: S301 - written by `save_artefact`; its hash agrees
-    return value if isinstance(value, kind) else None
+    if not isinstance(value, kind):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return value
 
 
 @cache

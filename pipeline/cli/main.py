@@ -1,24 +1,34 @@
-"""The command line: `renew run|plot|list|show|check`.
+"""The command line: `renew run|plot|list|show|check|clean|doctor`.
 
-Exit code 0: done. 1: a season failed, the others are written; or a stage failed. 2: the request is
-wrong, nothing is written. Results go to standard output; progress, notes and errors to standard
-error.
+Exit codes:
+
+- 0: done.
+- 1: a season failed, the others are written; or this machine could not, or `--strict` refused.
+- 2: the request is wrong: nothing is written, every fault has a line of its own.
+- 3: an error that nobody foresaw: one line of JSON says where to report it.
+- 130 and 143: stopped by Ctrl-C and by SIGTERM; what was done is kept.
+
+Results go to standard output; progress, notes and errors to standard error.
 """
 
 from __future__ import annotations
 
-import contextlib
-import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.errors import PipelineError
+from pipeline.cli.earlier_results import dating_earlier_results
+from pipeline.cli.failures import reported_errors
+from pipeline.cli.interruption import ending_promptly
 from pipeline.formats.figures.kinds import Form, Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
+
+    from pipeline.scenario.model import Scenario
+    from pipeline.session import Origin
 
 app = typer.Typer(
     name="renew",
@@ -54,28 +64,16 @@ CurrentsOption = Annotated[
 
 def main() -> None:
     """Entry point `renew`."""
-    app()
-
-
-@contextlib.contextmanager
-def _reported_errors() -> Iterator[None]:
-    """Turn expected errors into lines on standard error and an exit code."""
-    try:
-        yield
-    except PipelineError as error:
-        for line in str(error).splitlines():
-            typer.echo(f"error: {line}", err=True)
-        raise typer.Exit(error.exit_code) from None
-    except KeyboardInterrupt:
-        typer.echo("stopped; finished stages are kept, run again to continue", err=True)
-        raise typer.Exit(130) from None
+    with ending_promptly():
+        app()
 
 
 def _version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
-        from pipeline.cli.version import program_version
+        with reported_errors():
+            from pipeline.cli.version import program_version
 
-        typer.echo(f"renew {program_version()}")
+            typer.echo(f"renew {program_version()}")
         raise typer.Exit
 
 
@@ -90,6 +88,10 @@ def options(
     del version
 
 
+# Shortest limit of a season, s: a process takes as long to begin.
+_MIN_LIMIT_S = 1.0
+
+
 @app.command()
 def run(
     scenario: ScenarioArgument,
@@ -98,29 +100,42 @@ def run(
     offline: OfflineOption = False,
     charts: ChartsOption = None,
     currents: CurrentsOption = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
+        ),
+    ] = False,
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            min=_MIN_LIMIT_S,
+            metavar="SECONDS",
+            help="Time that a season may take; past it the season fails, the others are written.",
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
-    with _reported_errors():
-        from pipeline.loading import load_scenario
-
-        # Before the heavy imports, so that a wrong request is reported at once.
-        notes: list[str] = []
-        wanted = load_scenario(
-            scenario, charts=charts, currents=currents or (), on_note=notes.append
-        )
+    with reported_errors(), dating_earlier_results(output, scenario):
+        wanted = _wanted(scenario, output, charts, currents)
         from pipeline.cli.progress import progress
         from pipeline.cli.summary import season_table
-        from pipeline.run import Event
         from pipeline.run import run as run_scenario
 
-        with progress(wanted.name, len(wanted.seasons)) as on_event:
-            for note in notes:
-                on_event(Event("fetch", "note", detail=note))
+        with progress(wanted.scenario, wanted.notes) as on_event:
             outcome = run_scenario(
-                wanted, output, offline=offline, scheduler=scheduler, on_event=on_event
+                wanted.scenario,
+                output,
+                offline=offline,
+                strict=strict,
+                scheduler=scheduler,
+                limit_s=limit,
+                origin=wanted.origin,
+                on_event=on_event,
             )
         typer.echo(season_table(outcome))
         verb = "Written to" if outcome.fresh else "Unchanged in"
@@ -151,27 +166,20 @@ def plot(
 
     They show the results of an earlier run; what has not been planned yet is planned first.
     """
-    with _reported_errors():
-        from pipeline.loading import load_scenario
-
-        notes: list[str] = []
-        wanted = load_scenario(
-            scenario, charts=charts, currents=currents or (), on_note=notes.append
-        )
+    with reported_errors():
+        wanted = _wanted(scenario, output, charts, currents)
         from pipeline.cli.plot import plot as plot_scenario
         from pipeline.cli.progress import progress
-        from pipeline.run import Event
 
-        with progress(wanted.name, len(wanted.seasons)) as on_event:
-            for note in notes:
-                on_event(Event("fetch", "note", detail=note))
+        with progress(wanted.scenario, wanted.notes) as on_event:
             drawn = plot_scenario(
-                wanted,
+                wanted.scenario,
                 output,
                 seasons=season or (),
                 kinds=figure or (),
                 form=form,
                 offline=offline,
+                origin=wanted.origin,
                 on_event=on_event,
             )
         for file in drawn.files:
@@ -184,7 +192,7 @@ def plot(
 @app.command("list")
 def list_entries() -> None:
     """List the catalogue: scenarios, vessels, sources."""
-    with _reported_errors():
+    with reported_errors():
         from pipeline.scenario import catalogue
 
         for section in catalogue.SECTIONS:
@@ -198,7 +206,7 @@ def show(
     name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
 ) -> None:
     """Print an entry of the catalogue as TOML, to read or to start a new one from."""
-    with _reported_errors():
+    with reported_errors():
         from pipeline.scenario import catalogue
 
         path = catalogue.entry_path(name)
@@ -211,7 +219,7 @@ def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
     """List all faults of a scenario's file; only a run also checks it against its chart."""
-    with _reported_errors():
+    with reported_errors():
         from pipeline.loading import load_scenario
 
         found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
@@ -219,6 +227,73 @@ def check(
         typer.echo(
             f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"
         )
+
+
+@app.command()
+def clean(
+    *,
+    output: OutputOption = Path("outputs"),
+    older: Annotated[
+        str, typer.Option(help="Remove what was last used longer ago: 30d, 12h, 2w.")
+    ] = "30d",
+    everything: Annotated[
+        bool, typer.Option("--all", help="Remove all that can be computed or fetched again.")
+    ] = False,
+) -> None:
+    """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
+    with reported_errors():
+        from pipeline.cli.clean import clean as clean_store
+
+        typer.echo(clean_store(output, older=older, everything=everything))
+
+
+@app.command()
+def doctor(
+    *,
+    output: OutputOption = Path("outputs"),
+    offline: OfflineOption = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler to check, with its workers.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Check what a run needs of this machine; exit code 1 if something would make it fail."""
+    with reported_errors():
+        from pipeline.cli.doctor import examine, exit_code, spelled_as_json
+
+        findings = []
+        for finding in examine(output, offline=offline, scheduler=scheduler):
+            findings.append(finding)
+            if not as_json:
+                typer.echo(str(finding))
+        if as_json:
+            typer.echo(spelled_as_json(findings))
+        raise typer.Exit(exit_code(findings))
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A scenario that was asked for, the file that it is in, and notes on its keys."""
+
+    scenario: Scenario
+    origin: Origin
+    notes: list[str] = field(default_factory=list)
+
+
+def _wanted(
+    asked: str, output: Path, charts: Path | None, currents: Sequence[Path] | None
+) -> _Wanted:
+    """Load a scenario, before the heavy imports, so that a wrong request is reported at once."""
+    from pipeline.loading import load_scenario
+    from pipeline.paths import folder_to_write
+    from pipeline.scenario.catalogue import scenario_path
+
+    folder_to_write(output, "--output")
+    notes: list[str] = []
+    scenario = load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
+    from pipeline.session import Origin
+
+    return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
 
 
 def _short(path: Path) -> str:
@@ -230,4 +305,4 @@ def _short(path: Path) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(app())
+    main()

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pipeline.run import EventHandler
+    from pipeline.outcome import EventHandler
     from pipeline.scenario.model import Scenario
+    from pipeline.session import Origin
 
 FOLDER = "figures"
 # Resolution of PNG files, dots per inch.
@@ -51,6 +52,7 @@ def plot(
     kinds: Sequence[Kind] = (),
     form: Form = Form.PNG,
     offline: bool = False,
+    origin: Origin | None = None,
     on_event: EventHandler | None = None,
 ) -> Drawn:
     """Draw a scenario's figures to `output/<scenario>/figures/<season>-<figure>.<form>`.
@@ -63,7 +65,7 @@ def plot(
         Names of seasons; all if empty.
     kinds, form
         Which figures, all if empty; and the format of their files.
-    offline, on_event
+    offline, origin, on_event
         As for `run`.
 
     Raises
@@ -81,7 +83,7 @@ def plot(
     ]
     if faults:
         raise RequestError(faults)
-    result = plan_scenario(scenario, output, offline=offline, on_event=on_event)
+    result = plan_scenario(scenario, output, offline=offline, origin=origin, on_event=on_event)
     chosen = [name for name in known if not seasons or name in seasons]
     failures = {
         entry.season: f"season {entry.season!r}: {entry.failure}"

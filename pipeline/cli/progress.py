@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
+import time
 from typing import TYPE_CHECKING
 
-from pipeline.run import STAGES, Event
+from pipeline.outcome import STAGES, Event
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from typing import TextIO
 
-    from pipeline.run import EventHandler
+    from pipeline.outcome import EventHandler
+    from pipeline.scenario.model import Scenario
 
 _DESCRIPTIONS = {
     "fetch": "Fetching land and currents",
@@ -23,19 +26,34 @@ _DESCRIPTIONS = {
 }
 
 
-@contextlib.contextmanager
-def progress(scenario: str, seasons: int) -> Iterator[EventHandler]:
-    """Provide the event handler that suits standard error."""
-    stream = sys.stderr
-    if stream.isatty():
-        with _bar(scenario, seasons, stream) as on_event:
-            yield on_event
-    else:
-        yield _lines(scenario, stream)
+# Time without a line after which one says that the run is at work, s.
+_HEARTBEAT_S = 30.0
 
 
 @contextlib.contextmanager
-def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[EventHandler]:
+def progress(scenario: Scenario, notes: Sequence[str] = ()) -> Iterator[EventHandler]:
+    """Provide the event handler that suits standard error; report notes on the scenario first."""
+    seasons = [season.name for season in scenario.seasons]
+    provider = _bar if sys.stderr.isatty() else _lines
+    with provider(scenario.name, seasons, sys.stderr) as on_event:
+        for note in (*notes, *_machine_notes()):
+            on_event(Event("fetch", "note", detail=note))
+        yield on_event
+
+
+def _machine_notes() -> Iterator[str]:
+    """Yield what the user of this machine should know."""
+    from renew._compiled import cache_is_temporary
+
+    if cache_is_temporary():
+        yield (
+            "machine code is cached in a temporary folder, and compiled again after a reboot: "
+            "make ~/.cache writable, or set NUMBA_CACHE_DIR"
+        )
+
+
+@contextlib.contextmanager
+def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
     """Show a bar with a step for each stage and each season."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -49,7 +67,7 @@ def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[EventHandler]:
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("Starting", total=len(STAGES) + seasons, scenario=scenario)
+        task = bar.add_task("Starting", total=len(STAGES) + len(seasons), scenario=scenario)
 
         def on_event(event: Event) -> None:
             if event.status == "begun":
@@ -62,8 +80,9 @@ def _bar(scenario: str, seasons: int, stream: TextIO) -> Iterator[EventHandler]:
         yield on_event
 
 
-def _lines(scenario: str, stream: TextIO) -> EventHandler:
-    """Return a handler that writes each event as a line of JSON."""
+@contextlib.contextmanager
+def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
+    """Write each event as a line of JSON; and one now and then while nothing happens."""
     import structlog
 
     log = structlog.wrap_logger(
@@ -74,8 +93,10 @@ def _lines(scenario: str, stream: TextIO) -> EventHandler:
             structlog.processors.JSONRenderer(ensure_ascii=False),
         ],
     ).bind(scenario=scenario)
+    state = _State(seasons)
 
     def on_event(event: Event) -> None:
+        state.update(event)
         fields: dict[str, object] = {"stage": event.stage}
         if event.season:
             fields["season"] = event.season
@@ -86,4 +107,41 @@ def _lines(scenario: str, stream: TextIO) -> EventHandler:
         level = {"failed": log.error, "note": log.warning}.get(event.status, log.info)
         level(event.status, **fields)
 
-    return on_event
+    ended = threading.Event()
+
+    def beat() -> None:
+        while not ended.wait(_HEARTBEAT_S):
+            log.info("working", **state.fields())
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield on_event
+    finally:
+        ended.set()
+        thread.join()
+
+
+class _State:
+    """The stage that is at work, since when, and the seasons that have not ended in it."""
+
+    def __init__(self, seasons: Sequence[str]) -> None:
+        self._all = tuple(seasons)
+        self._stage, self._begun = "", time.monotonic()
+        self._waiting = self._all
+
+    def update(self, event: Event) -> None:
+        """Follow the run's events."""
+        if event.status == "begun":
+            self._stage, self._begun, self._waiting = event.stage, time.monotonic(), self._all
+        elif event.season:
+            self._waiting = tuple(name for name in self._waiting if name != event.season)
+
+    def fields(self) -> dict[str, object]:
+        """Describe it for a line of JSON."""
+        return {
+            "status": "working",
+            "stage": self._stage,
+            "seasons": self._waiting,
+            "seconds": round(time.monotonic() - self._begun, 1),
+        }

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 from pipeline.formats.shared.text import days, hours
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pipeline.model import RouteMetrics
-    from pipeline.run import Outcome
+    from pipeline.outcome import Outcome
 
 _HEAD = (
     "season",
@@ -45,7 +47,8 @@ def season_table(outcome: Outcome) -> str:
                 seen.add(row.side)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
-    lines = [
+    lines = [*_unused_currents(outcome)]
+    lines += [
         "  ".join(
             cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
@@ -59,6 +62,17 @@ def season_table(outcome: Outcome) -> str:
         "reasons, are in report.html."
     )
     return "\n".join(lines)
+
+
+def _unused_currents(outcome: Outcome) -> Iterator[str]:
+    """Yield one line on the currents that the scenario prefers, and that were not used."""
+    unused: dict[str, list[str]] = {}
+    for grid in outcome.fetched.currents:
+        for passed in grid.passed_over:
+            unused.setdefault(f"{passed.source} ({passed.reason})", []).append(grid.season)
+    if unused:
+        reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
+        yield f"Currents NOT used: {'; '.join(reasons)}\n"
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:

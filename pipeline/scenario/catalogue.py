@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
+from pipeline.paths import NOT_THERE, expanded, unreadable_reason
+from pipeline.paths import shown as shown_path
 from pipeline.scenario.messages import model_faults, near_miss, shown
 from pipeline.scenario.strict import Integer, Latitude, Name, NonNegative, Positive, StrictModel
 from pipeline.scenario.vessel import VesselSpec
@@ -179,17 +181,21 @@ def scenario_path(asked: str) -> Path:
     RequestError
         Neither, or a directory; the message suggests what may have been meant.
     """
-    path = Path(asked).expanduser()
     named = root() / "scenarios" / f"{asked}.toml"
     if asked in names("scenarios"):
         return named
-    if path.is_dir():
+    path = expanded(asked, "scenario")
+    reason = unreadable_reason(path)
+    if not reason and path.is_dir():
         raise RequestError(
             [f"{asked!r} is a directory, not a scenario; name the .toml file inside it"]
         )
-    if path.is_file():
+    if not reason:
         return path
-    reason = "no such file" if path.suffix or len(path.parts) > 1 else "no such file or entry"
+    if reason != NOT_THERE:
+        raise RequestError([f"scenario: {shown_path(path)} {reason}"])
+    looks_like_file = Path(asked).suffix or len(Path(asked).parts) > 1
+    reason = "no such file" if looks_like_file else "no such file or entry"
     raise RequestError(
         [f"no scenario {asked!r} ({reason}): {near_miss(Path(asked).stem, names('scenarios'))}"]
     )
@@ -200,7 +206,7 @@ def entry_path(asked: str) -> Path:
     for section in SECTIONS:
         if asked in names(section):
             return root() / section / f"{asked}.toml"
-    if Path(asked).expanduser().exists():
+    if unreadable_reason(expanded(asked, "entry")) != NOT_THERE:
         return scenario_path(asked)
     known = [name for section in SECTIONS for name in names(section)]
     raise RequestError([f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}"])
@@ -220,6 +226,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise RequestError([f"{path} is not TOML: {error}; {EXAMPLE}"]) from None
+    except RecursionError:
+        raise RequestError([f"{path} is nested too deeply for a scenario; {EXAMPLE}"]) from None
 
 
 def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:

@@ -35,12 +35,13 @@ class PlannerOptions(StrictModel):
     classes: Integer = Field(
         default=16,
         ge=1,
+        le=10_000,
         description="Number of homotopy classes, ways round the islands, to find a route for; "
-        "which ones, 'order' says. Give a whole number, 1 or more, such as 16.",
+        "which ones, 'order' says. Give a whole number from 1 to 10,000, such as 16.",
     )
     risk: Number = Field(
         default=0.05,
-        gt=0,
+        ge=1e-9,
         lt=1,
         description="Share of sampled hard-over turns that may reach beyond the adaptive padding: "
         "smaller keeps routes further off land. Give a share between 0 and 1, such as 0.05.",
@@ -70,8 +71,9 @@ class PlannerOptions(StrictModel):
     samples: Integer = Field(
         default=500,
         ge=1,
+        le=1_000_000,
         description="Number of random chains per class with method 'sampled'. Give a whole "
-        "number, 1 or more, such as 500.",
+        "number from 1 to 1,000,000, such as 500.",
     )
     drift: Literal["projected", "crab"] = Field(
         default="projected",
@@ -81,8 +83,9 @@ class PlannerOptions(StrictModel):
     seed: Integer = Field(
         default=0,
         ge=0,
+        le=2**63 - 1,
         description="Seed of all random numbers: the same seed gives the same plan. Give a whole "
-        "number, 0 or more.",
+        "number, 0 or more, below 2^63.",
     )
     order: Literal["fuel", "length", "depth-first"] = Field(
         default="fuel",

@@ -73,6 +73,10 @@ class Region(StrictModel):
         return shapely.Polygon(self.polygon)
 
 
+# Largest width and height of a plane, m: beyond it the earth is not flat.
+MAX_PLANE_M = 2e6
+
+
 class Plane(StrictModel):
     """The area of a plane scenario in metres, in place of region and chart."""
 
@@ -99,6 +103,12 @@ class Plane(StrictModel):
         if not (xmin < xmax and ymin < ymax):
             raise ValueError(
                 f"has extent {list(self.extent)}, which is empty: give [xmin, ymin, xmax, ymax]"
+            )
+        width_m = max(xmax - xmin, ymax - ymin)
+        if width_m > MAX_PLANE_M:
+            raise ValueError(
+                f"has extent {list(self.extent)}, {width_m / 1000:,.0f} km wide; a plane is at "
+                f"most {MAX_PLANE_M / 1000:,.0f} km wide: shrink it, or add a [region]"
             )
         return self
 

@@ -12,12 +12,17 @@ from pipeline.scenario.strict import Integer, Name, Number, StrictModel, looks_l
 TimeMethod = Literal["mean", "nearest", "linear"]
 
 
+# Speed that no current on earth reaches, m/s: a larger figure has a slip of the pen in it.
+MAX_CURRENT_M_S = 100.0
+Velocity = Annotated[Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_S)]
+
+
 class Gyre(StrictModel):
     """Gyres that fill the extent of a plane scenario; see `renew.GyreCurrent`."""
 
-    amplitude: Number = Field(
+    amplitude: Velocity = Field(
         description="Maximum speed of the current, m/s; negative values turn the other way. Give "
-        "the strongest current in m/s.",
+        "the strongest current in m/s, at most 100.",
         examples=[0.8],
         json_schema_extra={"unit": "m/s"},
     )
@@ -32,14 +37,14 @@ class Gyre(StrictModel):
 class Uniform(StrictModel):
     """The same current everywhere in a plane scenario."""
 
-    u: Number = Field(
+    u: Velocity = Field(
         default=0.0,
-        description="Velocity along x, m/s. Give m/s.",
+        description="Velocity along x, m/s. Give m/s, at most 100.",
         json_schema_extra={"unit": "m/s"},
     )
-    v: Number = Field(
+    v: Velocity = Field(
         default=0.0,
-        description="Velocity along y, m/s. Give m/s.",
+        description="Velocity along y, m/s. Give m/s, at most 100.",
         json_schema_extra={"unit": "m/s"},
     )
 

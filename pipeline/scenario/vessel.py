@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -10,6 +10,11 @@ from pipeline.scenario.strict import Name, Positive, StrictModel
 
 if TYPE_CHECKING:
     import renew
+
+
+# As of `renew.Vessel`: larger figures are a slip of the pen, and powers of them overflow.
+_Figure = Annotated[Positive, Field(le=1e6)]
+_TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
 
 class VesselSpec(StrictModel):
@@ -29,7 +34,7 @@ class VesselSpec(StrictModel):
         description="Where the vessel's figures come from. Give any text.",
         examples=["Sea trials of May 2025"],
     )
-    length_m: Positive = Field(
+    length_m: _Figure = Field(
         description="Length overall, metres. Give the length overall in metres.", examples=[7.0]
     )
     draught_m: Positive | None = Field(
@@ -38,25 +43,29 @@ class VesselSpec(StrictModel):
         "vessel reaches below the water line.",
         examples=[0.9],
     )
-    speed_m_s: Positive = Field(
+    speed_m_s: _Figure = Field(
         description="Speed through water, m/s, the same all the way. Give the speed through water "
         "in m/s.",
         examples=[5.0],
     )
     turn_rate_deg_s: Positive = Field(
+        le=_TURN_RATE_LIMIT_DEG_S,
         description="Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate "
         "in degrees/s.",
         examples=[16.5],
     )
     fuel_coefficient: Positive = Field(
         default=1.0,
+        le=1e12,
         description="Factor of the fuel law: fuel per second = coefficient × speed^exponent, "
         "which sets the unit of all fuel figures. Give a number above 0.",
     )
     fuel_exponent: Positive = Field(
         default=2.0,
+        le=20,
         description="Exponent of the fuel law: fuel per second = coefficient × speed^exponent. "
-        "Give a number above 0: 2 is the paper's, 3 the propeller law of displacement hulls.",
+        "Give a number above 0, at most 20: 2 is the paper's, 3 the propeller law of displacement "
+        "hulls.",
     )
 
     def vessel(self) -> renew.Vessel:

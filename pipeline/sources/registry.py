@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
 from pipeline.errors import RequestError
+from pipeline.paths import require_readable
 from pipeline.scenario import catalogue
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
         )
         raise RequestError([fault])
     path = Path(source.path)
+    require_readable([path], "chart.source")
     is_s57 = path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
     if entry is not None and is_s57 != (entry.adapter == "s57"):
         found = "S-57 cells" if is_s57 else "a vector file"
@@ -45,14 +47,15 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
             [f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"]
         )
     if is_s57:
+        from pipeline.sources.land.s57_adapter import S57Chart, find_cells
+
         if draught_m is None:
+            find_cells(path)  # what is no chart with depths needs no draught
             fault = (
                 "vessel.draught_m is missing, and the chart has depths: give the vessel's draught "
                 "in metres"
             )
             raise RequestError([fault])
-        from pipeline.sources.land.s57_adapter import S57Chart
-
         return S57Chart(path, draught_m + chart.under_keel_clearance_m)
     from pipeline.sources.land.vector import VectorFile
 

@@ -17,7 +17,7 @@ from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages import planar
 from pipeline.stages.overpowering_current import overpowering_notes
-from pipeline.store import artefact_key
+from pipeline.store import DOWNLOADS, artefact_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from pipeline.scenario.season import Season
     from pipeline.sources.interfaces import CurrentSource, LandSource
     from pipeline.store import Store
-
-# Folder of the store in which sources cache their downloads.
-DOWNLOADS = "downloads"
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ import pytest
 
 from pipeline.errors import StageError
 from pipeline.loading import load_scenario, parse_scenario
-from pipeline.run import Event, run
+from pipeline.outcome import Event
+from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from tests.tree import tree
 

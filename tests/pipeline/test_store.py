@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,13 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.model import Credit
-from pipeline.store import Store, artefact_key, exclusive_run, load_artefact, save_artefact
+from pipeline.store import (
+    Store,
+    artefact_key,
+    load_artefact,
+    remove_unfinished,
+    save_artefact,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 CREDIT = Credit("name", "land", "text", "licence")
@@ -99,28 +106,20 @@ def test_a_key_is_the_same_in_every_process_and_differs_with_every_input() -> No
     assert len({*keys, *others}) == 1 + len(others)
 
 
-def test_a_second_run_of_a_scenario_must_wait(tmp_path: Path) -> None:
-    path = tmp_path / "outputs" / ".artefacts" / "one.lock"
-    script = (
-        "import sys\n"
-        "from pathlib import Path\n"
-        "from pipeline.store import exclusive_run\n"
-        f"with exclusive_run(Path({str(path)!r}), 'one'):\n"
-        "    print('in', flush=True)\n"
-        "    sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    ) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == "in\n"
-        with pytest.raises(StageError, match=r"another run of 'one'.*wait"):
-            exclusive_run(path, "one").__enter__()
-        # A killed run releases the lock.
-        other.kill()
-    with exclusive_run(path, "one"):
-        pass
+def test_loading_an_artefact_says_that_it_is_in_use(tmp_path: Path) -> None:
+    path = tmp_path / "one.artefact"
+    save_artefact(path, CREDIT)
+    os.utime(path, (1, 1))
+    assert load_artefact(path, CREDIT.__class__) == CREDIT
+    assert path.stat().st_mtime > 1e9
+
+
+def test_unfinished_files_are_removed_by_their_owner(tmp_path: Path) -> None:
+    (tmp_path / "plan").mkdir()
+    mine, other = (tmp_path / "plan" / f".{name}.0a1b.tmp" for name in ("one", "one-more"))
+    for file in (mine, other):
+        file.touch()
+    remove_unfinished(tmp_path, "one")
+    assert list((tmp_path / "plan").iterdir()) == [other]
+    remove_unfinished(tmp_path)
+    assert not list((tmp_path / "plan").iterdir())

@@ -1,4 +1,4 @@
-"""plan() against a grid search of its own code, and against itself in scenes that are moved."""
+"""plan() against an independent grid search, and against itself in scenes that are moved."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ from tests.strategies import (
 if TYPE_CHECKING:
     from renew._types import FloatArray
 
-# Dearer than the oracle by at most so much (issue 2), and a moved scene's fuel as near as that.
+# Largest ratio of the planner's fuel to the oracle's (issue 2).
 ORACLE = 1.005
+# Largest relative difference between the fuel of a scene and of the same scene moved.
 MOVED = 1e-3
-# A moved route runs beside the original by at most this share of the scene's side. Fuel is flat
-# at its least: 0.1 % of it is a metre or two of path.
+# Largest distance between the routes of both, as a share of the scene's side. Near its least value
+# fuel hardly changes: 0.1 % of it is a metre or two of path.
 BESIDE = 0.01
 
 
 class Scene(NamedTuple):
-    """What plan() is given first."""
+    """The first arguments of plan()."""
 
     chart: renew.Chart
     current: renew.CurrentField
@@ -48,14 +49,14 @@ class Scene(NamedTuple):
 
 
 def scene(seed: int, islands: int = 4, peak: float = 0.6) -> Scene:
-    """Random scene with fewer islands: planned in a fraction of the time."""
+    """Random scene with few islands, which is planned in a fraction of the time."""
     corners = np.array([[10.0, 10.0], [SIZE - 10, SIZE - 10]])
     chart = renew.Chart(shapely.box(0, 0, SIZE, SIZE), random_islands(seed, islands))
     return Scene(chart, StreamFunctionCurrent(seed, peak), PAPER_VESSEL, *corners)
 
 
 def best(scene: Scene, *, clearance: float = 0.0, classes: int = 6) -> renew.Route:
-    """Best route without padding but a clearance (m)."""
+    """Best route with no padding except a clearance (m)."""
     return renew.plan(*scene, padding="none", clearance=clearance, classes=classes).best
 
 
@@ -78,7 +79,7 @@ def full_scene(seed: int) -> Scene:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 11])
-def test_no_dearer_than_a_grid_search(seed: int) -> None:
+def test_no_more_fuel_than_a_grid_search(seed: int) -> None:
     scene = full_scene(seed)
     assert best(scene, classes=16).fuel <= ORACLE * least_by_oracle(scene)
 
@@ -88,7 +89,7 @@ def test_corners_that_are_hard_to_steer_cost_little() -> None:
     assert best(shear).fuel <= ORACLE * least_by_oracle(shear)
 
 
-def test_no_dearer_than_a_grid_search_at_the_published_clearance() -> None:
+def test_no_more_fuel_than_a_grid_search_at_the_published_clearance() -> None:
     chart, current = single_gyre()
     scene = Scene(chart, current, PAPER_VESSEL, np.array([10.0, 10.0]), np.array([90.0, 90.0]))
     route = best(scene, clearance=12.55, classes=16)
@@ -97,7 +98,7 @@ def test_no_dearer_than_a_grid_search_at_the_published_clearance() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
-def test_no_dearer_than_a_fine_grid_search_or_the_sampled_method(seed: int) -> None:
+def test_no_more_fuel_than_a_fine_grid_search_or_the_sampled_method(seed: int) -> None:
     scene = full_scene(seed)
     fuel = best(scene, classes=16).fuel
     assert fuel <= ORACLE * least_by_oracle(scene, spacing=2.0, rounds=7)
@@ -105,7 +106,7 @@ def test_no_dearer_than_a_fine_grid_search_or_the_sampled_method(seed: int) -> N
         try:
             sampled = renew.plan(*scene, padding="none", method="sampled", seed=draws).best.fuel
         except renew.UnreachableError:
-            continue  # no chain that it drew can be steered
+            continue  # none of its chains can be steered
         assert fuel <= sampled
 
 
@@ -114,18 +115,18 @@ def test_no_dearer_than_a_fine_grid_search_or_the_sampled_method(seed: int) -> N
 
 @dataclass(frozen=True)
 class Similarity:
-    """Turn or mirror (an orthogonal matrix), scale, then shift (m)."""
+    """Rotate or mirror by an orthogonal matrix, scale, then shift (m)."""
 
     turn: tuple[tuple[float, float], tuple[float, float]] = ((1, 0), (0, 1))
     scale: float = 1.0
     shift: tuple[float, float] = (0.0, 0.0)
 
     def points(self, points: FloatArray) -> FloatArray:
-        """Points (..., 2) where they are moved to."""
+        """Points (..., 2) after the move."""
         return np.asarray(self.scale * points @ np.array(self.turn).T + self.shift)
 
     def moved(self, scene: Scene) -> Scene:
-        """Scene with every length scaled and every time as it was."""
+        """Scene with all lengths scaled and all times unchanged."""
         (a, b), (c, d) = np.array(self.turn) * self.scale
         chart, vessel = scene.chart, scene.vessel
         extent, *land = (
@@ -194,7 +195,7 @@ class ReversedCurrent(renew.CurrentField):
     current: renew.CurrentField
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2), turned about."""
+        """Velocity (..., 2) in the opposite direction."""
         return -self.current(points)
 
 
@@ -212,7 +213,7 @@ def test_the_way_back_against_the_reversed_current_takes_the_same_fuel(
 
 @dataclass(frozen=True)
 class Jets(renew.CurrentField):
-    """Parallel jets towards one bearing, nowhere against it: `peak` m/s at most."""
+    """Parallel jets of up to `peak` m/s towards one bearing, and none against it."""
 
     peak: float
     towards: float
@@ -220,7 +221,7 @@ class Jets(renew.CurrentField):
     phase: float
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2): along the bearing, by how far to the left of it a point lies."""
+        """Velocity (..., 2) along the bearing; it depends on the offset to the left of it."""
         east, north = math.cos(self.towards), math.sin(self.towards)
         left = points @ np.array([-north, east])
         strength = np.sin(math.pi * left / self.wave_length + self.phase) ** 2
@@ -229,7 +230,7 @@ class Jets(renew.CurrentField):
 
 @settings(max_examples=6)
 @given(st.floats(0, 2 * math.pi), st.floats(20, 400), st.floats(0, math.pi))
-def test_a_stronger_following_current_is_never_dearer(
+def test_a_stronger_following_current_never_costs_more_fuel(
     towards: float, wave_length: float, phase: float
 ) -> None:
     chart = renew.Chart(shapely.box(-100, -100, 100, 100))
@@ -239,5 +240,5 @@ def test_a_stronger_following_current_is_never_dearer(
         for peak in (0.0, 0.2, 0.5, 0.8)
     ]
     assert fuels[0] == pytest.approx(160)
-    # Of two that differ by less than the current's table does from the current, either may be less.
+    # They may differ in either sense by as little as the table differs from the current.
     assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))

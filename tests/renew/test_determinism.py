@@ -1,4 +1,4 @@
-"""The same seed gives the same plan to the last bit: on one thread and on two, in any process."""
+"""One seed gives one plan, to the last bit: on one thread and on two, in any process."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-# Everything that decides how many threads a numerical library starts.
+# Variables that limit the threads of numerical libraries.
 THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
     "OMP_NUM_THREADS",
@@ -49,19 +49,19 @@ CASES: dict[str, Callable[[], renew.Plan]] = {
 
 
 def digest(plan: renew.Plan) -> str:
-    """Hash of every figure, every shape and every word of a plan."""
-    told = hashlib.sha256(f"{plan.chosen}".encode())
+    """Hash of all figures, shapes and texts of a plan."""
+    hashed = hashlib.sha256(f"{plan.chosen}".encode())
     for route in plan.routes:
         for figures in (route.path, route.trajectory, route.channel, route.padding_used):
-            told.update(np.ascontiguousarray(figures, dtype=float).tobytes())
-        told.update(route.soft_no_go.wkb)
+            hashed.update(np.ascontiguousarray(figures, dtype=float).tobytes())
+        hashed.update(route.soft_no_go.wkb)
         scalars = route.fuel, route.length, route.clearance, route.duration, route.optimality_gap
-        told.update(np.array(scalars).tobytes())
-        told.update(route.homotopy.encode())
+        hashed.update(np.array(scalars).tobytes())
+        hashed.update(route.homotopy.encode())
     for rejected in plan.rejected:
-        told.update(f"{rejected.homotopy} {rejected.reason}".encode())
-        told.update(np.ascontiguousarray(rejected.channel, dtype=float).tobytes())
-    return told.hexdigest()
+        hashed.update(f"{rejected.homotopy} {rejected.reason}".encode())
+        hashed.update(np.ascontiguousarray(rejected.channel, dtype=float).tobytes())
+    return hashed.hexdigest()
 
 
 def digests() -> dict[str, str]:
@@ -75,7 +75,7 @@ def here() -> dict[str, str]:
     return digests()
 
 
-def test_plans_that_differ_have_other_hashes(here: dict[str, str]) -> None:
+def test_different_plans_have_different_hashes(here: dict[str, str]) -> None:
     assert len(set(here.values())) == len(CASES)
     assert digest(gyre(method="sampled", samples=100, seed=8)) != here["sampled"]
 

@@ -1,4 +1,4 @@
-"""What is public can be looked into: its type hints, and its documentation."""
+"""The public names: their type hints can be evaluated, and each has documentation."""
 
 from __future__ import annotations
 

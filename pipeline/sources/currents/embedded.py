@@ -15,6 +15,8 @@ from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import near_miss
 from pipeline.sources.quality.coverage import cell_bounds, sides_beyond
+from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.quality.gaps import water_without_data
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -78,7 +80,7 @@ class EmbeddedTable:
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the season's whole grid, as it is small."""
-        del region, land, folder
+        del folder
         entry = self.spec.seasons[season.name]
         lon, lat, u, v = self._grid(season.name)
         credit = Credit(
@@ -88,7 +90,10 @@ class EmbeddedTable:
             licence=entry.licence,
             url=entry.url,
         )
-        return CurrentGrid(season.name, lon, lat, u, v, entry.valid, credit)
+        mask = LandMask.from_land(land, region.bounds)
+        lacking = water_without_data(Field(lon, lat, u, v), mask, region)
+        notes = (lacking.note,) if lacking else ()
+        return CurrentGrid(season.name, lon, lat, u, v, entry.valid, credit, notes)
 
     def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""

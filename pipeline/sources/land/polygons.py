@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # once it is buffered or gaps are closed, and a map needs its surroundings.
 BEYOND_M = 20_000.0
 
+# Dimension of areas, as of polygons.
+_AREA = 2
 # Segments per quarter circle: the buffer around a point has 16 corners.
 _QUADRANT_SEGMENTS = 4
 # Grid on which areas are merged and subtracted, degrees (1 cm): an overlap or gap that is narrower
@@ -67,15 +69,20 @@ def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
 
 
 def repaired(geometries: Geometries) -> tuple[Geometries, int]:
-    """Make invalid areas valid, covering all that their rings enclose; count the invalid ones."""
+    """Make invalid areas valid, covering all that their rings enclose; count the invalid ones.
+
+    A line of no length becomes a point.
+    """
     is_invalid = ~shapely.is_valid(geometries)
     if not is_invalid.any():
         return geometries, 0
     valid = geometries.copy()
-    valid[is_invalid] = shapely.make_valid(
-        geometries[is_invalid], method="structure", keep_collapsed=False
-    )
-    return valid, int(is_invalid.sum())
+    is_area = shapely.get_dimensions(geometries) == _AREA
+    for chosen, keeps_collapsed in ((is_invalid & is_area, False), (is_invalid & ~is_area, True)):
+        valid[chosen] = shapely.make_valid(
+            geometries[chosen], method="structure", keep_collapsed=keeps_collapsed
+        )
+    return valid, int((is_invalid & is_area).sum())
 
 
 def repair_note(name: str, count: int) -> tuple[str, ...]:
@@ -94,9 +101,16 @@ def clipped(polygons: Geometries, box: Polygon) -> Geometries:
     return extract_polygons(np.concatenate([polygons[~crosses], cut]))
 
 
+def flattened(geometries: Geometries) -> Geometries:
+    """Take the points, lines and polygons out of collections, however deeply they are nested."""
+    while (shapely.get_type_id(geometries) >= shapely.GeometryType.MULTIPOINT).any():
+        geometries = shapely.get_parts(geometries)
+    return geometries
+
+
 def extract_polygons(geometries: Geometries) -> Geometries:
     """Take the polygons out of any geometries, dropping points and lines that clipping left."""
-    parts: Geometries = shapely.get_parts(shapely.get_parts(geometries))
+    parts = flattened(geometries)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     polygons: Geometries = parts[is_polygon & ~shapely.is_empty(parts)]
     return polygons

@@ -256,6 +256,7 @@ def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterat
         yield f"routes may cross areas where entry is prohibited or to be avoided: {names}"
     for part in parts:
         yield from repair_note(part.cell.name, part.cell.repaired)
+        yield from (f"{part.cell.name}: GDAL warns: {text}" for text in part.cell.warnings)
 
 
 def _poor(parts: Sequence[_Part]) -> Geometries:

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
+from pipeline.paths import require_readable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,21 +46,12 @@ class S57Chart:
     @cached_property
     def _bases(self) -> tuple[Path, ...]:
         """Base files of the cells, each cell once."""
-        from pipeline.sources.land.s57_cells import base_files
-
-        found = base_files(self.path)
-        if not found:
-            fault = f"{self.path} holds no S-57 cell (.000 file): name the folder of the cells"
-            raise RequestError([fault])
-        twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
-        if twice:
-            where = f"in {self.path}; keep the latest"
-            raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
-        return found
+        return find_cells(self.path)
 
     def land(self, region: Polygon) -> Land:
         """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
         from pipeline.sources.land import s57
+        from pipeline.sources.land.damage import reading
         from pipeline.sources.land.polygons import box_around
         from pipeline.sources.land.s57_cells import read_cell
 
@@ -73,4 +65,28 @@ class S57Chart:
                 f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
             )
             raise RequestError([fault])
-        return s57.land(cells, box, region, self.safety_depth_m)
+        # Geometries that are valid one by one may fail together, where a cell is damaged.
+        with reading(str(self.path), "fetch the cells and their updates again"):
+            return s57.land(cells, box, region, self.safety_depth_m)
+
+
+def find_cells(path: Path) -> tuple[Path, ...]:
+    """Find the base files of the cells in a folder and below it, each cell once.
+
+    Raises
+    ------
+    RequestError
+        There is none, one is there twice, or a file can't be read.
+    """
+    from pipeline.sources.land.s57_cells import base_files, cell_files
+
+    found = base_files(path)
+    if not found:
+        fault = f"{path} holds no S-57 cell (.000 file): name the folder of the cells"
+        raise RequestError([fault])
+    twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
+    if twice:
+        where = f"in {path}; keep the latest"
+        raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
+    require_readable((file for base in found for file in cell_files(base)), "chart.source")
+    return found

@@ -7,19 +7,22 @@ applied is compared with the files, and a cell that is not up to date is refused
 
 from __future__ import annotations
 
+import glob
 import math
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.sources.land.damage import MAX_LONLAT, reading
 from pipeline.sources.land.polygons import near_box, repaired
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
     import numpy.typing as npt
     from shapely.geometry import Polygon
@@ -32,9 +35,17 @@ if TYPE_CHECKING:
 _COLUMNS = ("DRVAL1", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
 # Options of GDAL's driver: lists as text, no primitives, no references between objects.
 _OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
+# Fields that identify a cell: edition, update and its date, scale, datum and unit of depths.
+_IDENTIFICATION = (
+    *("DSID_EDTN", "DSID_UPDN", "DSID_ISDT"),
+    *("DSPM_CSCL", "DSPM_HDAT", "DSPM_DUNI"),
+)
 # Codes in DSPM of the horizontal datum WGS 84 and of depths in metres, the only ones that the
 # product specification allows.
 _WGS84, _METRES = 2, 1
+# Number of files in a folder of charts above which it is not searched: all cells of the world and
+# their updates are some 100,000.
+_MAX_FILES = 200_000
 # Value of CATCOV for the area in which the cell has data.
 _COVERED = 1
 
@@ -68,7 +79,8 @@ class Objects:
 class Cell:
     """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
 
-    `scale` is the denominator of the compilation scale, `repaired` counts its invalid areas.
+    `scale` is the denominator of the compilation scale, `repaired` counts its invalid areas,
+    and `warnings` are those of GDAL.
     """
 
     name: str
@@ -79,6 +91,7 @@ class Cell:
     covered: BaseGeometry
     objects: Mapping[str, Objects]
     repaired: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def producer(self) -> str:
@@ -87,15 +100,29 @@ class Cell:
 
 
 def base_files(path: Path) -> tuple[Path, ...]:
-    """Find the base files (.000) of all cells in a folder and below it, or the one given."""
-    found = [path] if path.is_file() else path.rglob("*.000")
-    return tuple(sorted(file for file in found if file.suffix == ".000"))
+    """Find the base files (.000) of all cells in a folder and below it, or the one given.
+
+    Raises
+    ------
+    RequestError
+        The folder holds too many files to be one of charts.
+    """
+    if not path.is_dir():
+        return (path,) if path.suffix == ".000" else ()
+    found: list[Path] = []
+    count = 0
+    for folder, _, names in os.walk(path):
+        count += len(names)
+        if count > _MAX_FILES:
+            fault = f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
+            raise RequestError([fault])
+        found += [Path(folder, name) for name in names if name.endswith(".000")]
+    return tuple(sorted(found))
 
 
 def cell_files(base: Path) -> tuple[Path, ...]:
     """Return a cell's base file and all updates beside it, in their order."""
-    beside = base.parent.glob(f"{base.stem}.[0-9][0-9][0-9]")
-    return tuple(sorted(path for path in beside if path.is_file()))
+    return tuple(sorted(base.parent.glob(f"{glob.escape(base.stem)}.[0-9][0-9][0-9]")))
 
 
 def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
@@ -110,7 +137,8 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
     """
     import pyogrio
 
-    try:
+    remedy = "fetch the cell and its updates again"
+    with reading(str(base), remedy) as issued:
         layers = {str(name) for name, _ in pyogrio.list_layers(base)}
         identification = _identification(base)
         coverage, _ = _objects(base, "M_COVR", box)
@@ -119,11 +147,6 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
         if not len(covered):
             return None
         read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        fault = (
-            f"{base} can't be read as an S-57 cell ({error}): fetch the cell and its updates again"
-        )
-        raise RequestError([fault]) from error
     return Cell(
         name=base.stem,
         edition=str(identification["DSID_EDTN"]),
@@ -133,6 +156,7 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
         covered=shapely.union_all(covered),
         objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
         repaired=sum(count for _, count in read.values()),
+        warnings=tuple(issued),
     )
 
 
@@ -141,7 +165,14 @@ def _identification(base: Path) -> dict[str, object]:
     import pyogrio
 
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
-    return {name: column[0] for name, column in zip(meta["fields"], columns, strict=True)}
+    found = {
+        str(name): column[0]
+        for name, column in zip(meta["fields"], columns, strict=True)
+        if len(column)
+    }
+    if lacking := [name for name in _IDENTIFICATION if name not in found]:
+        raise ValueError(f"its identification lacks {', '.join(lacking)}")
+    return found
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
@@ -158,6 +189,8 @@ def _check(base: Path, identification: Mapping[str, object]) -> None:
         faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
     if identification["DSPM_DUNI"] != _METRES:
         faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
+    if int(str(identification["DSPM_CSCL"])) <= 0:
+        faults.append(f"{base.name}: its scale is not above 0; fetch it again")
     if faults:
         raise RequestError(faults)
 
@@ -169,6 +202,8 @@ def _objects(base: Path, layer: str, box: Polygon) -> tuple[Objects, int]:
     meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
     geometry = shapely.force_2d(shapely.from_wkb(wkb))
     present = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
+    if (np.abs(shapely.get_coordinates(geometry[present])) > MAX_LONLAT).any():
+        raise ValueError(f"an object of class {layer} has coordinates that are no lon/lat")
     near, index = near_box(geometry[present], box)
     index = present[index]
     valid, count = repaired(near)

@@ -17,7 +17,14 @@ import numpy as np
 import shapely
 
 from pipeline.model import Credit, Land
-from pipeline.sources.land.polygons import box_around, buffered, extract_polygons, repair_note
+from pipeline.paths import require_readable
+from pipeline.sources.land.polygons import (
+    box_around,
+    buffered,
+    extract_polygons,
+    flattened,
+    repair_note,
+)
 from pipeline.sources.land.vector_layer import chart_fault, open_layer
 
 if TYPE_CHECKING:
@@ -54,7 +61,7 @@ class VectorFile:
     def identity(self) -> tuple[str, ...]:
         """What the scenario says about the file, and a hash of it and its sidecar files."""
         digest = hashlib.sha256()
-        for file in sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.*")):
+        for file in self._files:
             # A file geodatabase is a folder.
             for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
                 if part.is_file():
@@ -63,6 +70,14 @@ class VectorFile:
                         digest.update(hashlib.file_digest(content, "sha256").digest())
         entry = self.entry.model_dump_json() if self.entry else ""
         return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
+
+    @cached_property
+    def _files(self) -> tuple[Path, ...]:
+        """The file and its sidecar files, such as .dbf and .prj, which GDAL reads too."""
+        pattern = f"{glob.escape(self.path.stem)}.*"
+        files = tuple(sorted({self.path, *self.path.parent.glob(pattern)}))
+        require_readable(files, "chart.source")
+        return files
 
     @property
     def credit(self) -> Credit:
@@ -86,20 +101,23 @@ class VectorFile:
     def land(self, region: Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
         box = box_around(region)
+        require_readable(self._files, "chart.source")
         layer = open_layer(self.path, self.source.layer, self.source.crs)
-        found, count = layer.near(box)
-        if len(found) == 0:
+        found = layer.near(box)
+        if len(found.geometry) == 0:
             raise self._nothing_near(layer)
+        repairs = repair_note(self.path.name, found.repaired)
         return Land(
-            polygons=tuple(self._areas(found).tolist()),
+            polygons=tuple(self._areas(found.geometry).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
-            notes=(*repair_note(self.path.name, count), *self._accuracy_note()),
+            notes=(*repairs, *found.notes, *self._accuracy_note()),
         )
 
     def _areas(self, geometry: Geometries) -> Geometries:
         """Return areas as they are, and points and lines buffered by the radius given."""
-        parts = shapely.get_parts(shapely.get_parts(geometry))
+        # Clipping to the region makes collections again.
+        parts = flattened(geometry)
         dimension = shapely.get_dimensions(parts)
         thin = parts[dimension < _AREA]
         if len(thin) and self.source.radius_m is None:
@@ -119,10 +137,15 @@ class VectorFile:
 
     def _nothing_near(self, layer: VectorLayer) -> RequestError:
         """Say where the file's land is, when none is near the region."""
-        bounds = ", ".join(f"{bound:g}" for bound in layer.bounds())
+        bounds = layer.bounds()
+        if bounds is None:
+            return chart_fault(
+                self.path, "has no feature with a geometry; give a file that has the land"
+            )
+        listed = ", ".join(f"{bound:g}" for bound in bounds)
         return chart_fault(
             self.path,
-            f"has nothing near the region (its bounds in {layer.crs.name}: {bounds}): leave it "
+            f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
             "out, or name the right CRS if that is wrong",
         )
 

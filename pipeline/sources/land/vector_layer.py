@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +13,12 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.scenario.messages import near_miss
-from pipeline.sources.land.polygons import repaired
+from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading
+from pipeline.sources.land.polygons import flattened, repaired
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     import numpy.typing as npt
@@ -22,49 +26,152 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
     FloatArray = npt.NDArray[np.float64]
+    IntArray = npt.NDArray[np.intp]
     Geometries = npt.NDArray[np.object_]
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
 # edge that is straight in a plane is curved in lon/lat; and so is the region's own outline.
 _PIECES_PER_SIDE = 200
+# Largest planar coordinate, in units of the CRS: 25 times round the earth in metres.
+_MAX_PLANAR = 1e9
+# Bounds beyond any coordinate.
+_EVERYWHERE = (-1e300, -1e300, 1e300, 1e300)
+# Largest number of features that are all read when some have no bounds, to see why.
+_MAX_REREAD = 100_000
+# Number of features that a message names.
+_MAX_NUMBERS = 3
+
+
+@dataclass(frozen=True)
+class NearbyFeatures:
+    """Valid geometries near a box, without collections, in its longitudes.
+
+    `repaired` counts the invalid ones among them; `notes` say what was left out or is doubtful.
+    """
+
+    geometry: Geometries
+    repaired: int
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class VectorLayer:
-    """A layer of a file, and its CRS; made by :func:`open_layer`."""
+    """A layer of a file, and its CRS; made by :func:`open_layer`.
+
+    `numbers` (n,) are its features' own, `extents` (4, n) their bounds in its CRS: NaN for those
+    without a geometry. `warnings` are GDAL's.
+    """
 
     path: Path
     name: str
     crs: pyproj.CRS
+    numbers: IntArray
+    extents: FloatArray
+    warnings: tuple[str, ...]
 
-    def near(self, box: Polygon) -> tuple[Geometries, int]:
-        """Return valid geometries near a box, in its longitudes; count those repaired."""
+    def near(self, box: Polygon) -> NearbyFeatures:
+        """Return the geometries near a box; RequestError for damaged ones."""
         found: list[Geometries] = [np.empty(0, dtype=object)]
         total = 0
-        for window in self._windows(box):
-            valid, count = repaired(self._read(window))
-            total += count
-            shapely.prepare(window)
-            crosses = ~shapely.covers(window, valid)
-            valid[crosses] = shapely.intersection(valid[crosses], window)
-            found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
-        return np.concatenate(found), total
+        with reading_chart(self.path) as issued:
+            for window in self._windows(box):
+                if not self._meets(window):
+                    continue
+                valid, count = repaired(self._read(window))
+                total += count
+                shapely.prepare(window)
+                crosses = ~shapely.covers(window, valid)
+                valid[crosses] = shapely.intersection(valid[crosses], window)
+                found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
+        return NearbyFeatures(np.concatenate(found), total, self._notes(issued))
 
-    def bounds(self) -> tuple[float, float, float, float]:
-        """Bounds of the whole layer, in its own CRS."""
+    def bounds(self) -> tuple[float, float, float, float] | None:
+        """Bounds of the whole layer, in its own CRS; None where no feature has a geometry."""
+        extents = self.extents[:, ~self._is_blank]
+        if not extents.size:
+            return None
+        (west, south), (east, north) = extents[:2].min(axis=1), extents[2:].max(axis=1)
+        return float(west), float(south), float(east), float(north)
+
+    def check(self) -> None:
+        """Refuse coordinates that are none of the CRS, and features that GDAL can't read."""
+        if reason := self._unread_reason():
+            listed = ", ".join(map(str, self.numbers[self._is_suspect][:_MAX_NUMBERS]))
+            raise chart_fault(
+                self.path,
+                f"has a geometry that can't be read ({reason}), in feature {listed}; correct or "
+                "remove it",
+            )
+        limits = np.array(MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
+        with np.errstate(invalid="ignore"):
+            beyond = (np.abs(self.extents) > limits).any(axis=0)
+        if beyond.any():
+            first = int(beyond.argmax())
+            west, south, east, north = self.extents[:, first]
+            raise chart_fault(
+                self.path,
+                f"has coordinates that are none of its CRS ({self.crs.name}): feature "
+                f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
+                'correct it, or name the right CRS with crs = "EPSG:…"',
+            )
+
+    @cached_property
+    def _is_blank(self) -> npt.NDArray[np.bool_]:
+        """Which features (n,) have no geometry."""
+        return np.asarray(np.isnan(self.extents).any(axis=0))
+
+    @cached_property
+    def _is_suspect(self) -> npt.NDArray[np.bool_]:
+        """Which features (n,) have no geometry or an empty one, as those that can't be read."""
+        return np.asarray(self._is_blank | (self.extents == 0).all(axis=0))
+
+    def _unread_reason(self) -> str:
+        """Say why features can't be read; empty where those without a geometry never had one."""
         import pyogrio
 
-        info = pyogrio.read_info(self.path, layer=self.name, force_total_bounds=True)
-        west, south, east, north = info["total_bounds"]
-        return west, south, east, north
+        if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
+            return ""
+        try:
+            # Without bounds pyogrio returns what it can't read as having no geometry.
+            pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=_EVERYWHERE)
+        except pyogrio.errors.FeatureError as error:
+            return one_line(error)
+        # GDAL gives some damaged geometries as none, with a warning.
+        return self.warnings[0] if self.warnings and self._is_blank.any() else ""
+
+    @cached_property
+    def _is_lonlat(self) -> bool:
+        """Whether the CRS counts degrees from Greenwich: some count grads, or from Paris."""
+        units = [axis.unit_conversion_factor for axis in self.crs.axis_info[:2]]
+        meridian = self.crs.prime_meridian
+        return (
+            self.crs.is_geographic
+            and np.allclose(units, math.radians(1.0))
+            and (meridian is None or meridian.longitude == 0)
+        )
+
+    def _meets(self, window: Polygon) -> bool:
+        """Whether any feature's bounds meet a window."""
+        west, south, east, north = window.bounds
+        left, bottom, right, top = self.extents
+        meets = (left <= east) & (right >= west) & (bottom <= north) & (top >= south)
+        return bool(meets.any())
+
+    def _notes(self, issued: list[str]) -> tuple[str, ...]:
+        """Notes on features without a geometry, and on GDAL's warnings."""
+        given = [f"GDAL warns: {text}" for text in (*self.warnings, *issued)]
+        if count := int(self._is_blank.sum()):
+            have = "1 feature has" if count == 1 else f"{count:,} features have"
+            given.append(f"{have} no geometry, and so no land")
+        return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(given))
 
     def _windows(self, box: Polygon) -> Iterator[Polygon]:
         """Yield the box in the file's CRS.
 
         A file's longitudes may go from -180 to 180 or from 0 to 360; a region's continue past 180.
         """
-        if self.crs.is_geographic:
+        if self._is_lonlat:
             west, south, east, north = box.bounds
             for turn in (-360.0, 0.0, 360.0):
                 yield shapely.box(west + turn, south, east + turn, north)
@@ -74,20 +181,40 @@ class VectorLayer:
         to_crs = pyproj.Transformer.from_crs(_LONLAT, self.crs, always_xy=True)
         west, south, east, north = box.bounds
         bounds = to_crs.transform_bounds(west, south, east, north, densify_pts=_PIECES_PER_SIDE)
-        self._check(np.array(bounds))
+        self._check_covered(np.array(bounds))
         yield shapely.box(*bounds)
 
     def _read(self, window: Polygon) -> Geometries:
-        """Read the geometries whose bounds meet a window, unchanged."""
+        """Read the geometries whose bounds meet a window, unchanged but without collections."""
         import pyogrio
 
-        _, _, wkb, _ = pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=window.bounds)
-        geometry = shapely.force_2d(shapely.from_wkb(wkb))
-        is_present = ~shapely.is_missing(geometry) & ~shapely.is_empty(geometry)
-        present: Geometries = geometry[is_present]
-        return present
+        _, numbers, wkb, _ = pyogrio.raw.read(
+            self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
+        )
+        present = np.flatnonzero([one is not None for one in wkb])
+        numbers, wkb = np.asarray(numbers)[present], wkb[present]
+        with np.errstate(invalid="ignore"):
+            geometry = shapely.from_wkb(wkb, on_invalid="ignore")
+        unread = shapely.is_missing(geometry)
+        if unread.any():
+            first = int(unread.argmax())
+            raise self._damaged(int(numbers[first]), _unread_reason(wkb[first]))
+        coordinates, index = shapely.get_coordinates(geometry, return_index=True)
+        if not np.isfinite(coordinates).all():
+            first = int(index[~np.isfinite(coordinates).all(axis=1)][0])
+            raise self._damaged(int(numbers[first]), "a coordinate that is no finite number")
+        parts = flattened(shapely.force_2d(geometry))
+        return np.asarray(parts[~shapely.is_empty(parts)])
 
-    def _check(self, coordinates: FloatArray) -> None:
+    def _damaged(self, number: int, fault: str) -> RequestError:
+        """Say which feature is damaged, where it lies, and how."""
+        place = self.extents[:2, self.numbers == number].ravel()
+        near = f", near {place[0]:g}, {place[1]:g}" if place.size == 2 else ""
+        return chart_fault(
+            self.path, f"has {fault} (feature {number}{near}); correct or remove the feature"
+        )
+
+    def _check_covered(self, coordinates: FloatArray) -> None:
         """Refuse coordinates that lie outside the CRS."""
         if not np.isfinite(coordinates).all():
             raise chart_fault(
@@ -107,10 +234,10 @@ class VectorLayer:
             lon, lat = to_lonlat.transform(points[:, 0], points[:, 1])
             turns = np.round((np.asarray(lon) - (west + east) / 2) / 360)
             lonlat = np.stack([lon - 360 * turns, lat], axis=-1)
-            self._check(lonlat)
+            self._check_covered(lonlat)
             return lonlat
 
-        if not self.crs.is_geographic:
+        if not self._is_lonlat:
             longest_m = METRES_PER_DEGREE * max(east - west, north - south) / _PIECES_PER_SIDE
             unit_m = self.crs.axis_info[0].unit_conversion_factor
             geometry = shapely.segmentize(geometry, longest_m / unit_m)
@@ -123,10 +250,39 @@ def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
     Raises
     ------
     RequestError
-        No vector file; no such layer, or several to choose from; no CRS, or an unknown one.
+        No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
+        coordinates outside the CRS.
     """
-    layer = _layer(path, name)
-    return VectorLayer(path, layer, _crs(path, layer, crs))
+    import pyogrio
+
+    with reading_chart(path) as issued:
+        name = _layer(path, name)
+        known = _crs(path, name, crs)
+        numbers, extents = pyogrio.read_bounds(path, layer=name)
+    layer = VectorLayer(path, name, known, np.asarray(numbers), np.asarray(extents), tuple(issued))
+    with reading_chart(path):
+        layer.check()
+    return layer
+
+
+def _unread_reason(wkb: bytes) -> str:
+    """Say why a geometry in WKB can't be built."""
+    try:
+        shapely.from_wkb(wkb)
+    except shapely.errors.ShapelyError as error:
+        if "closed" in str(error):
+            return "a ring that is not closed: its last point must be its first"
+        return f"a geometry that can't be built: {one_line(error)}"
+    return "a geometry that can't be built"
+
+
+def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
+    """Turn what is raised about a chart's file into a RequestError, and list warnings."""
+    return reading(
+        f"chart.source: {path}",
+        "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
+        "S-57 cells",
+    )
 
 
 def chart_fault(path: Path, fault: str) -> RequestError:
@@ -138,14 +294,7 @@ def _layer(path: Path, name: str) -> str:
     """Name of the layer to read."""
     import pyogrio
 
-    try:
-        names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
-    except pyogrio.errors.DataSourceError as error:
-        raise chart_fault(
-            path,
-            f"can't be read ({error}); give a GeoPackage, GeoJSON or Shapefile, or a folder of "
-            "S-57 cells",
-        ) from error
+    names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if name and name not in names:
         raise chart_fault(path, f"has no layer {name!r}: {near_miss(name, names)}")
     if not name and len(names) != 1:

@@ -11,16 +11,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from pipeline.errors import StageError
 from pipeline.sources.quality.coverage import sides_beyond, widened
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
+from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import assess, count_misplaced, dilated
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import numpy.typing as npt
+    from shapely.geometry import Polygon
 
     from pipeline.model import Land
     from pipeline.sources.quality.coverage import Bounds
@@ -53,7 +56,8 @@ class Expected:
 
     The field is the sum of the steps times their `weights`; `labels` are the steps' times in
     `label_format` (strftime). `missing_boxes` hold the centres of the cells for which the service
-    has no chunk, which should be land. `gaps_vary` where ice comes and goes.
+    has no chunk, which should be land. `gaps_vary` where ice comes and goes. `outline` is the
+    region's shape where that is no box.
     """
 
     labels: tuple[str, ...]
@@ -66,6 +70,7 @@ class Expected:
     speed_limit_m_s: float
     missing_boxes: tuple[Bounds, ...] = ()
     gaps_vary: bool = False
+    outline: Polygon | None = None
 
 
 def accept(path: Path, expected: Expected, land: Land) -> Field:
@@ -89,7 +94,11 @@ def accept(path: Path, expected: Expected, land: Land) -> Field:
         if not faults:
             assessment = assess(field, mask, expected.speed_limit_m_s)
             faults = list(assessment.faults)
-            field = replace(field, warnings=assessment.warnings)
+            lacking = water_without_data(
+                field, mask, expected.outline or shapely.box(*expected.region)
+            )
+            gaps = (lacking.note,) if lacking else ()
+            field = replace(field, warnings=(*assessment.warnings, *gaps))
     if faults or field is None:
         raise StageError(f"{path.name} is not what was requested: {'; '.join(faults)}")
     return field

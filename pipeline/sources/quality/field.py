@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is
 # 0.5 to 1.5 m deep.
 SURFACE_DEPTH_M = 2.0
+# Number of points that are compared with the land at a time.
+_POINTS_AT_A_TIME = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +63,13 @@ class LandMask:
         """Make a mask of land polygons, known in the region that they were fetched for."""
         import shapely
 
-        tree = shapely.STRtree(land.polygons)
+        polygons = np.array(land.polygons, dtype=object)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
             found = np.zeros(lon.size, dtype=bool)
-            points = shapely.points(lon, lat)
-            found[np.unique(tree.query(points, predicate="intersects")[0])] = True
+            # A tree of the points, not of the land: what is searched for is prepared.
+            tree = shapely.STRtree(shapely.points(lon, lat))
+            found[np.unique(tree.query(polygons, predicate="intersects")[1])] = True
             return found
 
         return cls(is_land, bounds)
@@ -86,5 +89,10 @@ class LandMask:
 
     def on_grid(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
         """Which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
-        x, y = np.meshgrid(lon, lat)
-        return self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
+        found = np.zeros((lat.size, lon.size), dtype=bool)
+        # A few rows at a time: the coordinates of all nodes would take 60 times the mask's memory.
+        rows = max(1, _POINTS_AT_A_TIME // max(lon.size, 1))
+        for first in range(0, lat.size, rows):
+            x, y = np.meshgrid(lon, lat[first : first + rows])
+            found[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
+        return found

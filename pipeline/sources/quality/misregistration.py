@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 # Raster points of the land per cell and side; offsets are whole numbers of them.
 _POINTS_PER_CELL = 4
-# Largest trial offset: degrees, or cells where these are larger.
-_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS = 1.5, 2
+# Largest trial offset: degrees, but a number of cells within limits: coarse cells are larger, and
+# the raster of a grid of fine ones would not fit in memory.
+_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
 # Number of trial offsets to each side.
 _TRIALS_PER_SIDE = 8
 # Largest trial offset as a share of the region, where the land beyond the region is unknown.
@@ -97,7 +98,7 @@ def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[
         if np.abs(np.diff(axis) - cell).max() > _MAX_STEP_VARIATION * cell:
             return None
         span = min(float(axis[-1]), high) - max(float(axis[0]), low)
-        furthest = max(_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS * cell)
+        furthest = max(min(_MAX_OFFSET_DEG, _MAX_OFFSET_CELLS * cell), _MIN_OFFSET_CELLS * cell)
         if np.isfinite(high - low):
             furthest = min(furthest, _MAX_OFFSET_SHARE * span)
         cells = int(furthest / cell)

@@ -16,13 +16,14 @@ from pipeline.cli.plot import plot
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind
 from pipeline.loading import parse_scenario
-from pipeline.run import Event, run
+from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from tests.tree import tree
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pipeline.outcome import Event
     from pipeline.scenario.model import Scenario
 
 

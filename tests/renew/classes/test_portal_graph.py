@@ -78,6 +78,7 @@ def test_cost_to_go_is_that_of_networkx_over_the_same_nodes(seed: int) -> None:
     graph = graph_of(seed)
     rng = np.random.default_rng(seed)
     blocked = rng.random((len(graph.neighbours), 4, 4)) < 0.15
+    blocked[graph.goal_triangle] = False
 
     # Arrows point back from the goal: from a node to those by which its triangle can be left.
     backwards: nx.DiGraph[int] = nx.DiGraph()

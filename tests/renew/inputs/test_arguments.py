@@ -54,6 +54,10 @@ def test_bad_endpoints_are_refused(
         ({"method": "magic"}, "'magic' is not one of optimal, sampled"),
         ({"order": "random"}, "'random'"),
         ({"drift": "none"}, "projected, crab"),
+        ({"classes": 10**25}, "classes = 10000000000000000000000000 must be a whole number from 1"),
+        ({"samples": 10**9}, "samples = 1000000000"),
+        ({"seed": 2**80}, "seed = "),
+        ({"risk": 1e-10}, "risk = 1e-10 must lie between 1e-09 and 1"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, object], message: str) -> None:

@@ -44,6 +44,14 @@ def test_gridded_current_refuses_bad_grids(
         renew.GriddedCurrent(x, y, np.zeros(shape), np.zeros(shape))
 
 
+def test_currents_whose_squares_overflow_are_refused() -> None:
+    with pytest.raises(renew.ParameterError, match=r"amplitude = 1e\+300 must be"):
+        renew.GyreCurrent(1e300, 100, 100)
+    huge = np.full((2, 2), 1e200)
+    with pytest.raises(renew.ParameterError, match="4 nodes not finite, or beyond"):
+        renew.GriddedCurrent([0.0, 1.0], [0.0, 1.0], huge, huge)  # type: ignore[arg-type]
+
+
 def test_gyre_is_free_of_divergence_and_peaks_at_its_amplitude() -> None:
     gyre = renew.GyreCurrent(0.8, 100, 60, columns=2, rows=2)
     points = np.random.default_rng(0).uniform([0, 0], [100, 60], (200, 2))

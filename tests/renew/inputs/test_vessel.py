@@ -16,6 +16,11 @@ def test_all_faults_of_a_vessel_are_named() -> None:
         assert name in str(caught.value)
 
 
+def test_an_exponent_whose_power_overflows_is_refused() -> None:
+    with pytest.raises(renew.ParameterError, match=r"fuel_exponent = 1000\.0 must be"):
+        renew.Vessel(1.0, 0.6, fuel_exponent=1000.0)
+
+
 def test_one_turn_sails_the_circumference_of_the_turning_circle() -> None:
     vessel = renew.Vessel(speed=3.0, turn_rate=0.2, fuel_coefficient=0.5, fuel_exponent=3.0)
     circumference = 2 * math.pi * vessel.turning_radius

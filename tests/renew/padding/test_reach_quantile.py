@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from renew.inputs.current import CurrentStatistics
 from renew.padding.reach_quantile import HEADING_SPREAD, TurnSampler
-from renew.padding.turn_reach import turn_reach
+from renew.padding.turn_reach import TurnStarts, reach_along, turn_reach
 from tests.strategies import PAPER_VESSEL, seeds
 
 # Two currents, of which the second one is steadier; and an edge to the north and one to the west.
@@ -58,3 +60,36 @@ def test_draws_depend_on_the_seed_alone() -> None:
     one, same, other = (TurnSampler(seed, 100).reaches(*TURNS) for seed in (1, 1, 2))
     assert (one == same).all()
     assert (one != other).any()
+
+
+@pytest.mark.parametrize("risk", [5e-4, 1e-4])
+def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float) -> None:
+    rng = np.random.default_rng(1)
+    places, draws = 4, 2_000_000
+    spread = CurrentStatistics(
+        np.zeros((places, 2)),
+        rng.uniform(0.1, 0.5, places),
+        rng.uniform(-3, 3, places),
+        rng.uniform(0.02, 0.2, places),
+        rng.uniform(0.1, 0.6, places),
+    )
+    course, bearing = rng.uniform(-3, 3, (2, places))
+    normals = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    quantile = TurnSampler.for_risk(0, risk).quantile(
+        spread, course, np.arange(places), normals, PAPER_VESSEL, risk
+    )
+    for at in range(places):
+        speed = rng.normal(spread.speed[at], spread.speed_std[at], draws).clip(min=0)
+        towards = rng.normal(spread.direction[at], spread.direction_std[at], draws)
+        heading = course[at] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
+        turns = TurnStarts(
+            heading,
+            np.cos(heading),
+            np.sin(heading),
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+        )
+        reach = np.empty(draws)
+        reach_along(normals[at], turns, PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate, reach)
+        share = float((reach > quantile[at]).mean())
+        assert 0.4 * risk <= share <= risk + 3 * math.sqrt(risk / draws)

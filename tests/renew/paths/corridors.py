@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.problem import Problem
+from tests.strategies import random_scene, voyage_on
 
 if TYPE_CHECKING:
     from renew.inputs.arguments import Padding
     from renew.inputs.voyage import Voyage
     from renew.paths.corridor import Corridor
+
+
+@cache
+def corridor_in_scene(seed: int, padding: Padding = "adaptive") -> Corridor:
+    """Corridor of the first class in a random scene."""
+    chart, current, start, goal = random_scene(seed)
+    return corridor_of(voyage_on(chart, start, goal, current), padding)
 
 
 def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0) -> Corridor:

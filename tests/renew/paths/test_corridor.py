@@ -12,8 +12,8 @@ from shapely import box
 import renew
 from renew.errors import InfeasibleError
 from renew.paths.corridor import SLACK
-from tests.renew.paths.corridors import corridor_of
-from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+from tests.renew.paths.corridors import corridor_in_scene, corridor_of
+from tests.strategies import PAPER_VESSEL, voyage_on
 
 STRAIT = renew.Chart(box(0, 0, 100, 100), [box(0, 45, 47, 55), box(53, 45, 100, 55)])
 HARBOUR = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])
@@ -22,8 +22,8 @@ HARBOUR = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])
 @settings(max_examples=15)
 @given(scene=st.integers(0, 3), seed=st.integers(0, 10_000))
 def test_clear_legs_are_those_that_shapely_finds_outside_the_padding(scene: int, seed: int) -> None:
-    chart, current, start, goal = random_scene(scene)
-    corridor = corridor_of(voyage_on(chart, start, goal, current))
+    corridor = corridor_in_scene(scene)
+    start, goal = corridor.voyage.start, corridor.voyage.goal
     rng = np.random.default_rng(seed)
     middle = corridor.channel.midline(start, goal)
     path = np.vstack([start, middle[1:-1] + rng.normal(0, 6, middle[1:-1].shape), goal])

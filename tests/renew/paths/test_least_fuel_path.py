@@ -15,8 +15,8 @@ from shapely import box
 
 import renew
 from renew.paths.least_fuel_path import refined_path, rough_path
-from tests.renew.paths.corridors import corridor_of
-from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, voyage_on
+from tests.renew.paths.corridors import corridor_in_scene
+from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds
 
 NIMBLE = renew.Vessel(speed=1.0, turn_rate=math.radians(2000))
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -64,13 +64,12 @@ def test_no_sampled_path_needs_less_than_the_least_fuel_path_of_its_class(seed: 
 
 @pytest.mark.parametrize("scene", [0, 3, 5])
 def test_the_refined_path_needs_no_more_than_the_rough_one_and_both_are_clear(scene: int) -> None:
-    chart, current, start, goal = random_scene(scene)
-    voyage = voyage_on(chart, start, goal, current)
-    corridor = corridor_of(voyage)
+    corridor = corridor_in_scene(scene)
+    voyage = corridor.voyage
     rough = rough_path(corridor)
     path = refined_path(corridor, rough)
     for one in (rough, path):
-        assert one[[0, -1]].tolist() == [start.tolist(), goal.tolist()]
+        assert one[[0, -1]].tolist() == [voyage.start.tolist(), voyage.goal.tolist()]
         assert corridor.legs_clear(one).all()
     assert voyage.fuel(path) <= voyage.fuel(rough) * (1 + 1e-4)
     # A path that may not bulge is no better.

@@ -10,19 +10,18 @@ from shapely import box
 import renew
 from renew.errors import InfeasibleError
 from renew.paths.random_chains import random_chains
-from tests.renew.paths.corridors import corridor_of
-from tests.strategies import random_scene, voyage_on
+from tests.renew.paths.corridors import corridor_in_scene, corridor_of
+from tests.strategies import voyage_on
 
 
 @pytest.mark.parametrize("scene", [0, 1, 2])
 def test_chains_cross_each_passing_edge_and_keep_out_of_the_padding(scene: int) -> None:
-    chart, current, start, goal = random_scene(scene)
-    corridor = corridor_of(voyage_on(chart, start, goal, current), 2.0)
+    corridor = corridor_in_scene(scene, 2.0)
     chains = random_chains(corridor, 200, np.random.default_rng(0))
     channel, padded = corridor.channel, corridor.padded
     assert 0 < len(chains) <= 200
-    assert (chains[:, 0] == start).all()
-    assert (chains[:, -1] == goal).all()
+    assert (chains[:, 0] == corridor.voyage.start).all()
+    assert (chains[:, -1] == corridor.voyage.goal).all()
     edges = shapely.linestrings(np.stack([channel.left, channel.right], axis=1))
     assert shapely.distance(shapely.points(chains[:, 1:-1]), edges).max() < 1e-9
     land = shapely.linestrings(np.stack([padded.start, padded.end], axis=1))

@@ -50,7 +50,7 @@ def test_added_points_lie_on_the_path_and_close_together(seed: int, spacing: flo
     assert shapely.LineString(found).length == pytest.approx(line.length)
     assert shapely.LineString(found).hausdorff_distance(line) < 1e-9
     steps = np.linalg.norm(np.diff(found, axis=0), axis=1)
-    assert 0 < steps.min()
+    assert steps.min() > 0
     assert steps.max() <= spacing * (1 + 1e-9)
     # No more of them than are needed.
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
@@ -72,7 +72,7 @@ def test_legs_beside_a_bend_are_halved_and_the_ends_are_kept_whole_where_asked()
 
 @settings(max_examples=20)
 @given(seed=seeds, crab=st.booleans())
-def test_a_pass_is_never_slower_and_stays_clear_and_near(seed: int, crab: bool) -> None:  # noqa: FBT001
+def test_a_pass_is_never_slower_and_stays_clear_and_near(seed: int, crab: bool) -> None:
     rng = np.random.default_rng(seed)
     along = np.linspace(20, SIZE - 20, 9)
     path = np.column_stack([along, SIZE / 2 + rng.normal(0, 8, 9)])

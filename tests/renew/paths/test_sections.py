@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from renew.kernels.capsules import Capsules
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
-from tests.renew.paths.corridors import corridor_of
-from tests.strategies import random_scene, seeds, voyage_on
+from tests.renew.paths.corridors import corridor_in_scene
+from tests.strategies import seeds
 
 
 def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeParts]:
@@ -36,8 +36,8 @@ def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeParts]:
 def test_sections_stand_close_and_take_in_all_passing_edges(
     scene: int, spacing: float, angle: float
 ) -> None:
-    chart, current, start, goal = random_scene(scene)
-    channel = corridor_of(voyage_on(chart, start, goal, current)).channel
+    corridor = corridor_in_scene(scene)
+    channel, start, goal = corridor.channel, corridor.voyage.start, corridor.voyage.goal
     sections = sections_of(channel, start, goal, spacing, angle)
     passing = sections.select(sections.passing)
     assert passing.left.tolist() == channel.left.tolist()
@@ -54,9 +54,9 @@ def test_sections_stand_close_and_take_in_all_passing_edges(
 
 
 def test_without_a_limit_the_sections_are_the_passing_edges() -> None:
-    chart, current, start, goal = random_scene(0)
-    channel = corridor_of(voyage_on(chart, start, goal, current)).channel
-    sections = sections_of(channel, start, goal, math.inf, math.inf)
+    corridor = corridor_in_scene(0)
+    channel, voyage = corridor.channel, corridor.voyage
+    sections = sections_of(channel, voyage.start, voyage.goal, math.inf, math.inf)
     assert sections.passing.all()
     assert len(sections.left) == len(channel.left)
     ends = sections.points(np.array([[0.0, 1.0]] * len(channel.left)))
@@ -64,12 +64,12 @@ def test_without_a_limit_the_sections_are_the_passing_edges() -> None:
     assert ends[:, 1] == pytest.approx(channel.right)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(seed=seeds)
 def test_free_parts_are_what_dense_samples_find_outside_all_capsules(seed: int) -> None:
     sections, capsules, free = random_free_parts(seed)
-    share = np.linspace(0, 1, 1001)
-    points = sections.points(np.broadcast_to(share, (30, 1001)))
+    share = np.linspace(0, 1, 501)
+    points = sections.points(np.broadcast_to(share, (30, 501)))
     axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
     distance = shapely.distance(shapely.points(points)[..., None], axes)
     outside = (distance > capsules.radius).all(axis=-1)
@@ -93,15 +93,13 @@ def test_spread_points_lie_in_the_free_parts_evenly_and_at_all_their_ends(
     for row, parts, count in zip(places, free.intervals, free.count, strict=True):
         intervals = parts[:count]
         lengths = intervals[:, 1] - intervals[:, 0]
-        inside = (row[:, None] >= intervals[:, 0] - 1e-12) & (
-            row[:, None] <= intervals[:, 1] + 1e-12
-        )
-        assert (inside.sum(axis=1) >= 1).all()
-        for low, high in intervals:
-            assert np.abs(row - low).min() < 1e-12
-            assert np.abs(row - high).min() < 1e-12
-        # Each interval has its share of the points, give or take the two at its ends.
-        assert inside.sum(axis=0) == pytest.approx(points * lengths / lengths.sum(), abs=2.5)
+        inside = (row[:, None] >= intervals[:, 0]) & (row[:, None] <= intervals[:, 1] + 1e-12)
+        assert (inside.sum(axis=1) == 1).all()
+        for (low, high), within in zip(intervals, inside.T, strict=True):
+            assert row[within] == pytest.approx(np.linspace(low, high, within.sum()))
+        # Each interval has its share of the points, but for the two that each has at least.
+        share = points * lengths / lengths.sum()
+        assert inside.sum(axis=0) == pytest.approx(share, abs=2.0 * float(count))
 
 
 @settings(max_examples=20)
@@ -119,4 +117,4 @@ def test_drawn_points_are_uniform_over_the_free_parts(seed: int) -> None:
         inside = (row[:, None] >= low - 1e-12) & (row[:, None] <= high + 1e-12)
         assert inside.any(axis=1).all()
         expected = (np.arange(draws) + 0.5) / draws
-        assert np.abs(share - expected).max() < 2.5 / math.sqrt(draws)  # Kolmogorov-Smirnov
+        assert np.abs(share - expected).max() < 3.5 / math.sqrt(draws)  # Kolmogorov-Smirnov

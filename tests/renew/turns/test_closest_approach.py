@@ -1,4 +1,4 @@
-"""The tightest place of a route: where it is, and how far turns reach there."""
+"""The place where a route is nearest to land: where it is, and how far turns reach there."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_it_is_where_the_route_is_nearest_to_land(
     assert shapely.Point(found.point).distance(shapely.LineString(found.edge)) == pytest.approx(
         found.gap
     )
-    # The path keeps out of V.
+    # The path lies outside the soft no-go zone.
     assert found.gap >= found.padding
 
 
@@ -41,7 +41,7 @@ def test_turns_reach_no_further_than_the_risk_allows(
     route, current, found = planned
     assert found.reaches.shape == (4096,)
     assert (found.reaches > found.gap).mean() <= 0.06
-    # In the mean current, straight along the course, a turn reaches no more than most draws.
+    # Begun on the course in the mean current, a turn reaches no further than most draws do.
     triangle = next(
         t
         for t in route.corners
@@ -55,7 +55,7 @@ def test_turns_reach_no_further_than_the_risk_allows(
     assert found.reaches.min() < reach < np.quantile(found.reaches, 0.95)
 
 
-def test_a_route_without_padding_has_none() -> None:
+def test_a_route_without_padding_has_no_such_place() -> None:
     chart, current, start, goal = random_scene(5)
     route = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=1, padding="none").best
     assert renew.tightest(route, current, PAPER_VESSEL) is None

@@ -1,69 +1,24 @@
-"""The current's table, and turns flown in it, against slower twins and independent libraries."""
+"""Hard-over turns flown along a route, against SciPy's integrator, NumPy and hand counts."""
 
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
-from scipy.interpolate import RegularGridInterpolator
+from scipy.integrate import solve_ivp
 from shapely import box
 
 import renew
 from renew.inputs.current import TabulatedCurrent
-from renew.inputs.current_table import table_of, velocities, velocity
-from renew.kernels.capsules import segment_distance, segments_near, tracks_touch
-from renew.turns.contingency import fly_turns
-from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
-from tests.compiler import uncompiled
-from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
+from renew.turns.contingency import fly_turns, perturbations, stations
+from renew.turns.reach_bound import MAX_DEVIATIONS
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
-
-
-@settings(max_examples=20)
-@given(seed=seeds)
-def test_lookups_are_bilinear_on_even_and_uneven_nodes(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    x = np.cumsum(rng.uniform(0.5, 2.0, 7)) if seed % 2 else np.linspace(-3, 4, 7)
-    y = np.cumsum(rng.uniform(0.5, 2.0, 5))
-    uv = rng.normal(0, 1, (5, 7, 2))
-    table = table_of(x, y, uv)
-    assert (table.per_x > 0) == (seed % 2 == 0)
-    points = rng.uniform((x[0] - 1, y[0] - 1), (x[-1] + 1, y[-1] + 1), (200, 2))
-    inside = np.clip(points, (x[0], y[0]), (x[-1], y[-1]))
-    expected = RegularGridInterpolator((y, x), uv)(inside[:, ::-1])
-    assert velocities(table, points) == pytest.approx(expected, abs=1e-12)
-    nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    assert velocities(table, nodes.reshape(-1, 2)) == pytest.approx(uv.reshape(-1, 2), abs=1e-9)
-    # The same without the compiler.
-    assert uncompiled(velocity)(table, *points[0]) == pytest.approx(expected[0], abs=1e-12)
-
-
-@settings(max_examples=8, deadline=None)
-@given(seed=seeds)
-def test_a_fine_table_is_as_good_as_its_field(seed: int) -> None:
-    field = StreamFunctionCurrent(seed, 0.8)
-    table = field.table(BOUNDS)
-    assert table.is_fine
-    points = np.random.default_rng(seed).uniform(0, SIZE, (5000, 2))
-    off = np.linalg.norm(TabulatedCurrent(table)(points) - field(points), axis=1).max()
-    assert off <= 2 * table.error
-    assert table.strongest == pytest.approx(0.8, rel=0.01)
-
-
-def test_a_field_with_a_step_has_no_fine_table() -> None:
-    class Step(renew.CurrentField):
-        def __call__(self, points: np.ndarray) -> np.ndarray:
-            return np.where(points[..., :1] < 0.3 * SIZE, [0.5, 0.0], [-0.5, 0.0])
-
-    assert not Step().table(BOUNDS).is_fine
-    # Its plan is made all the same, and its fuel is that in the field itself.
-    chart = renew.Chart(box(*BOUNDS), [box(80, 80, 120, 120)])
-    route = renew.plan(chart, Step(), PAPER_VESSEL, (10, 10), (190, 190)).best
-    assert route.fuel == pytest.approx(renew.fuel(route.path, Step(), PAPER_VESSEL))
+STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 @settings(max_examples=8, deadline=None)
@@ -74,62 +29,100 @@ def test_turns_in_a_table_are_the_turns_in_its_field(seed: int) -> None:
     points, course = rng.uniform(20, SIZE - 20, (6, 2)), rng.uniform(-math.pi, math.pi, 6)
     deviations = rng.uniform(-MAX_DEVIATIONS, MAX_DEVIATIONS, (6, 3, 2))
 
-    class Untold(renew.CurrentField):
-        """The same field, but for its type: flown step by step in NumPy."""
+    class NotTabulated(renew.CurrentField):
+        """The same field by another type: flown step by step in NumPy."""
 
         def __call__(self, points: np.ndarray) -> np.ndarray:
             return TabulatedCurrent(table)(points)
 
     one, other = (
         fly_turns(points, course, field, PAPER_VESSEL, deviations)
-        for field in (TabulatedCurrent(table), Untold())
+        for field in (TabulatedCurrent(table), NotTabulated())
     )
     assert one == pytest.approx(other, abs=1e-9)
 
 
-@settings(max_examples=10, deadline=None)
-@given(seed=seeds)
-def test_no_turn_gets_further_than_its_reach(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    table = StreamFunctionCurrent(seed, 0.9).table(BOUNDS)
-    points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
-    deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
-    tracks = fly_turns(points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations)
-    furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
-    reach = TurnReach.of(table, PAPER_VESSEL)(points)
-    assert (furthest <= reach).all()
-    # It tells calm water from strong: no turn anywhere could need as much as the strongest does.
-    assert reach.min() < 0.9 * reach.max()
+def test_turns_agree_with_an_adaptive_integrator() -> None:
+    current = StreamFunctionCurrent(4, 0.7)
+    path = np.array([[50.0, 60.0], [51.0, 60.0]])
+    # A wall that the turn to port reaches in the true field, or just not.
+    course = 0.0
+    tangent = np.array([math.cos(course), math.sin(course)])
+    velocity = current(path[:1])[0]
+    across = velocity[1]
+    heading = -math.asin(across / PAPER_VESSEL.speed)
+    assert tangent @ velocity > -1
 
+    def motion(time: float, position: np.ndarray) -> np.ndarray:
+        theta = heading + PAPER_VESSEL.turn_rate * time
+        return np.array([math.cos(theta), math.sin(theta)]) + current(position)
 
-@settings(max_examples=10)
-@given(seed=seeds)
-def test_segments_near_and_touching_tracks_match_shapely(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = np.cumsum(rng.normal(0, 1, (70, 2)), axis=0)
-    start = rng.uniform(-10, 10, (25, 2))
-    end = start + rng.normal(0, 2, (25, 2))
-    reach = rng.uniform(0.5, 4, 70)
-    first, near = segments_near(points, reach, start, end)
-    apart = segment_distance(points[:, None], start, end)
-    for i in range(70):
-        assert set(near[first[i] : first[i + 1]].tolist()) == set(
-            np.flatnonzero(apart[i] <= reach[i]).tolist()
+    period = PAPER_VESSEL.turn_period
+    track = solve_ivp(motion, (0, period), path[0], rtol=1e-9, atol=1e-9, dense_output=True)
+    north = float(track.sol(np.linspace(0, period, 2000))[1].max())
+    for distance, collides in ((0.02, False), (-0.02, True)):
+        wall = box(0, north + distance, SIZE, north + distance + 5)
+        chart = renew.Chart(box(0, 0, SIZE, SIZE), [wall])
+        report = renew.contingency(
+            SimpleNamespace(path=path[[0, 0]] + [[0, 0], [1e-6, 0]]),
+            chart,
+            current,
+            PAPER_VESSEL,
         )
-    tracks = points[:, None, None] + np.cumsum(rng.normal(0, 0.3, (70, 2, 6, 2)), axis=2)
-    track, segment = tracks_touch(tracks, first, near, start, end, np.full(70, 0.2))
-    lines = shapely.linestrings(tracks.reshape(140, 6, 2))
-    edges = shapely.linestrings(np.stack([start, end], axis=1))
-    expected = {
-        (2 * i + turn, int(h))
-        for i in range(70)
-        for h in near[first[i] : first[i + 1]]
-        for turn in range(2)
-        if shapely.dwithin(lines[2 * i + turn], edges[h], 0.2)
-    }
-    assert set(zip(track.tolist(), segment.tolist(), strict=True)) == expected
+        # Perturbed turns may reach the wall as well; the one in the field itself must, or must not.
+        assert report.trials == 2 * 5 * 2
+        if collides:
+            assert report.collisions >= 2
+        else:
+            assert report.collisions < report.trials / 2
 
 
-def test_the_strongest_current_of_the_gyre_is_its_amplitude() -> None:
-    chart, gyre = single_gyre()
-    assert gyre.table(chart.bounds).strongest == pytest.approx(gyre.max_speed(chart.bounds))
+def test_contingency_counts_its_turns_and_their_collisions() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 52, 60, 70)])
+    route = SimpleNamespace(path=np.array([[10.0, 50.0], [90.0, 50.0]]))
+    report = renew.contingency(route, chart, STILL, PAPER_VESSEL, spacing=1.0)
+    assert report.trials == 81 * 2 * 5
+    assert len(report.points) == len(report.collided) == 81
+    # 2 m from the wall, a still-water turn to port is 2 v/ω = 3.27 m wide: each one that begins
+    # beside the wall touches it, and none that begins out of its reach.
+    beside = (report.points[:, 0] > 40) & (report.points[:, 0] < 60)
+    assert report.collided[beside].all()
+    far = (report.points[:, 0] < 36) | (report.points[:, 0] > 64)
+    assert not report.collided[far].any()
+    wide = SimpleNamespace(path=np.array([[10.0, 48.5], [90.0, 48.5]]))
+    assert renew.contingency(wide, chart, STILL, PAPER_VESSEL).collisions == 0
+    with pytest.raises(renew.ParameterError, match="spacing = 0"):
+        renew.contingency(route, chart, STILL, PAPER_VESSEL, spacing=0)
+
+
+def test_stations_stand_evenly_along_a_path_and_know_its_course() -> None:
+    path = np.array([[0, 0], [3, 0], [3, 0], [3, 4.5]], dtype=float)
+    points, course = stations(path, 2.0)
+    assert points == pytest.approx(np.array([[0, 0], [2, 0], [3, 1], [3, 3], [3, 4.5]]))
+    assert np.degrees(course) == pytest.approx([0, 0, 90, 90, 90])
+    alone, _ = stations(path[1:3], 2.0)
+    assert alone.tolist() == [[3, 0]]
+
+
+def test_perturbations_follow_the_spread_of_the_current_around_a_point() -> None:
+    deviations = np.array([[[0.0, 0.0], [1.0, -2.0]]])
+    point = np.array([[50.0, 50.0]])
+    uniform = renew.UniformCurrent(0.4, 0.3)
+    for changes in perturbations(point, uniform, PAPER_VESSEL, deviations):
+        assert changes == pytest.approx(np.zeros((1, 2)))
+
+    def sheared(points: np.ndarray) -> np.ndarray:
+        speed = 0.5 + 0.05 * (points[..., 1] - 50)
+        return np.stack([speed, np.zeros_like(speed)], axis=-1)
+
+    class Sheared(renew.CurrentField):
+        def __call__(self, points: np.ndarray) -> np.ndarray:
+            return sheared(points)
+
+    speed_change, direction_change = perturbations(point, Sheared(), PAPER_VESSEL, deviations)
+    # Its direction is the same everywhere; its speed differs as on two rings and in their middle.
+    radius = PAPER_VESSEL.turning_radius
+    angle = np.radians(np.arange(0, 360, 45))
+    offsets = np.concatenate([[0.0], radius * np.sin(angle), 2 * radius * np.sin(angle)])
+    assert speed_change == pytest.approx(np.array([[0.0, np.std(0.05 * offsets)]]))
+    assert direction_change == pytest.approx(np.zeros((1, 2)))

@@ -16,11 +16,14 @@ import numpy as np
 
 from pipeline.errors import RequestError
 from pipeline.model import Credit, CurrentGrid
+from pipeline.paths import require_readable
 from pipeline.sources.currents.cf.contents import find_files, name_of, read_contents
+from pipeline.sources.currents.cf.dataset import is_zarr
 from pipeline.sources.currents.cf.grid import coverage_faults, find_window, read_field
 from pipeline.sources.currents.cf.time import select_steps
 from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
 from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
@@ -49,9 +52,9 @@ _SPEED_LIMIT_M_S = 10.0
 # Half size of the window in which a file is checked, around the middle of the region: cells, or
 # degrees where these are less; and the latitude at which it ends.
 _CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
-# Share of the region's open water without data, for a warning and for a fault; smaller gaps are
+# Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
-_GAP_WARNING_SHARE, _GAP_FAULT_SHARE = 0.05, 0.2
+_GAP_FAULT_SHARE = 0.2
 # Share of the cells far inland with data, from which the field's gaps say nothing of its position.
 _FILLED_LAND_SHARE = 0.5
 # Zeros mean "no data" where at least this share of land and at most this share of water is zero.
@@ -107,7 +110,10 @@ class CfFiles:
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
         window = find_window(contents, _check_bounds(contents, bounds))
-        wide = read_field(contents, steps.weights, window)
+        try:
+            wide = read_field(contents, steps.weights, window)
+        except ValueError as error:
+            raise RequestError([f"{name}: {error}"]) from None
         mask = LandMask.world()
         wide, notes = _without_zeros(wide, mask)
         assessment = assess(wide, mask, _SPEED_LIMIT_M_S)
@@ -118,6 +124,7 @@ class CfFiles:
         if assessment.faults:
             reason = "; ".join(assessment.faults)
             raise RequestError([f"{name} is refused: {reason}; correct it, or give another file"])
+        lacking = water_without_data(wide, mask, region)
         grid = CurrentGrid(
             season=season.name,
             lon=field.lon,
@@ -130,6 +137,7 @@ class CfFiles:
                 *contents.notes,
                 *steps.notes,
                 *notes,
+                *((lacking.note,) if lacking else ()),
                 *(f"check {name}: {warning}" for warning in assessment.warnings),
             ),
             files=_file_hashes(contents, steps),
@@ -166,8 +174,14 @@ def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
 
 
 def _stamp(file: Path) -> str:
-    """Size and time of change; for a Zarr store, of each of its files."""
-    parts = sorted(part for part in file.rglob("*") if part.is_file()) if file.is_dir() else [file]
+    """Size and time of change; for a Zarr store, of each of its files.
+
+    Any other folder, which is none of ours to look through, is refused when it is opened.
+    """
+    parts = [file]
+    if is_zarr(file):
+        parts = sorted(part for part in file.rglob("*") if not part.is_dir())
+        require_readable((part for part in parts if not part.is_file()), file.name)
     return "\n".join(
         f"{part.relative_to(file)} {part.stat().st_size} {part.stat().st_mtime_ns}"
         for part in parts
@@ -242,18 +256,16 @@ def _without_zeros(field: Field, mask: LandMask) -> tuple[Field, tuple[str, ...]
 
 
 def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
-    """Whether the region's water has data, and its land has none."""
+    """Whether the region's open water has data, and its land has none."""
     (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
     warnings: tuple[str, ...] = ()
     if inland > _FILLED_LAND_SHARE * max(dry, 1):
         warnings = ("it has data on land, so that a shift can't be detected",)
     share = gaps / max(water, 1)
-    if share <= _GAP_WARNING_SHARE:
+    if share <= _GAP_FAULT_SHARE:
         return Assessment((), warnings)
-    message = f"{share:.0%} of the region's open water has no data"
-    if share > _GAP_FAULT_SHARE:
-        return Assessment((f"{message}, which is too much to fill",), warnings)
-    return Assessment((), (f"{message}: it is filled from the water around", *warnings))
+    message = f"{share:.0%} of the region's open water has no data, which is too much to fill"
+    return Assessment((message,), warnings)
 
 
 def _credit(contents: Contents) -> Credit:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.sources.currents.cf.dataset import coordinate_values
 from pipeline.sources.quality.field import SURFACE_DEPTH_M
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ _AXIS_NAMES = {
 # Depth down to which the uppermost level is used for the surface, m; with a note if it is deeper
 # than the surface proper.
 _MAX_DEPTH_M = 20.0
+# Largest longitude and latitude, degrees, and the largest span as a share of the whole: some files
+# repeat a meridian, or end half a cell beyond a pole.
+_MAX_LON, _MAX_LAT, _MAX_TURN = 720.0, 91.0, 1.02
 # Difference below which coordinates are the same, as a share of a cell: rounding to float32.
 SAME_SHARE = 1e-3
 
@@ -61,8 +65,12 @@ def grid_fault(dataset: xr.Dataset, array: xr.DataArray) -> str:
 
 def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
     """Return the index of the uppermost level, and notes; ValueError where it is too deep."""
-    levels = np.abs(np.atleast_1d(np.asarray(dataset[dim].values, dtype=float)))
-    attributes = dataset[dim].attrs if dim in dataset.variables else {}
+    attributes, levels = {}, np.arange(dataset.sizes[dim], dtype=float)
+    if dim in dataset.variables:
+        attributes = dataset[dim].attrs
+        levels = np.abs(np.atleast_1d(coordinate_values(dataset, dim)))
+    if not np.isfinite(levels).all():
+        raise ValueError(f"{dim} has levels that are no finite numbers; correct them")
     if levels.size > 1 and not {"units", "positive", "standard_name"} & attributes.keys():
         raise ValueError(f"{dim} has neither unit nor direction; keep the surface level alone")
     index = int(levels.argmin())
@@ -82,33 +90,49 @@ def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, Float
         if dataset.sizes[dim] == 1:
             return None, None
         raise ValueError(f"{dim} has {dataset.sizes[dim]} steps without times; add the coordinate")
-    time = dataset[dim]
-    bounds = dataset.variables.get(time.attrs.get("bounds", ""))
-    if bounds is None or bounds.shape != (time.size, 2):
-        return time, None
-    return time, np.asarray(bounds.values, dtype=float)
+    values = np.atleast_1d(coordinate_values(dataset, dim))
+    time = dataset[dim].copy(data=values.reshape(dataset[dim].shape))
+    return time, _bounds(dataset, dim, values.size)
+
+
+def _bounds(dataset: xr.Dataset, dim: str, size: int) -> FloatArray | None:
+    """Bounds (n, 2) of a coordinate; None where it has none."""
+    name = dataset[dim].attrs.get("bounds", "")
+    bounds = dataset.variables.get(name)
+    if bounds is None or bounds.shape != (size, 2):
+        return None
+    values = coordinate_values(dataset, name)
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} has values that are no finite numbers; correct or remove it")
+    return values
 
 
 def coordinate_axis(dataset: xr.Dataset, dim: str, period: float = 0.0) -> FloatArray:
     """Return a monotonic axis in degrees, unwrapped where it has a period; else ValueError."""
     if dim not in dataset.variables:
         raise ValueError(f"{dim} has no values; add the coordinate")
-    values = np.asarray(dataset[dim].values, dtype=float)
+    values = coordinate_values(dataset, dim)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise ValueError(f"{dim} is no axis of a grid: {values.size} values, or some not finite")
     if period:
         values = np.unwrap(values, period=period)
+    limit, span = (_MAX_LON, 360.0) if period else (_MAX_LAT, 180.0)
+    if np.abs(values).max() > limit or np.ptp(values) > span * _MAX_TURN:
+        raise ValueError(
+            f"{dim} reaches from {values.min():g} to {values.max():g}, which are no degrees of "
+            f"{'longitude' if period else 'latitude'}; correct it"
+        )
     step = np.diff(values)
     if not ((step > 0).all() or (step < 0).all()):
-        raise ValueError(f"{dim} neither ascends nor descends; sort it")
-    name = dataset[dim].attrs.get("bounds", "")
-    bounds = dataset.variables.get(name)
-    if bounds is not None and bounds.shape == (values.size, 2):
-        offset = np.asarray(bounds.values, dtype=float) - values[:, None]
+        raise ValueError(f"{dim} neither ascends nor descends, or has values twice; sort it")
+    bounds = _bounds(dataset, dim, values.size)
+    if bounds is not None:
+        offset = bounds - values[:, None]
         if period:
             offset = (offset + period / 2) % period - period / 2
         slack = SAME_SHARE * float(np.abs(step).min())
         if (offset.min(axis=1) > slack).any() or (offset.max(axis=1) < -slack).any():
+            name = dataset[dim].attrs["bounds"]
             raise ValueError(
                 f"{dim} lies outside its own bounds ({name}), so it was shifted; correct it"
             )

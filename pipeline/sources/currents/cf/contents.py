@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import glob
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
+from pipeline.paths import shown, unreadable_reason
 from pipeline.sources.currents.cf.axes import (
     axis_role,
     coordinate_axis,
@@ -20,6 +22,12 @@ from pipeline.sources.currents.cf.axes import (
     is_same_axis,
     surface_level,
     time_axis,
+)
+from pipeline.sources.currents.cf.dataset import (
+    check_chunks,
+    check_is_number,
+    groups_of,
+    open_dataset,
 )
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
@@ -57,10 +65,9 @@ _UNITS_M_S = {
     1 / 3.6: ("kmh-1", "km/h", "kmhr-1", "km/hr", "kph"),
     1852 / 3600: ("knot", "knots", "kt", "kts", "kn", "international_knot"),
 }
-# First bytes of a NetCDF 4 file, and of a classic one.
-_HDF5, _CLASSIC = b"\x89HDF", b"CDF"
-# Files that make a folder a Zarr store.
-_ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
+_REMEDY = "give a NetCDF file or a Zarr store"
+# Number of groups that a message names.
+_MAX_GROUPS = 4
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ class Component:
     @contextlib.contextmanager
     def lazy(self) -> Iterator[xr.DataArray]:
         """Open the variable without reading it; the file is closed when the block ends."""
-        dataset = _open(self.file)
+        dataset = open_dataset(self.file)
         try:
             yield dataset[self.name].isel(self.fixed)
         finally:
@@ -126,24 +133,23 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
     Raises
     ------
     RequestError
-        A file does not exist, or no file matches a pattern.
+        A file does not exist or can't be read, or no file matches a pattern.
     """
     files: list[Path] = []
     faults = []
     for path in paths:
-        matches = [path] if Path(path).exists() else sorted(glob.glob(path))  # noqa: PTH207
+        is_pattern = glob.has_magic(path) and not os.path.lexists(path)
+        matches = sorted(glob.glob(path)) if is_pattern else [path]  # noqa: PTH207
         if not matches:
-            fault = "no file matches the pattern" if glob.has_magic(path) else "there is no file"
-            faults.append(f"{fault} {path!r}; give a NetCDF file or a Zarr store")
+            faults.append(f"no file matches the pattern {shown(path)!r}; {_REMEDY}")
+        for match in matches:
+            if why := unreadable_reason(match):
+                remedy = "" if ";" in why else f"; {_REMEDY}"
+                faults += [f"{shown(match)} {why}{remedy}"]
         files += [Path(match) for match in matches]
     if faults:
         raise RequestError(faults)
     return tuple(files)
-
-
-def is_zarr(path: Path) -> bool:
-    """Whether a path is that of a Zarr store."""
-    return path.is_dir() and any((path / name).is_file() for name in _ZARR_MARKERS)
 
 
 def read_contents(files: tuple[Path, ...]) -> Contents:
@@ -159,9 +165,9 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
     try:
         for file in files:
             try:
-                datasets[file] = _open(file)
+                datasets[file] = open_dataset(file)
             except ValueError as error:
-                faults.append(str(error))
+                faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
         return _contents(files, datasets)
@@ -174,7 +180,7 @@ def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Cont
     """Return what open files contain; RequestError as in `read_contents`."""
     pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
-        raise RequestError([f"{name_of(files)}: {pair}"])
+        raise RequestError([f"{name_of(files)}: {pair}{_groups_hint(files)}"])
     faults: list[str] = []
     components: list[list[_Part]] = []
     for wanted in pair:
@@ -198,28 +204,6 @@ def name_of(files: Sequence[Path]) -> str:
     """Name files in a message: the first, and how many more there are."""
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     return f"{files[0].name}{more}"
-
-
-def _open(path: Path) -> xr.Dataset:
-    """Open a file without reading values or decoding times; ValueError where that fails."""
-    import xarray as xr
-
-    options: dict[str, Any] = {}
-    if is_zarr(path):
-        options = {"engine": "zarr", "consolidated": False}
-    elif path.is_file():
-        with path.open("rb") as file:
-            if file.read(4).startswith((_HDF5, _CLASSIC)):
-                options = {"engine": "netcdf4"}
-    if not options:
-        raise ValueError(
-            f"{path.name} is neither NetCDF nor Zarr; convert it, as with `cdo -f nc copy`"
-        )
-    try:
-        return xr.open_dataset(path, decode_times=False, decode_timedelta=False, **options)
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path.name} can't be read: {reason}; fetch it again") from None
 
 
 def _component_pair(
@@ -259,6 +243,18 @@ def _component_pair(
     )
 
 
+def _groups_hint(files: Sequence[Path]) -> str:
+    """Say that the variables may be in groups, if the first file has any."""
+    try:
+        groups = groups_of(files[0])
+    except ValueError:
+        return ""
+    if not groups:
+        return ""
+    listed = ", ".join(groups[:_MAX_GROUPS])
+    return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
+
+
 def _has_component(dataset: xr.Dataset, wanted: tuple[str, str]) -> bool:
     """Whether a file has the wanted component: (standard name, name)."""
     standard, name = wanted
@@ -276,6 +272,11 @@ def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...
 def _part(file: Path, dataset: xr.Dataset, name: str) -> _Part:
     """Return a component with its axes; ValueError where something is wrong with it."""
     array = dataset[name]
+    check_is_number(name, array)
+    check_chunks(array)
+    for dim, size in array.sizes.items():
+        if not size:
+            raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
     unit_m_s, notes = _unit_m_s(array)
     roles = {dim: axis_role(dataset, str(dim)) for dim in array.dims}
     by_role = {role: str(dim) for dim, role in roles.items() if role}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.sources.currents.cf.axes import SAME_SHARE
+from pipeline.sources.currents.cf.dataset import reading
 from pipeline.sources.quality.coverage import sides_beyond, widened
 from pipeline.sources.quality.field import Field
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 # Amount of data read at a time, bytes; but at least one step.
 _CHUNK_BYTES = 32 << 20
+# Largest number of nodes in a region: checks and planning take some 600 bytes for each.
+_MAX_NODES = 2_000_000
 # Spacing of neighbouring nodes in largest steps of the axis, above which there is a gap between.
 _GAP_STEPS = 1.5
 
@@ -88,6 +91,12 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     )
     around = find_window(contents, widened(region, lon_step, lat_step))
     lon, lat = around.lon, around.lat
+    if lon.size * lat.size > _MAX_NODES:
+        fault = (
+            f"it has {lat.size:,} x {lon.size:,} nodes in the region, more than {_MAX_NODES:,}; "
+            "shrink the region, or give a coarser file, as with `ncks -d` and a stride"
+        )
+        return [fault]
     if lon.size == 0 or lat.size == 0:
         return ["it has no data there at all; give a file of the region"]
     nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
@@ -104,7 +113,13 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 
 
 def read_field(contents: Contents, weights: Mapping[int, float], window: Window) -> Field:
-    """Read a window's field: the weighted steps, with a gap where any step or component has one."""
+    """Read a window's field: the weighted steps, with a gap where any step or component has one.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged.
+    """
     u = _weighted_sum(contents.u, contents.u_index, weights, window)
     v = _weighted_sum(contents.v, contents.v_index, weights, window)
     gap = ~(np.isfinite(u) & np.isfinite(v))
@@ -136,7 +151,7 @@ def _weighted_sum_of_file(
     import xarray as xr
 
     lat, lon = component.lat, component.lon
-    with component.lazy() as array:
+    with component.lazy() as array, reading(component.file.name):
         runs = [
             _lazy_weighted_sum(array.isel({lat: window.rows, lon: run}), component.time, steps)
             for run in window.columns

@@ -30,6 +30,8 @@ _MISSING_STEP = 1.5
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+# Last year of a step; times near the last year of all can't be calculated with.
+_MAX_YEAR = 9000
 # Reference year of a time's units: "days since 0001-01-15" are a climatology's, of no real year.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
 
@@ -161,17 +163,16 @@ def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int,
 def label(moment: datetime) -> str:
     """Write a moment as a date, with its time unless that is midnight."""
     is_day = (moment.hour, moment.minute, moment.second) == (0, 0, 0)
-    return moment.strftime("%Y-%m-%d" if is_day else "%Y-%m-%dT%H:%MZ")
+    # Not by strftime, which takes seconds for a file of some 100,000 steps.
+    return moment.isoformat()[:10] if is_day else f"{moment.isoformat()[:16]}Z"
 
 
 def _months(time: xr.DataArray, values: FloatArray, units: str) -> tuple[int, ...]:
     """Months of a climatology; empty where the time has real years."""
-    numbers = tuple(round(value) for value in values)
-    is_count = " since " not in units
-    if is_count and numbers == tuple(range(1, 13)):
-        return numbers
-    if is_count and "month" in f"{time.name} {units}".lower() and set(numbers) <= set(range(1, 13)):
-        return numbers
+    if " since " not in units:
+        numbers = tuple(round(value) for value in values)
+        is_month = "month" in f"{time.name} {units}".lower() and set(numbers) <= set(range(1, 13))
+        return numbers if is_month or numbers == tuple(range(1, 13)) else ()
     year = _SINCE.search(units)
     if year is not None and int(year[1]) <= 1 and len(values) == 12 and (np.diff(values) > 0).all():
         return tuple(range(1, 13))
@@ -188,6 +189,7 @@ def _decoded(time: xr.DataArray, values: FloatArray, units: str) -> list[datetim
             f"its calendar is {name!r}, which is not the real one; convert it, as with "
             "`cdo setcalendar,standard`"
         )
+    half = timedelta(microseconds=500_000)
     try:
         found = netCDF4.num2date(
             values,
@@ -196,13 +198,15 @@ def _decoded(time: xr.DataArray, values: FloatArray, units: str) -> list[datetim
             only_use_cftime_datetimes=False,
             only_use_python_datetimes=True,
         )
-    except (ValueError, OverflowError) as error:
+        stamps: list[datetime] = np.atleast_1d(np.asarray(found, dtype=object)).tolist()
+        moments = [(stamp + half).replace(microsecond=0, tzinfo=UTC) for stamp in stamps]
+    except (ValueError, ArithmeticError, TypeError, LookupError) as error:
         raise ValueError(
             f"{time.name} is no time: units {units!r} ({error}); give them as 'hours since …'"
         ) from None
-    half = timedelta(microseconds=500_000)
-    stamps: list[datetime] = np.atleast_1d(np.asarray(found, dtype=object)).tolist()
-    return [(stamp + half).replace(microsecond=0, tzinfo=UTC) for stamp in stamps]
+    if moments and max(moments).year > _MAX_YEAR:
+        raise ValueError(f"{time.name} reaches the year {max(moments).year}; correct it")
+    return moments
 
 
 def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:

@@ -269,6 +269,7 @@ class Copernicus:
             speed_limit_m_s=self.spec.speed_limit_m_s,
             missing_boxes=tuple(tuple(box) for box in metadata["missing_boxes"]),
             gaps_vary=self.spec.gaps_vary,
+            outline=region,
         )
 
     def _valid(self, season: Season, steps: SelectedSteps) -> str:

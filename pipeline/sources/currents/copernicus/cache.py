@@ -70,7 +70,7 @@ class CachedDownload:
 
         Folders that killed runs left behind are removed too, with the client's own leftovers.
         """
-        _remove_abandoned(self.file.parent)
+        remove_abandoned(self.file.parent)
         name = f"{self.file.stem}.{os.getpid()}.{secrets.token_hex(4)}{_STAGING_SUFFIX}"
         folder = self.file.parent / name
         folder.mkdir(parents=True)
@@ -80,7 +80,7 @@ class CachedDownload:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_abandoned(folder: Path) -> None:
+def remove_abandoned(folder: Path) -> None:
     """Remove the staging folders of processes that have ended."""
     for staging in folder.glob(f"*{_STAGING_SUFFIX}"):
         with contextlib.suppress(OSError, ValueError, IndexError):

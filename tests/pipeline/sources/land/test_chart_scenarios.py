@@ -22,7 +22,7 @@ from tests.true_scale import clearance_m
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.run import Outcome
+    from pipeline.outcome import Outcome
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_hansando(oscar: Path, tmp_path: Path) -> None:
 def test_far_east(oscar: Path, tmp_path: Path) -> None:
     outcome = run(load_scenario("far-east", currents=[oscar]), tmp_path)
     assert_valid(outcome)
-    assert any("as fast as the vessel (1 m/s) or faster" in note for note in outcome.notes)
+    assert any("as fast as the vessel (1 m/s) or faster" in note for note in outcome.fetched.notes)
 
 
 @pytest.mark.slow

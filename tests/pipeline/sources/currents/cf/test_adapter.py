@@ -168,25 +168,28 @@ def test_a_new_file_does_not_change_the_identity_of_earlier_days(
 
 
 @pytest.mark.parametrize(
-    ("name", "valid", "used", "notes"),
+    ("name", "valid", "used", "notes", "share"),
     [
-        ("cwb", "2020-06-17", "2020-06-17", 0),
-        ("cwb", "2020-06-17T05:00Z", "2020-06-17", 0),
-        ("cwb", "2020-06", "2020-06-17", 1),
-        ("duacs", "2019-02-23", "2019-02-23", 1),
-        ("glo", "2024-01", "2024-01-03/2024-01-28", 0),
-        ("glo", "2024-01-09T00:00Z", "2024-01-08", 0),
-        ("oscar", "2024-07", "July of a climatology", 1),
+        ("cwb", "2020-06-17", "2020-06-17", 0, "9%"),
+        ("cwb", "2020-06-17T05:00Z", "2020-06-17", 0, "9%"),
+        ("cwb", "2020-06", "2020-06-17", 1, "9%"),
+        ("duacs", "2019-02-23", "2019-02-23", 1, "2%"),
+        ("glo", "2024-01", "2024-01-03/2024-01-28", 0, ""),
+        ("glo", "2024-01-09T00:00Z", "2024-01-08", 0, ""),
+        ("oscar", "2024-07", "July of a climatology", 1, "5%"),
     ],
 )
 def test_real_files_are_accepted_for_palawan(
-    shared: Path, name: str, valid: str, used: str, notes: int
+    shared: Path, name: str, valid: str, used: str, notes: int, share: str
 ) -> None:
     path = shared / "data" / "currents" / SHARED[name]
     region = load_scenario("palawan-season").area
     grid = current(path, valid=valid, region=region)
     assert grid.valid == used
-    assert len(grid.notes) == notes, grid.notes
+    on_gaps = [note for note in grid.notes if "has no data for" in note]
+    assert len(grid.notes) - len(on_gaps) == notes, grid.notes
+    assert len(on_gaps) == bool(share), grid.notes
+    assert all(f"for {share} of the region's water" in note for note in on_gaps)
     assert np.isfinite(grid.u).mean() > 0.6
     assert grid.files[0][0] == path.name
     assert len(grid.files[0][1]) == 64
@@ -262,7 +265,7 @@ def test_a_missing_file_is_one_message_and_nothing_is_written(tmp_path: Path) ->
     code, errors, _ = run(tmp_path)
     assert code == 2
     assert len(errors) == 1
-    assert f"season 'summer': there is no file '{tmp_path}/field.nc'" in errors[0]
+    assert f"season 'summer': {tmp_path}/field.nc does not exist" in errors[0]
     assert not (tmp_path / "outputs").exists()
     code, errors, _ = run(tmp_path, SCENARIO, "--currents", str(tmp_path / "other.nc"))
     assert (code, len(errors)) == (2, 1)

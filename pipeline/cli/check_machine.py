@@ -1,0 +1,239 @@
+"""Checks of this machine and of what is installed on it, for `renew doctor`."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, distribution, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from pipeline.cli.finding import Finding
+from pipeline.paths import folder_to_write
+from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+
+_DISTRIBUTION = "renew-planner"
+_PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)
+# Time after which reading the land is given up, s.
+LAND_S = 15.0
+# Free disk, bytes: a run of the largest scenario writes some 100 MB, and its figures as much.
+_MIN_DISK, _GOOD_DISK = 50e6, 1e9
+# Free memory, bytes: a run on a region of 1,000 km takes about 1 GB.
+_GOOD_MEMORY = 1.5e9
+# Tolerance of the comparison with the time of installation, s.
+_CLOCK_S = 86_400.0
+_LAST_YEAR = 2100
+
+# Prints the size of the world's land (WKB) and its head: a MultiPolygon, little endian.
+_READ_LAND = (
+    "from roaring_landmask import LandmaskProvider, Shapes\n"
+    "wkb = Shapes.wkb(LandmaskProvider.Osm)\n"
+    "print(len(wkb), wkb[:5].hex())\n"
+)
+_LAND_HEAD = "0106000000"
+
+
+def python() -> Finding:
+    """The interpreter."""
+    text = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    if sys.version_info[:2] < _PYTHON:
+        return Finding("fault", "Python", text, "use Python 3.11, 3.12 or 3.13")
+    if sys.version_info[:2] >= _NEXT_PYTHON:
+        return Finding("warning", "Python", f"{text}, not tested", "use Python 3.13")
+    return Finding("ok", "Python", text)
+
+
+def clock() -> Finding:
+    """The clock: it dates what is asked of the service, and the certificates that it shows."""
+    now, installed = time.time(), Path(__file__).stat().st_mtime
+    text = f"{datetime.fromtimestamp(now, UTC):%Y-%m-%d %H:%M} UTC"
+    remedy = "set the clock, or start the service after the time is synchronised"
+    if now + _CLOCK_S < installed:
+        made = f"{datetime.fromtimestamp(installed, UTC):%Y-%m-%d}"
+        return Finding(
+            "fault", "clock", f"{text}, before this program was installed ({made})", remedy
+        )
+    if datetime.fromtimestamp(now, UTC).year > _LAST_YEAR:
+        return Finding("fault", "clock", f"{text}, which can't be", remedy)
+    return Finding("ok", "clock", text)
+
+
+def memory() -> Finding:
+    """Memory that a run may take: what is free, and what limits allow."""
+    limits = {"free": _free_memory(), "limit of the control group": _group_memory()}
+    for name, kind in (("ulimit -v", resource.RLIMIT_AS), ("ulimit -d", resource.RLIMIT_DATA)):
+        soft = resource.getrlimit(kind)[0]
+        limits[name] = None if soft == resource.RLIM_INFINITY else float(soft)
+    known = {name: least for name, least in limits.items() if least is not None}
+    if not known:
+        return Finding("warning", "memory", "not known on this system", "see to 2 GB of memory")
+    name = min(known, key=lambda key: known[key])
+    text = f"{known[name] / 1e9:.1f} GB ({name})"
+    if known[name] < _GOOD_MEMORY:
+        return Finding("warning", "memory", text, "large regions need up to 2 GB")
+    return Finding("ok", "memory", text)
+
+
+def _free_memory() -> float | None:
+    """Memory that the kernel can give to a new process, bytes."""
+    try:
+        found = re.search(
+            r"^MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE
+        )
+    except OSError:
+        return None
+    return 1024.0 * int(found[1]) if found else None
+
+
+def _group_memory() -> float | None:
+    """Limit of the control group that this process is in, bytes; None without one."""
+    try:
+        group = Path("/proc/self/cgroup").read_text().strip().rpartition("::")[2].strip("/")
+        text = (Path("/sys/fs/cgroup") / group / "memory.max").read_text().strip()
+    except OSError:
+        return None
+    return float(text) if text.isdigit() else None
+
+
+def home() -> Finding:
+    """The user's own folder."""
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return Finding("warning", "home", "this user has none", _home_remedy())
+    if not home.is_dir() or not _can_write(home):
+        return Finding("warning", "home", f"{home} can't be written", _home_remedy())
+    return Finding("ok", "home", str(home))
+
+
+def _home_remedy() -> str:
+    """What to set where there is no home."""
+    return (
+        "set NUMBA_CACHE_DIR to a folder that lasts, and give the account by its two variables "
+        "(docs/service.md)"
+    )
+
+
+def output(output: Path) -> Finding:
+    """The folder of results: whether it can be written, and the room on its disk."""
+    what, there = "output folder", folder_to_write(output, "--output")
+    while not os.path.lexists(there) and there != there.parent:
+        there = there.parent
+    if not _can_write(there):
+        remedy = "give this user the right to, or name another with --output"
+        return Finding("fault", what, f"{there} can't be written", remedy)
+    free = shutil.disk_usage(there).free
+    text = f"{output} ({free / 1e9:.1f} GB free)"
+    if free < _MIN_DISK:
+        return Finding("fault", what, text, "free some disk, or name another with --output")
+    if free < _GOOD_DISK:
+        return Finding("warning", what, text, "free some disk: a run writes up to 0.2 GB")
+    return Finding("ok", what, text)
+
+
+def _can_write(folder: Path) -> bool:
+    """Whether a file can be made in a folder."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def compiler_cache() -> Finding:
+    """Where the machine code of kernels lies."""
+    from renew._compiled import cache_folder, cache_is_temporary
+
+    what, folder = "compiler's cache", cache_folder()
+    if cache_is_temporary():
+        remedy = (
+            "set NUMBA_CACHE_DIR to a folder that lasts, or each start may compile for a minute"
+        )
+        return Finding("warning", what, f"{folder} is temporary", remedy)
+    return Finding("ok", what, str(folder))
+
+
+# --- the installation -------------------------------------------------------------------------
+
+
+def libraries() -> Finding:
+    """The libraries that are declared: there, and no older than required."""
+    what = "libraries"
+    try:
+        requirements = distribution(_DISTRIBUTION).requires or []
+    except PackageNotFoundError:
+        return Finding("warning", what, f"{_DISTRIBUTION} is not installed", "run `pip install .`")
+    found, wrong = [], []
+    for requirement in requirements:
+        name, least = _name_and_least(requirement)
+        if "extra ==" in requirement:
+            continue
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            wrong.append(f"{name} is missing")
+            continue
+        if _numbers(version(name)) < _numbers(least):
+            wrong.append(f"{found[-1]} is older than {least}")
+    if wrong:
+        return Finding("fault", what, "; ".join(wrong), "install the versions in requirements.lock")
+    return Finding("ok", what, ", ".join(found))
+
+
+def _name_and_least(requirement: str) -> tuple[str, str]:
+    """Name of a required distribution, and the least version that will do."""
+    name = re.match(r"[A-Za-z0-9._-]+", requirement)
+    least = re.search(r">=?\s*([\d.]+)", requirement.partition(";")[0])
+    return name[0] if name else requirement, least[1] if least else "0"
+
+
+def _numbers(release: str) -> tuple[int, ...]:
+    """A version as numbers that can be compared: 2.10.1rc1 is (2, 10, 1)."""
+    found = re.match(r"\d+(\.\d+)*", release)
+    return tuple(int(part) for part in found[0].split(".")) if found else ()
+
+
+def projections() -> Finding:
+    """PROJ and its database, which a PROJ_DATA of another release breaks."""
+    import pyproj
+
+    what, text = "projections", f"PROJ {pyproj.proj_version_str}"
+    try:
+        pyproj.CRS.from_epsg(32651)
+    except pyproj.exceptions.CRSError:
+        return Finding("fault", what, f"{text} finds no database", "unset PROJ_DATA and PROJ_LIB")
+    return Finding("ok", what, text)
+
+
+def triangulator() -> Finding:
+    """Which library triangulates: Triangle where it is installed, else GEOS."""
+    import shapely
+
+    if find_spec("triangle") is None:
+        return Finding("ok", "triangulator", f"GEOS {shapely.geos_version_string}")
+    import triangle  # noqa: F401 - that it can be loaded is what is checked
+
+    return Finding("ok", "triangulator", f"Triangle, package {version('triangle')}")
+
+
+def land() -> Finding:
+    """The world's land; read in a process of its own, as reading holds up all other threads."""
+    what, command = "land data", [sys.executable, "-c", _READ_LAND]
+    result = run_with_deadline(command, "", LAND_S)
+    if result.exit_code is None:
+        detail = f"not read within {LAND_S:g} s"
+        return Finding("warning", what, detail, "check the load of the machine")
+    size, _, head = result.stdout.partition(" ")
+    if result.exit_code or head.strip() != _LAND_HEAD:
+        last = result.stderr.strip().rpartition("\n")[2][:200]
+        detail = f"can't be read ({last or 'damaged'})"
+        return Finding("fault", what, detail, "install roaring-landmask again")
+    release = version("roaring-landmask")
+    return Finding("ok", what, f"{int(size) / 1e6:.0f} MB, roaring-landmask {release}")

@@ -1,0 +1,101 @@
+"""Checks of the account, the service's login and the scheduler, for `renew doctor`."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.cli.finding import Finding
+from pipeline.paths import folder_to_write
+from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
+from pipeline.sources.currents.copernicus.login import login_fault
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+# Time within which the service and the scheduler have to answer, s.
+NETWORK_S = 8.0
+# Libraries whose versions must agree between a run and its workers: results are pickled.
+_SAME_ON_WORKERS = ("distributed", "numba", "numpy", "scipy", "shapely")
+
+
+def account() -> Finding:
+    """Whether there is an account; what it is is never shown."""
+    remedy = f"set {USERNAME} and {PASSWORD}, or run `copernicusmarine login`, for its currents"
+    try:
+        if has_account():
+            return Finding("ok", "account", "user name and password of Copernicus Marine found")
+    except (OSError, RuntimeError) as error:
+        return Finding("warning", "account", f"its file can't be read ({error})", remedy)
+    return Finding("warning", "account", "none at the Copernicus Marine Service", remedy)
+
+
+def login(*, offline: bool) -> Finding:
+    """Whether the service accepts the account."""
+    if offline:
+        return Finding("ok", "login", "not checked (--offline)")
+    if account().state != "ok":
+        return Finding("warning", "login", "not checked, as there is no account", "see account")
+    fault, remedy = login_fault(NETWORK_S)
+    if fault:
+        return Finding("warning", "login", fault, remedy)
+    return Finding("ok", "login", "accepted by the Copernicus Marine Service")
+
+
+def scheduler(address: str | None, output: Path) -> Finding:
+    """Whether a Dask scheduler answers, and its workers are of this version."""
+    import dask
+
+    what, address = "scheduler", address or dask.config.get("scheduler-address", None)
+    if address is None:
+        return Finding("ok", what, "none named; runs use the cores of this machine")
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=NETWORK_S - 2, set_as_default=False)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:120]
+        detail = f"{address} does not answer ({reason})"
+        return Finding("fault", what, detail, "check the address, and that it runs")
+    with client:
+        folder = str(folder_to_write(output, "--output"))
+        answers = client.run(worker_state, folder, on_error="return")
+        if not answers:
+            remedy = f"start workers with `dask worker {address}`"
+            return Finding("fault", what, f"{address} has no workers", remedy)
+        wrong = differences(worker_state(folder), answers)
+    if wrong:
+        remedy = "install the same versions on all workers, and give them the output folder"
+        return Finding("fault", what, f"{address}: {'; '.join(wrong)}"[:600], remedy)
+    count = len(answers)
+    text = f"{address} has {count} worker{'s' * (count > 1)} of this version"
+    return Finding("ok", what, text)
+
+
+def worker_state(folder: str) -> dict[str, str]:
+    """Return what must be the same on a worker as here; it is called there."""
+    from pipeline.code_identity import code_hash
+
+    return {
+        "Python": platform.python_version(),
+        "code": code_hash("plan")[:12],
+        **{name: version(name) for name in _SAME_ON_WORKERS},
+        f"the folder {folder}": "found" if Path(folder).is_dir() else "missing",
+    }
+
+
+def differences(here: dict[str, str], answers: Mapping[str, object]) -> list[str]:
+    """List how workers differ from this process."""
+    wrong = []
+    for worker, there in answers.items():
+        if not isinstance(there, dict):
+            wrong.append(f"{worker} can't run this program ({' '.join(str(there).split())[:120]})")
+            continue
+        wrong += [
+            f"{worker} has {key} {there.get(key)}, here it is {value}"
+            for key, value in here.items()
+            if there.get(key) != value
+        ]
+    return wrong

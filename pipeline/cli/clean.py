@@ -1,0 +1,43 @@
+"""Free space in an output folder: `renew clean`."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+from pipeline.pruning import MAX_STORE_BYTES, seconds_ago
+from pipeline.session import clean as clean_store
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_DAYS = {"h": 1 / 24, "d": 1.0, "w": 7.0}
+_MB = 1e6
+
+
+def clean(output: Path, *, older: str, everything: bool) -> str:
+    """Prune the store of an output folder, and return what was freed in one line.
+
+    Raises
+    ------
+    RequestError
+        `older` is no age, or there is no store.
+    StageError
+        A run is at work in the folder.
+    """
+    age = re.fullmatch(r"(\d{1,6})([hdw])", older)
+    if age is None:
+        raise RequestError(
+            [f"--older = {older!r} is not an age: give hours, days or weeks, as in 12h, 30d, 2w"]
+        )
+    days = int(age[1]) * _DAYS[age[2]]
+    freed = clean_store(
+        output,
+        max_bytes=0 if everything else MAX_STORE_BYTES,
+        used_before=seconds_ago(days),
+    )
+    return (
+        f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "
+        f"MB remain in {output / '.artefacts'}"
+    )

@@ -1,0 +1,37 @@
+"""A refused run says from when the files are that lie in the scenario's folder."""
+
+from __future__ import annotations
+
+import contextlib
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@contextlib.contextmanager
+def dating_earlier_results(output: Path, asked: str) -> Iterator[None]:
+    """Add a note to a RequestError where an earlier run's results lie in the output folder."""
+    try:
+        yield
+    except RequestError as error:
+        with contextlib.suppress(Exception):  # a note is no reason for another error
+            error.add_note(_note(output, asked))
+        raise
+
+
+def _note(output: Path, asked: str) -> str:
+    """Say from when a scenario's results are; raise an error where there are none."""
+    from pipeline.scenario.catalogue import read_toml, scenario_path
+    from pipeline.stages.write import MANIFEST, output_directory
+
+    directory = output_directory(output, str(read_toml(scenario_path(asked))["name"]))
+    written = datetime.fromtimestamp((directory / MANIFEST).stat().st_mtime, UTC)
+    return (
+        f"nothing was written: the files in {directory} are those of an earlier run, of "
+        f"{written:%Y-%m-%d %H:%M} UTC"
+    )

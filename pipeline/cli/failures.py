@@ -1,0 +1,66 @@
+"""How the command line reports errors: a line for each, and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from pipeline.cli.interruption import MESSAGE, exit_code
+from pipeline.errors import PipelineError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_UNEXPECTED = 3
+# Number of a traceback's last frames that are reported.
+_FRAMES = 6
+# Maximum length of an error's text, in characters.
+_MAX_MESSAGE = 500
+_REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
+
+
+@contextlib.contextmanager
+def reported_errors() -> Iterator[None]:
+    """Turn errors into lines on standard error and an exit code."""
+    try:
+        yield
+    except (typer.Exit, typer.Abort, BrokenPipeError):
+        raise
+    except PipelineError as error:
+        for line in str(error).splitlines():
+            typer.echo(f"error: {line}", err=True)
+        for note in getattr(error, "__notes__", ()):
+            typer.echo(f"note: {note}", err=True)
+        raise typer.Exit(error.exit_code) from None
+    except KeyboardInterrupt as error:
+        typer.echo(MESSAGE, err=True)
+        raise typer.Exit(exit_code(error)) from None
+    except Exception as error:  # noqa: BLE001 - the last resort
+        typer.echo(_unexpected(error), err=True)
+        raise typer.Exit(_UNEXPECTED) from None
+
+
+def _unexpected(error: Exception) -> str:
+    """Return one line of JSON about an error that nobody foresaw."""
+    from pipeline.cli.version import program_version
+
+    frames = traceback.extract_tb(error.__traceback__)[-_FRAMES:]
+    fields = {
+        "error": "unexpected",
+        "type": type(error).__name__,
+        "message": " ".join(str(error).split())[:_MAX_MESSAGE],
+        "where": [f"{_short(frame.filename)}:{frame.lineno}" for frame in frames],
+        "version": program_version(),
+        "report": _REPORT,
+    }
+    return json.dumps(fields)
+
+
+def _short(filename: str) -> str:
+    """Return the last folders of a path: where a user's Python lies is nobody's concern."""
+    return "/".join(Path(filename).parts[-3:])

@@ -1,0 +1,23 @@
+"""What `renew doctor` finds: one line for each thing it checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+State = Literal["ok", "warning", "fault"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was checked, how it stands, and what to do if it is not in order."""
+
+    state: State
+    what: str
+    detail: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        """One line."""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.state:<8} {self.what}: {self.detail}{remedy}"

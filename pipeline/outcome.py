@@ -1,0 +1,66 @@
+"""What a run reports while it works, and its outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.model import Evaluation, Fetched, SeasonPlan
+    from pipeline.scenario.model import Scenario
+
+Stage = Literal["fetch", "simplify", "project", "plan", "write"]
+STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
+"""The stages that events report; a season is evaluated in the task that plans it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A stage, or a season of it, began, ended, failed or has a note for the reader."""
+
+    stage: Stage
+    status: Literal["begun", "done", "failed", "note"]
+    season: str = ""
+    seconds: float = 0.0
+    detail: str = ""
+
+
+EventHandler = Callable[[Event], None]
+
+
+def ignore(event: Event) -> None:
+    """Handle an event by doing nothing."""
+    del event
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The outcome of a run; `fresh` is False where the results existed already."""
+
+    scenario: Scenario
+    directory: Path
+    plans: tuple[SeasonPlan, ...]
+    evaluation: Evaluation
+    fetched: Fetched
+    fresh: bool
+    seconds: float
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Failed seasons and unsafe results, one line each."""
+        seasons = [f"season {p.season!r}: {p.failure}" for p in self.plans if p.failure]
+        over_land = [
+            f"season {row.season!r}: route {row.rank} crosses {row.land_m:.0f} m of the original "
+            "land; raise chart.margin_m"
+            for row in self.evaluation.routes
+            if row.land_m > 0
+        ]
+        return (*seasons, *over_land)
+
+    @property
+    def exit_code(self) -> int:
+        """0 without failures, else 1."""
+        return 1 if self.failures else 0

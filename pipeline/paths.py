@@ -1,0 +1,153 @@
+"""Paths that a user gives: what can't be used is refused before a library fails or waits on it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError, StageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+# What is neither a file nor a folder: reading it may wait for ever, or never end.
+_OTHER_KINDS = (
+    (stat.S_ISFIFO, "a FIFO"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+NOT_THERE = "does not exist"
+"""The reason of `unreadable_reason` where nothing is at a path."""
+
+# Length to which a path is cut in a message, characters.
+_MAX_SHOWN = 200
+
+
+def unreadable_reason(path: str | Path) -> str:
+    """Say why a path is no file or folder that can be read, with the remedy; empty when it is."""
+    name = os.fspath(path)
+    if reason := _unusable_name(name):
+        return reason
+    try:
+        mode = Path(name).stat().st_mode
+    except OSError as error:
+        return _failure(Path(name), error)
+    for is_kind, kind in _OTHER_KINDS:
+        if is_kind(mode):
+            return f"is {kind}, not a file; save its content to a file, and give that"
+    is_folder = stat.S_ISDIR(mode)
+    if not os.access(name, os.R_OK | os.X_OK if is_folder else os.R_OK):
+        return f"may not be read; allow it, as with `chmod +r{'x' * is_folder}`"
+    return ""
+
+
+def require_readable(paths: Iterable[Path], key: str) -> None:
+    """Refuse paths that are no files or folders that can be read; `key` says who names them.
+
+    Raises
+    ------
+    RequestError
+        One line for each of them.
+    """
+    faults = [f"{key}: {shown(path)} {why}" for path in paths if (why := unreadable_reason(path))]
+    if faults:
+        raise RequestError(faults)
+
+
+def expanded(path: str | Path, key: str) -> Path:
+    """Make a path absolute, with the home folder in place of a ~ at its beginning.
+
+    Raises
+    ------
+    RequestError
+        It is no path, or there is no such home folder; `key` says who names it.
+    StageError
+        It is relative, and the working directory is gone.
+    """
+    name = os.fspath(path)
+    if reason := _unusable_name(name):
+        raise RequestError([f"{key}: {shown(name)} {reason}"])
+    try:
+        return working_directory() / Path(name).expanduser()
+    except RuntimeError:
+        raise RequestError(
+            [f"{key}: {shown(name)} names a home folder that does not exist; give the whole path"]
+        ) from None
+
+
+def working_directory() -> Path:
+    """Return the working directory.
+
+    Raises
+    ------
+    StageError
+        It was removed.
+    """
+    try:
+        return Path.cwd()
+    except OSError as error:
+        raise StageError(
+            f"the working directory can't be used ({error.strerror}): change to another one (cd)"
+        ) from None
+
+
+def folder_to_write(path: Path, key: str) -> Path:
+    """Return a folder to write to as an absolute path, whether it exists or not.
+
+    Raises
+    ------
+    RequestError
+        No folder can be there; `key` says who names it.
+    """
+    path = expanded(path, key)
+    try:
+        if path.exists() and not path.is_dir():
+            raise RequestError([f"{key}: {shown(path)} is not a folder; name another one"])
+        path.lstat()
+    except FileNotFoundError:
+        pass
+    except NotADirectoryError:
+        raise RequestError(
+            [f"{key}: {shown(path)} lies below a file; name another folder"]
+        ) from None
+    except PermissionError:
+        pass  # the machine's fault: said when it is written to
+    except OSError as error:
+        raise RequestError([f"{key}: {shown(path)} {_failure(path, error)}"]) from None
+    return path.resolve()
+
+
+def shown(path: str | Path) -> str:
+    """Write a path in a message: printable, and no longer than a line or two."""
+    name = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in os.fspath(path))
+    return name if len(name) <= _MAX_SHOWN else f"{name[:_MAX_SHOWN]}…"
+
+
+def _unusable_name(name: str) -> str:
+    """Say why a text can't be a path, with the remedy; empty when it can."""
+    if "\0" in name:
+        return "has a NUL character in its name; give the path of a file"
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return "has a name that is not UTF-8; rename it"
+    return ""
+
+
+def _failure(path: Path, error: OSError) -> str:
+    """Say why the file system finds no file."""
+    if error.errno == errno.ENAMETOOLONG:
+        return f"is too long a path ({len(os.fspath(path)):,} characters); move the file"
+    if error.errno == errno.ELOOP:
+        return "is a symbolic link that leads back to itself; give the file itself"
+    if error.errno == errno.EACCES:
+        return "lies in a folder that may not be read; allow it, as with `chmod +rx`"
+    if error.errno in {errno.ENOENT, errno.ENOTDIR}:
+        if path.is_symlink():
+            return f"is a symbolic link to {shown(path.readlink())}, which does not exist"
+        return NOT_THERE
+    return f"can't be read: {error.strerror}"

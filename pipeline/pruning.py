@@ -1,0 +1,93 @@
+"""Pruning of the store: what was not used for long goes, oldest first."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.store import DOWNLOADS, SUFFIX, remove_unfinished
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+MAX_STORE_BYTES = 2_000_000_000
+"""Size to which the store is pruned after a run, bytes: about a thousand runs of two seasons."""
+
+
+@dataclass(frozen=True, slots=True)
+class Freed:
+    """How many files were removed, their size, and the size of those that remain, bytes."""
+
+    files: int
+    size: int
+    remaining: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """An artefact, or a download with its sidecar."""
+
+    files: tuple[Path, ...]
+    size: int
+    used: float
+
+
+def prune(
+    root: Path, *, max_bytes: float, used_before: float | None = None, keep_since: float = 0.0
+) -> Freed:
+    """Remove artefacts and downloads until a store is small enough; unfinished files always.
+
+    Must not be called while a run uses the store.
+
+    Parameters
+    ----------
+    root
+        The store's folder.
+    max_bytes
+        Size that may remain; those used longest ago are removed first.
+    used_before
+        Time from which on all that was last used before it is removed, s since 1970.
+    keep_since
+        What was used after this time stays, whatever its size, s since 1970; 0 to keep nothing.
+    """
+    remove_unfinished(root)
+    items = sorted(_items(root), key=lambda item: item.used)
+    total = remaining = sum(item.size for item in items)
+    count = 0
+    for item in items:
+        is_old = used_before is not None and item.used < used_before
+        is_in_use = keep_since > 0 and item.used >= keep_since
+        if is_in_use or not (is_old or remaining > max_bytes):
+            continue
+        with contextlib.suppress(OSError):
+            for file in item.files:
+                file.unlink(missing_ok=True)
+                count += 1
+            remaining -= item.size
+    return Freed(count, total - remaining, remaining)
+
+
+def seconds_ago(days: float) -> float:
+    """Return the time some days ago, s since 1970."""
+    return time.time() - days * 86_400
+
+
+def _items(root: Path) -> Iterator[_Item]:
+    """Yield all that a store holds, but for its locks and notes on who made the results."""
+    for path in root.glob(f"*/*{SUFFIX}"):
+        with contextlib.suppress(OSError):
+            state = path.stat()
+            yield _Item((path,), state.st_size, state.st_mtime)
+    groups: dict[Path, list[Path]] = {}
+    for path in (root / DOWNLOADS).rglob("*"):
+        if path.is_file() and not path.is_symlink():
+            groups.setdefault(path.with_suffix(""), []).append(path)
+    for files in groups.values():
+        with contextlib.suppress(OSError):
+            states = [file.stat() for file in files]
+            # A download is read, not touched, when it is used.
+            used = max(max(state.st_mtime, state.st_atime) for state in states)
+            yield _Item(tuple(files), sum(state.st_size for state in states), used)

@@ -1,0 +1,54 @@
+"""Damaged charts: what GDAL, GEOS and PROJ raise about a user's file becomes one line."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# Largest longitude and latitude, degrees: half a turn beyond either way of counting, and rounding.
+MAX_LONLAT = (540.0, 90.01)
+# Names of GDAL's own functions, which open some of its messages.
+_FUNCTION = re.compile(r"\bOGR\w+\(\): ")
+# Ends of GDAL's messages that are about its own options.
+_ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
+# Length to which a message of a library is cut, characters.
+_MAX_REASON = 200
+
+
+@contextmanager
+def reading(what: str, remedy: str) -> Iterator[list[str]]:
+    """Turn what libraries raise about a file into a RequestError, and list their warnings.
+
+    They raise errors of many kinds about damaged files; the text of each states what is wrong.
+    """
+    issued: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield issued
+        except (
+            RuntimeError,
+            ValueError,
+            OSError,
+            MemoryError,
+            shapely.errors.ShapelyError,
+        ) as error:
+            fault = f"{what} can't be read ({one_line(error)}); {remedy}"
+            raise RequestError([fault]) from error
+        finally:
+            issued += dict.fromkeys(one_line(warning.message) for warning in caught)
+
+
+def one_line(message: object) -> str:
+    """Write a library's message in one line, without its own functions and options."""
+    text = _ADVICE.sub("", _FUNCTION.sub("", " ".join(str(message).split())))
+    return text if len(text) <= _MAX_REASON else f"{text[:_MAX_REASON]}…"

@@ -1,0 +1,262 @@
+"""Seasons on a Dask scheduler's workers: every wait has a limit, a dead scheduler is noticed."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+import threading
+import time
+import warnings
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pipeline.code_identity import code_hash
+from pipeline.errors import StageError
+from pipeline.stages.season_process import run_in_processes
+from pipeline.stages.season_task import Status, plan_and_evaluate, status_of
+from pipeline.store import artefact_key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from distributed import Client, Future
+
+    from pipeline.stages.season_task import SeasonTask
+
+ValueT = TypeVar("ValueT")
+
+# Number of retries: an error on one worker, say for lack of memory, need not happen on another.
+_RETRIES = 1
+# Time within which a scheduler, or a worker's answer, must come, s.
+_ANSWER_S = 20.0
+# Time for which a scheduler may be without workers, s: a cluster may still be starting them.
+_WORKERS_S = 60.0
+# Times between two looks at tasks, and between two questions whether the scheduler lives, s.
+_PAUSE_S, _HEARTBEAT_S = 0.1, 5.0
+# Time for an orderly end, s.
+_CLOSE_S = 2.0
+_REMEDY = "check the address, or leave --scheduler out"
+
+
+def run_on_scheduler(
+    tasks: Sequence[SeasonTask], address: str, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks on a scheduler's workers: a worker that dies does not end the tasks of the others.
+
+    Raises
+    ------
+    StageError
+        The scheduler can't be reached or has died, has no workers, or some can't do the work.
+        The results of tasks that were done are in the store.
+    """
+    with _quiet():
+        cluster = _Cluster(address)
+        cluster.wait_for_workers()
+        with cluster.client() as client:
+            cluster.check_workers(client, tasks[0])
+            waiting = {
+                client.submit(plan_on_worker, task, pure=False, retries=_RETRIES): task
+                for task in tasks
+            }
+            try:
+                while waiting:
+                    for future in [future for future in waiting if future.done()]:
+                        on_status(cluster.status(future, waiting.pop(future)))
+                    cluster.check_alive()
+                    time.sleep(_PAUSE_S)
+            finally:
+                with contextlib.suppress(Exception):
+                    _within(_CLOSE_S, partial(client.cancel, list(waiting), force=True))
+
+
+def plan_on_worker(task: SeasonTask) -> Status:
+    """Run a task on a worker: with a limit, in a process that is killed when its time is up."""
+    if task.limit_s is None:
+        return Status(task.season, plan_and_evaluate(task), crashed=False)
+    ended: list[Status] = []
+    run_in_processes([task], 1, ended.append)
+    return ended[0]
+
+
+def worker_fault(identity: str, scene_path: str) -> str:
+    """Say why this worker can't plan, by the asker's own identity; empty when it can."""
+    if own_identity() != identity:
+        return "runs another version of RENEW or of its libraries; install the same on all machines"
+    if not Path(scene_path).is_file():
+        return f"can't read {scene_path}; give all workers access to the same output folder"
+    return ""
+
+
+def own_identity() -> str:
+    """Return a hash of all code and libraries that plans depend on."""
+    return artefact_key("evaluate", code_hash("plan"))
+
+
+class _Cluster:
+    """A scheduler, and when it last answered and last had workers."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._answered = self._had_workers = self._asked = time.monotonic()
+
+    def wait_for_workers(self) -> None:
+        """Wait until there is a worker."""
+        try:
+            while not self._workers():
+                self._check_workers_since()
+                time.sleep(_PAUSE_S)
+        except StageError:
+            raise
+        except Exception as error:
+            reason = " ".join(str(error).split()) or f"no answer within {_ANSWER_S:g} s"
+            raise StageError(
+                f"no Dask scheduler answers at {self._address!r} ({reason}); {_REMEDY}"
+            ) from error
+
+    @contextlib.contextmanager
+    def client(self) -> Iterator[Client]:
+        """Connect; a client that can't be closed in time is left to the end of the program."""
+        from distributed import Client
+
+        connect = partial(Client, self._address, timeout=_ANSWER_S, set_as_default=False)
+        try:
+            client = _within(2 * _ANSWER_S, connect)
+        except Exception as error:
+            raise StageError(
+                f"no Dask scheduler answers at {self._address!r} ({error}); {_REMEDY}"
+            ) from error
+        try:
+            yield client
+        finally:
+            with contextlib.suppress(Exception):
+                _within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
+
+    def check_workers(self, client: Client, task: SeasonTask) -> None:
+        """Refuse workers that can't do the work; one that does not answer is the scheduler's."""
+        ask = partial(
+            client.run, worker_fault, own_identity(), str(task.scene_path), on_error="return"
+        )
+        try:
+            answers = _within(_WORKERS_S, ask)  # they import what plans first
+        except Exception as error:
+            reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_S:g} s"
+            raise StageError(
+                f"workers of the Dask scheduler at {self._address!r} do not answer ({reason}); "
+                "restart them"
+            ) from error
+        faults: dict[str, list[str]] = {}
+        for worker, answer in answers.items():
+            if isinstance(answer, BaseException):
+                answer = (  # noqa: PLW2901
+                    f"can't run RENEW ({type(answer).__name__}: {' '.join(str(answer).split())}); "
+                    "install the same version on all machines"
+                )
+            if answer:
+                faults.setdefault(answer, []).append(worker)
+        if faults:
+            lines = [f"Dask worker {', '.join(names)} {fault}" for fault, names in faults.items()]
+            raise StageError("; ".join(lines))
+
+    def status(self, future: Future[Status], task: SeasonTask) -> Status:
+        """Return how a task ended."""
+        if future.cancelled():
+            raise self._dead()
+        ended: list[Status] = []
+
+        def result() -> str:
+            ended.append(_within(_ANSWER_S, future.result))
+            return ""
+
+        status = status_of(task.season, result)
+        return ended[0] if ended else status
+
+    def check_alive(self) -> None:
+        """Ask the scheduler now and then; give up when it has not answered for long."""
+        if time.monotonic() - self._asked < _HEARTBEAT_S:
+            return
+        try:
+            self._workers()
+        except Exception as error:
+            if time.monotonic() - self._answered > _ANSWER_S:
+                raise self._dead() from error
+        else:
+            self._check_workers_since()
+
+    def _workers(self) -> bool:
+        """Ask the scheduler whether it has workers."""
+        self._asked = time.monotonic()
+        has_workers = bool(_within(_ANSWER_S, partial(asyncio.run, _identity(self._address))))
+        self._answered = time.monotonic()
+        if has_workers:
+            self._had_workers = self._answered
+        return has_workers
+
+    def _check_workers_since(self) -> None:
+        """Give up when there have been no workers for long."""
+        if time.monotonic() - self._had_workers > _WORKERS_S:
+            raise StageError(
+                f"the Dask scheduler at {self._address!r} has had no workers for {_WORKERS_S:g} s; "
+                "start some (`dask worker`), or leave --scheduler out"
+            )
+
+    def _dead(self) -> StageError:
+        """Return the error that the scheduler has died."""
+        return StageError(
+            f"the Dask scheduler at {self._address!r} no longer answers; all seasons that were "
+            "done are kept: start it and run again to continue, or leave --scheduler out"
+        )
+
+
+async def _identity(address: str) -> dict[str, Any]:
+    """Ask a scheduler for its workers."""
+    from distributed import rpc
+    from distributed.security import Security
+
+    arguments = Security().get_connection_args("client")
+    scheduler = rpc(address, timeout=_ANSWER_S, connection_args=arguments)
+    try:
+        answer = await asyncio.wait_for(scheduler.identity(), _ANSWER_S)
+    finally:
+        await scheduler.close_rpc()
+    workers: dict[str, Any] = answer["workers"]
+    return workers
+
+
+def _within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
+    """Call a function that may never return: in a thread that is left behind past the limit."""
+    outcome: concurrent.futures.Future[ValueT] = concurrent.futures.Future()
+
+    def call() -> None:
+        try:
+            outcome.set_result(function())
+        except BaseException as error:  # noqa: BLE001 - raised again in the caller's thread
+            outcome.set_exception(error)
+
+    threading.Thread(target=call, daemon=True).start()
+    return outcome.result(timeout=seconds)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the library from writing its own log lines and warnings between this program's."""
+    import distributed
+
+    del distributed  # sets the levels of its loggers when it is imported
+    loggers = [
+        logging.getLogger(name)
+        for name in logging.root.manager.loggerDict
+        if name.partition(".")[0] in {"distributed", "tornado", "asyncio"}
+    ]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

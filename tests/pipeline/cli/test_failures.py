@@ -1,0 +1,189 @@
+"""Whatever is typed or goes wrong is a line and an exit code, never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli.main import app
+from tests.pipeline.processes import QUICK, ROOT, renew
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def refusal(*arguments: str) -> tuple[int, str]:
+    """Return the exit code and the only line of a command."""
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    return result.exit_code, line
+
+
+@pytest.fixture
+def quick(tmp_path: Path) -> str:
+    """Return the path of a valid scenario."""
+    path = tmp_path / "quick.toml"
+    path.write_text(QUICK)
+    return str(path)
+
+
+@pytest.mark.parametrize("command", ["run", "plot", "check", "show"])
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("~nosuchuser/x.toml", "home folder that does not exist"),
+        ("a\0b.toml", "NUL character"),
+        ("x" * 5000 + "/y.toml", "too long"),
+        ("\udcff.toml", "not UTF-8"),
+        ("/dev/null", "is a device"),
+        ("pipe.toml", "is a FIFO"),
+        ("deep.toml", "nested too deeply"),
+        ("brackets.toml", "nested too deeply"),
+    ],
+)
+def test_a_scenario_that_cannot_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, asked: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.toml")
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 3000 + "]" * 3000)
+    (tmp_path / "brackets.toml").write_text("a = " + "{a=" * 3000)
+    code, line = refusal(command, asked)
+    assert code == 2
+    assert line.startswith("error: ")
+    assert said in line
+    assert len(line) < 600
+
+
+@pytest.mark.parametrize("depth", [50, 200, 400, 480, 900])
+def test_any_depth_of_nesting_is_a_line(tmp_path: Path, depth: int) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text(QUICK + "obstacle = " + "[" * depth + "]" * depth)
+    assert refusal("check", str(path))[0] == 2
+
+
+@pytest.mark.parametrize("command", ["run", "plot"])
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ("~nosuchuser/x", "home folder that does not exist"),
+        ("x" * 300, "too long"),
+        ("x/" * 3000, "too long"),
+        ("\udcff", "not UTF-8"),
+        ("quick.toml", "is not a folder"),
+        ("quick.toml/below", "lies below a file"),
+    ],
+)
+def test_an_output_that_cannot_be_a_folder(
+    quick: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    output: str,
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = set(tmp_path.iterdir())
+    code, line = refusal(command, quick, "--output", output)
+    assert code == 2
+    assert said in line
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("option", ["--charts", "--currents"])
+def test_a_file_whose_home_does_not_exist(option: str, tmp_path: Path) -> None:
+    arguments = ("run", "palawan-season", "--output", str(tmp_path), option, "~nosuchuser/x.nc")
+    code, line = refusal(*arguments)
+    assert code == 2
+    assert "home folder that does not exist" in line
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_output_is_the_machines_fault(quick: str, tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o500)
+    code, line = refusal("run", quick, "--output", str(tmp_path / "locked"))
+    assert code == 1
+    assert "--output" in line
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_a_working_directory_that_was_removed(tmp_path: Path, command: str) -> None:
+    (tmp_path / "gone").mkdir()
+    (tmp_path / "quick.toml").write_text(QUICK)
+    program = (
+        "import os, sys\n"
+        f"os.chdir({str(tmp_path / 'gone')!r}); os.rmdir({str(tmp_path / 'gone')!r})\n"
+        f"sys.path[:] = [{str(ROOT)!r}, *filter(None, sys.path)]\n"
+        "from pipeline.cli.main import main\n"
+        f"sys.argv = ['renew', {command!r}, '../quick.toml']\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "working directory" in done.stderr
+
+
+def test_an_unforeseen_error_is_a_line_of_json(quick: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*arguments: object, **options: object) -> None:
+        raise LookupError("no such\nthing", arguments, options)
+
+    monkeypatch.setattr("pipeline.loading.load_scenario", fail)
+    code, line = refusal("check", quick)
+    assert code == 3
+    found = json.loads(line)
+    assert found["type"] == "LookupError"
+    assert "no such" in found["message"]
+    assert found["where"][-1].startswith("pipeline/cli/test_failures.py:")
+    assert found["version"]
+    assert "SECURITY.md" in found["report"]
+
+
+def test_a_pipe_that_is_closed_is_no_error() -> None:
+    with (
+        subprocess.Popen(
+            renew("list"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+        ) as process,
+    ):
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.stderr is not None
+        assert b"error" not in process.stderr.read()
+
+
+def test_a_refusal_says_from_when_the_files_are(quick: str, tmp_path: Path) -> None:
+    output = tmp_path / "outputs" / "quick"
+    output.mkdir(parents=True)
+    (output / "manifest.json").touch()
+    os.utime(output / "manifest.json", (0, 0))
+    with open(quick, "a") as file:  # noqa: PTH123
+        file.write("risk = 7\n")
+    arguments = ["run", quick, "--output", str(tmp_path / "outputs")]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == (
+        f"note: nothing was written: the files in {output} are those of an earlier run, of "
+        "1970-01-01 00:00 UTC"
+    )
+
+
+def test_clean_says_what_it_freed(quick: str, tmp_path: Path) -> None:
+    output = str(tmp_path / "outputs")
+    assert CliRunner().invoke(app, ["run", quick, "--output", output]).exit_code == 0
+    kept = CliRunner().invoke(app, ["clean", "--output", output])
+    assert kept.stdout.startswith("Freed 0.0 MB (0 files); ")
+    cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all"])
+    assert "; 0.0 MB remain in" in cleaned.stdout
+    assert not list((tmp_path / "outputs" / ".artefacts").rglob("*.artefact"))
+    assert (tmp_path / "outputs" / "quick" / "report.html").exists()
+    assert refusal("clean", "--output", output, "--older", "soon")[0] == 2
+    assert refusal("clean", "--output", str(tmp_path / "none"))[0] == 2

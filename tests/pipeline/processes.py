@@ -1,0 +1,105 @@
+"""Runs in processes of their own, to be stopped and killed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+ROOT = Path(__file__).resolve().parents[2]
+# Planned in a second.
+QUICK = """
+schema_version = 1
+name = "quick"
+vessel = "paper-asv"
+start = [10, 50]
+goal = [90, 50]
+[plane]
+extent = [0, 0, 100, 100]
+obstacles = [[[40, 30], [60, 30], [60, 70], [40, 70]]]
+[[seasons]]
+name = "still"
+uniform = { u = 0.1 }
+[planner]
+classes = 1
+"""
+_ISLANDS = ", ".join(
+    f"[[{x}, {y}], [{x + 3}, {y}], [{x + 3}, {y + 3}], [{x}, {y + 3}]]"
+    for x in range(8, 90, 12)
+    for y in range(6, 94, 12)
+)
+# Planned in many minutes: thousands of classes among 56 islands.
+SLOW = f"""
+schema_version = 1
+name = "slow"
+vessel = "paper-asv"
+start = [1, 50]
+goal = [99, 50]
+[plane]
+extent = [0, 0, 100, 100]
+obstacles = [{_ISLANDS}]
+[[seasons]]
+name = "first"
+uniform = {{ u = 0.1 }}
+[[seasons]]
+name = "second"
+gyre = {{ amplitude = 0.5 }}
+[planner]
+classes = 9000
+"""
+
+
+@contextlib.contextmanager
+def started(*command: str, cwd: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Start a command in a session of its own; kill what is left of it at the end."""
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        start_new_session=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def renew(*arguments: str) -> tuple[str, ...]:
+    """Return the command `renew` with its arguments."""
+    return (sys.executable, "-m", "pipeline.cli.main", *arguments)
+
+
+def wait_until(is_so: Callable[[], object], seconds: float = 120.0) -> None:
+    """Wait until something is so; fail after the time."""
+    deadline = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def descendants(pid: int) -> set[int]:
+    """Return the ids of a process's living child processes, and of theirs."""
+    parents = {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            with contextlib.suppress(OSError):
+                state = (folder / "stat").read_text().rpartition(")")[2].split()
+                if state[0] != "Z":
+                    parents[int(folder.name)] = int(state[1])
+    found = {pid}
+    while more := {one for one, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found - {pid}

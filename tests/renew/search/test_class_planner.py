@@ -1,0 +1,100 @@
+"""The best route of one class: it stays in its class, and says why there is none."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+from shapely import box
+
+import renew
+from renew.errors import InfeasibleError
+from renew.padding.policy import PaddingPolicy
+from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.problem import Problem
+from tests.strategies import random_scene, voyage_on
+
+if TYPE_CHECKING:
+    from renew.inputs.arguments import Method, Padding
+    from renew.inputs.voyage import Voyage
+
+
+def planner_of(
+    voyage: Voyage, padding: Padding = "adaptive", method: Method = "optimal"
+) -> ClassPlanner:
+    policy = PaddingPolicy(padding, clearance=0.0, risk=0.05, seed=0)
+    problem = Problem(voyage, distinct_by=0.0, order="fuel")
+    return ClassPlanner(problem, policy, PathMethod(method, samples=200, seed=0))
+
+
+@pytest.mark.parametrize("method", ["optimal", "sampled"])
+def test_a_route_stays_in_its_class_and_padding_never_makes_it_cheaper(method: Method) -> None:
+    planner = planner_of(voyage_on(*_scene(0)), 1.5, method)
+    problem = planner.problem
+    planned = 0
+    for channel in problem.enumerator(1.5).channels(6):
+        try:
+            route = planner.route(channel)
+        except InfeasibleError:
+            continue
+        planned += 1
+        assert route.homotopy == channel.name
+        assert problem.rays.word(route.path) == channel.word
+        assert route.fuel == pytest.approx(problem.voyage.fuel(route.path))
+        assert route.clearance >= 1.5
+        assert planner.unpadded_fuel(channel) <= route.fuel * (1 + 1e-3)
+    assert planned >= (2 if method == "optimal" else 1)
+
+
+def test_padding_grows_until_turns_are_clear() -> None:
+    voyage = voyage_on(*_scene(3))
+    planner = planner_of(voyage)
+    channel = planner.problem.enumerator(0.0).channels(1)[0]
+    first = planner._corridor(channel).padded
+    route = planner.route(channel)
+    padding = {tuple(row[:4]): row[4] for row in route.padding_used.tolist()}
+    initial = np.column_stack([first.start, first.end, first.padding]).tolist()
+    assert all(padding[tuple(row[:4])] >= row[4] for row in initial)
+    assert (
+        renew.contingency(route, voyage.chart, voyage.current, voyage.vessel, seed=5).collisions
+        == 0
+    )
+
+
+def test_a_blocked_class_has_no_route_but_a_cost_without_padding() -> None:
+    walls = [box(0, 45, 47, 55), box(53, 45, 100, 55)]
+    chart = renew.Chart(box(0, 0, 100, 100), walls)
+    planner = planner_of(voyage_on(chart, (50.0, 10.0), (50.0, 90.0)), 3.2)
+    [channel] = planner.problem.enumerator(0.0).channels(5)
+    with pytest.raises(InfeasibleError, match=r"the gap is 6\.00 m wide") as caught:
+        planner.route(channel)
+    assert caught.value.strait is not None
+    assert planner.unpadded_fuel(channel) == pytest.approx(80, rel=1e-3)
+
+
+def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
+    class Race(renew.CurrentField):
+        """Against the passage, 1.5 m/s in the middle; too weak in the table's nodes to close it."""
+
+        def __call__(self, points: np.ndarray) -> np.ndarray:
+            strength = np.where(np.abs(points[..., 0] - 50.01) < 0.005, 1.5, 0.0)
+            return np.stack([-strength, np.zeros_like(strength)], axis=-1)
+
+    chart = renew.Chart(box(0, 0, 100, 100))
+    voyage = voyage_on(chart, (10.0, 50.0), (90.0, 50.0), Race())
+    planner = planner_of(voyage)
+    assert planner.problem.overpowered_water.is_empty
+    [channel] = planner.problem.enumerator(0.0).channels(1)
+    path = np.array([[0.0, 10.0, 50.0, 0.0], [1.0, 50.01, 50.0, 0.0]])
+    with pytest.raises(InfeasibleError, match=r"the current at \(50\.01, 50\) m runs at 1\.5 m/s"):
+        planner._check_current(path)
+    assert math.isfinite(shapely.LineString(planner.route(channel).path).length)
+
+
+def _scene(seed: int) -> tuple[renew.Chart, np.ndarray, np.ndarray, renew.CurrentField]:
+    """Random scene, as `voyage_on` takes it."""
+    chart, current, start, goal = random_scene(seed)
+    return chart, start, goal, current

@@ -1,0 +1,69 @@
+"""Padding that grows for the triangles a path really crosses, and for its turns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from renew.padding.padding_model import PaddingModel
+from renew.padding.policy import PaddingPolicy
+from renew.paths.least_fuel_path import refined_path, rough_path
+from renew.search.growing_padding import PaddingGrowth, grown
+from renew.search.problem import Problem
+from tests.renew.paths.corridors import corridor_in_scene
+
+if TYPE_CHECKING:
+    from renew.inputs.arguments import Padding
+    from renew.paths.corridor import Corridor
+
+
+def growth_of(corridor: Corridor, padding: Padding = "adaptive") -> PaddingGrowth:
+    voyage = corridor.voyage
+    problem = Problem(voyage, distinct_by=0.0, order="fuel")
+    policy = PaddingPolicy(padding, clearance=0.0, risk=0.05, seed=0)
+    model = PaddingModel(problem.triangulation, voyage.quick_current, voyage.vessel, policy)
+    return PaddingGrowth(problem, model, policy.is_adaptive)
+
+
+def corridor_and_bulging_path(seed: int) -> tuple[Corridor, np.ndarray]:
+    """Corridor of a random scene, and a path through triangles beside its channel."""
+    corridor = corridor_in_scene(seed)
+    start, goal = corridor.voyage.start, corridor.voyage.goal
+    rng = np.random.default_rng(seed)
+    middle = corridor.channel.midline(start, goal)
+    path = np.vstack([start, middle[1:-1] + rng.normal(0, 8, middle[1:-1].shape), goal])
+    return corridor, path
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_padding_grown_by_what_it_lacks_for_a_path_lacks_nothing_more(seed: int) -> None:
+    corridor, path = corridor_and_bulging_path(seed)
+    growth = growth_of(corridor)
+    shortfall = growth.crossed_shortfall(corridor, path)
+    assert shortfall is not None
+    edges, lacking = shortfall
+    assert set(edges.tolist()) <= set(corridor.padded.edge.tolist())
+    assert (lacking > 0).all()
+    wider = grown(corridor, shortfall)
+    assert growth.crossed_shortfall(wider, path) is None
+    assert (wider.padded.padding >= corridor.padded.padding).all()
+    # Everything else stays as it was.
+    assert wider.channel is corridor.channel
+
+
+def test_a_path_in_its_channel_lacks_nothing() -> None:
+    corridor, _ = corridor_and_bulging_path(0)
+    midline = corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
+    assert growth_of(corridor).crossed_shortfall(corridor, midline) is None
+
+
+def test_only_adaptive_padding_grows_where_turns_touch_land() -> None:
+    # Without padding the least-fuel path touches land.
+    corridor = corridor_in_scene(0, "none")
+    path = refined_path(corridor, rough_path(corridor))
+    shortfall = growth_of(corridor).shortfall(corridor, path)
+    assert shortfall is not None
+    assert (shortfall[1] > 0).all()
+    assert growth_of(corridor, 1.0).shortfall(corridor, path) is None

@@ -1,0 +1,98 @@
+"""Rounded corners: around their discs, on the outer side, and nowhere tighter than the radius."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renew.errors import InfeasibleError
+from renew.steering.corner_rounding import round_corners
+from renew.steering.turning_radius import course_changes
+from tests.strategies import angles
+
+
+@settings(max_examples=40)
+@given(
+    turns=st.lists(st.floats(0.3, 1.5), min_size=1, max_size=3),
+    to_port=st.booleans(),
+    course=angles,
+    radius=st.floats(0.5, 3),
+)
+def test_turns_to_one_side_are_drawn_around_discs_that_touch_their_corners_from_within(
+    turns: list[float], to_port: bool, course: float, radius: float
+) -> None:
+    side = 1 if to_port else -1
+    bearings = course + side * np.cumsum([0.0, *turns])
+    path = np.vstack(
+        [[0.0, 0.0], np.cumsum(30 * np.column_stack([np.cos(bearings), np.sin(bearings)]), axis=0)]
+    )
+    _, inwards = course_changes(path)
+    every = np.ones(len(turns), dtype=bool)
+    found = round_corners(path, every, np.full(len(turns), radius))
+    assert found[[0, -1]] == pytest.approx(path[[0, -1]])
+    line = shapely.LineString(found)
+    for centre, corner in zip(path[1:-1] + radius * inwards, path[1:-1], strict=True):
+        # The disc touches the corner; the path goes round it on the outer side, and close by.
+        assert math.dist(centre, corner) == pytest.approx(radius)
+        assert line.distance(shapely.Point(centre)) == pytest.approx(radius, rel=1e-6)
+        assert line.distance(shapely.Point(corner)) < 0.01 * radius
+    # Never tighter than the radius: each leg has room for the arcs at both of its ends.
+    legs = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    changes, _ = course_changes(found)
+    needed = radius * np.tan(np.abs(changes) / 2)
+    assert (legs >= np.append(0, needed) + np.append(needed, 0) - 1e-9).all()
+    assert (side * changes > 0).all()
+
+
+@settings(max_examples=30)
+@given(turn=st.floats(0.3, 2.5), radius=st.floats(0.5, 5))
+def test_land_inside_the_corner_is_not_touched(turn: float, radius: float) -> None:
+    path = np.array([[-40, 0], [0, 0], [40 * math.cos(turn), 40 * math.sin(turn)]])
+    found = round_corners(path, np.array([True]), np.array([radius]))
+    # A headland in the corner that touches both legs.
+    land = shapely.Polygon(path * 0.7)
+    assert shapely.LineString(found).intersection(land.buffer(-1e-9)).is_empty
+
+
+def test_corners_that_are_not_sharp_stay_as_they_are() -> None:
+    path = np.array([[0, 0], [30, 0], [60, 10], [90, 90]], dtype=float)
+    found = round_corners(path, np.array([False, False]), np.array([2.0, 2.0]))
+    assert found == pytest.approx(path)
+    found = round_corners(path, np.array([False, True]), np.array([2.0, 2.0]))
+    assert found[:2] == pytest.approx(path[:2])
+    assert len(found) > 5
+    # An arc turns by 4 degrees at each vertex, at most.
+    turns, _ = course_changes(found)
+    assert np.abs(turns[1:]).max() <= math.radians(4) + 1e-9
+
+
+def test_a_disc_that_the_string_does_not_lean_on_is_dropped() -> None:
+    # A slight bend between two large turns: the string around their discs passes outside of it.
+    bearings = np.radians([0, 60, 61, 121])
+    legs = np.array([30, 10, 10, 30])[:, None]
+    steps = legs * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    path = np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
+    found = round_corners(path, np.ones(3, dtype=bool), np.full(3, 5.0))
+    turns, _ = course_changes(found)
+    assert (turns > 0).all()
+    _, inwards = course_changes(path)
+    line = shapely.LineString(found)
+    distance = [line.distance(shapely.Point(c)) for c in path[1:-1] + 5 * inwards]
+    assert distance[0] == pytest.approx(5)
+    assert distance[1] > 5.1
+    assert distance[2] == pytest.approx(5)
+
+
+def test_opposite_turns_too_close_together_are_refused_with_their_place() -> None:
+    path = np.array([[0, 0], [30, 0], [30, 2], [60, 2]], dtype=float)
+    with pytest.raises(InfeasibleError, match=r"two opposite turns near \(\d+"):
+        round_corners(path, np.ones(2, dtype=bool), np.full(2, 8.0))
+    roomy = np.array([[0, 0], [30, 0], [30, 40], [60, 40]], dtype=float)
+    found = round_corners(roomy, np.ones(2, dtype=bool), np.full(2, 8.0))
+    assert all((one != other).any() for one, other in itertools.pairwise(found))

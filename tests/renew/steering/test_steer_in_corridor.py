@@ -1,0 +1,63 @@
+"""Paths steered in their corridor: sailable, clear of the padding, and around sharp corners."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+import shapely
+from shapely import Polygon, box
+
+import renew
+from renew.errors import InfeasibleError
+from renew.paths.least_fuel_path import refined_path, rough_path
+from renew.steering.steer_in_corridor import steer_in_corridor
+from tests.renew.paths.corridors import corridor_of
+from tests.renew.steering.motion import assert_sailable
+from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+
+if TYPE_CHECKING:
+    from renew.inputs.arguments import Padding
+
+STILL = renew.UniformCurrent(0.0, 0.0)
+
+
+def test_unpadded_corners_are_passed_closely_and_can_still_be_steered() -> None:
+    island = Polygon([(30, 20), (70, 20), (50, 80)])
+    chart = renew.Chart(box(0, 0, 100, 100), [island])
+    plan = renew.plan(chart, STILL, PAPER_VESSEL, (10, 50), (90, 50), padding="none")
+    assert len(plan.routes) == 2
+    for route in plan.routes:
+        assert route.clearance < 0.1 * PAPER_VESSEL.turning_radius
+        assert not shapely.LineString(route.path).intersects(island.buffer(-1e-6))
+        track = shapely.LineString(route.trajectory[:, 1:3])
+        assert not track.intersects(island.buffer(-0.01))
+
+
+@pytest.mark.parametrize("scene", [0, 1, 3, 5])
+@pytest.mark.parametrize("padding", ["none", "adaptive", 1.0])
+def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding: Padding) -> None:
+    chart, current, start, goal = random_scene(scene)
+    corridor = corridor_of(voyage_on(chart, start, goal, current, "crab"), padding)
+    path = refined_path(corridor, rough_path(corridor))
+    steered, trajectory = steer_in_corridor(path, corridor)
+    assert_sailable(trajectory, current, start, goal)
+    assert corridor.legs_clear(steered).all()
+    before, after = shapely.LineString(path), shapely.LineString(steered)
+    assert after.length <= before.length * 1.01
+    assert after.hausdorff_distance(before) < 3 * PAPER_VESSEL.turning_radius
+    track = shapely.LineString(trajectory[:, 1:3])
+    assert not track.intersects(chart.hard_no_go.buffer(-1e-6))
+
+
+def test_a_vessel_that_turns_too_slowly_for_its_corridor_is_refused() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
+    sluggish = replace(
+        voyage_on(chart, (10.0, 50.0), (90.0, 50.0)), vessel=renew.Vessel(1, math.radians(0.5))
+    )
+    corridor = corridor_of(sluggish, 1.0)
+    path = refined_path(corridor, rough_path(corridor))
+    with pytest.raises(InfeasibleError, match=r"too narrow|too close|to turn in"):
+        steer_in_corridor(path, corridor)

@@ -1,0 +1,112 @@
+"""Verification by hard-over turns against a twin that flies every turn and asks shapely."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from shapely import box
+
+import renew
+from renew.padding.soft_no_go import PaddedEdges
+from renew.turns.contingency import fly_turns, stations
+from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from renew.turns.verification import colliding_edges
+from tests.strategies import (
+    PAPER_VESSEL,
+    SIZE,
+    StreamFunctionCurrent,
+    random_islands,
+    seeds,
+    voyage_on,
+)
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+    from renew.inputs.voyage import Voyage
+
+MARGIN = 0.05 * PAPER_VESSEL.turning_radius
+
+
+def shores(chart: renew.Chart, padding: float) -> PaddedEdges:
+    """All edges of the islands, each with the same padding (m)."""
+    rings = [shapely.get_coordinates(island.exterior) for island in chart.no_go]
+    start = np.concatenate([ring[:-1] for ring in rings])
+    end = np.concatenate([ring[1:] for ring in rings])
+    return PaddedEdges(start, end, np.full(len(start), padding), np.arange(len(start)) + 7)
+
+
+def verify(path: FloatArray, voyage: Voyage, padded: PaddedEdges) -> dict[int, float]:
+    """Growth (m) that each colliding edge needs."""
+    reach = TurnReach.of(voyage.table, voyage.vessel)
+    found = colliding_edges(path, voyage, padded, reach)
+    growth: dict[int, float] = {}
+    for edge, by in zip(*found, strict=True) if found else ():
+        growth[int(edge)] = max(by, growth.get(int(edge), 0.0))
+    return growth
+
+
+@settings(max_examples=8)
+@given(seed=seeds)
+def test_it_finds_the_edges_that_flying_every_turn_finds(seed: int) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
+    rng = np.random.default_rng(seed)
+    path = np.vstack([[10.0, 10.0], np.sort(rng.uniform(20, 180, (3, 2)), axis=0), [190.0, 190.0]])
+    voyage = voyage_on(chart, path[0], path[-1], StreamFunctionCurrent(seed, 0.5))
+    padded = shores(chart, 0.5)
+    growth = verify(path, voyage, padded)
+
+    points, course = stations(path, 0.6 * PAPER_VESSEL.turning_radius)
+    corners = [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
+    turns = fly_turns(
+        points,
+        course,
+        voyage.quick_current,
+        PAPER_VESSEL,
+        MAX_DEVIATIONS * np.array([corners], dtype=float),
+        steps=24,
+    )
+    tracks = shapely.linestrings(turns.reshape(-1, *turns.shape[2:]))
+    edges = shapely.linestrings(np.stack([padded.start, padded.end], axis=1))
+    tree = shapely.STRtree(tracks)
+    touched = {
+        int(padded.edge[edge])
+        for edge in range(len(edges))
+        if len(tree.query(edges[edge], predicate="dwithin", distance=MARGIN))
+    }
+    assert set(growth) == touched
+    # An edge grows by what lets its deepest turn come clear, and a little more.
+    assert all(by >= 2 * MARGIN - 1e-9 for by in growth.values())
+
+
+def test_padding_that_keeps_turns_off_needs_no_growth_and_less_needs_what_it_lacks() -> None:
+    wall = box(-1, 60, 101, 80)
+    chart = renew.Chart(box(0, 0, 100, 100), [wall])
+    voyage = voyage_on(chart, (10.0, 50.0), (90.0, 50.0))
+    padded = shores(chart, 1.0)
+    width = 2 * PAPER_VESSEL.turning_radius
+    for distance, lacking in ((width + 3 * MARGIN, 0.0), (width - 1.0, 1.0)):
+        path = np.array([[10.0, 60 - distance], [90.0, 60 - distance]])
+        growth = verify(path, voyage, padded)
+        assert bool(growth) == (lacking > 0)
+        if growth:
+            assert max(growth.values()) == pytest.approx(1.3 * lacking + 2 * MARGIN, rel=0.02)
+
+
+def test_turns_around_a_start_inside_the_padding_are_not_held_against_it() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])
+    voyage = voyage_on(chart, (9.0, 50.0), (90.0, 50.0))
+    path = np.array([[9.0, 50.0], [90.0, 50.0]])
+    assert not verify(path, voyage, shores(chart, 3.5))
+    # The same path from a start outside the padding would be refused.
+    assert verify(path, voyage, shores(chart, 0.5))
+
+
+def test_without_land_there_is_nothing_to_touch() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [])
+    voyage = voyage_on(chart)
+    none = PaddedEdges(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.int64))
+    assert not verify(np.array([voyage.start, voyage.goal]), voyage, none)

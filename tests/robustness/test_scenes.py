@@ -1,0 +1,44 @@
+"""Odd scenes are planned as promised or refused with a reason, in bounded time and memory."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SCENES = 1000
+SAMPLE = 20
+
+
+def outcome(root: Path, first: int, last: int) -> dict[str, Any]:
+    """Plan scenes in a process of its own."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "tests.robustness.run_scenes", str(first), str(last)],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    found: dict[str, Any] = json.loads(ended.stdout)
+    return found
+
+
+def test_a_sample_of_odd_scenes_is_planned_or_refused(root: Path) -> None:
+    found = outcome(root, 0, SAMPLE)
+    assert not found["failures"], "\n".join(found["failures"])
+    assert found["met"]["plan"] >= SAMPLE // 10
+
+
+@pytest.mark.slow
+def test_a_thousand_odd_scenes_are_planned_or_refused(root: Path) -> None:
+    found = outcome(root, 0, SCENES)
+    assert not found["failures"], "\n".join(found["failures"])
+    assert found["met"]["plan"] >= SCENES // 5
+    assert len(found["met"]) >= 6, "scenes of every kind of refusal"
