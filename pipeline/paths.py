@@ -118,7 +118,11 @@ def folder_to_write(path: Path, key: str) -> Path:
         pass  # the machine's fault: said when it is written to
     except OSError as error:
         raise RequestError([f"{key}: {shown(path)} {_failure(path, error)}"]) from None
-    return path.resolve()
+    try:
+        return path.resolve()
+    except RuntimeError:  # as Python 3.11 and 3.12 say it
+        fault = f"{key}: {shown(path)} is a link that leads to itself; name a folder"
+        raise RequestError([fault]) from None
 
 
 def shown(path: str | Path) -> str:

@@ -85,7 +85,9 @@ def _end_after_signal(reader: int) -> None:
             deadline = time.monotonic() + _GRACE_S
             while time.monotonic() < deadline:
                 time.sleep(_PAUSE_S)
-                _thread.interrupt_main(number)  # for a handler that could not raise before
+                _thread.interrupt_main(
+                    signal.Signals(number)
+                )  # for a handler that could not raise before
             with contextlib.suppress(Exception):
                 os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())
             _end(number)

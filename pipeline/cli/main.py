@@ -13,6 +13,8 @@ Results go to standard output; progress, notes and errors to standard error.
 
 from __future__ import annotations
 
+import os
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -64,8 +66,20 @@ CurrentsOption = Annotated[
 
 def main() -> None:
     """Entry point `renew`."""
+    _open_missing_streams()
     with ending_promptly():
         app()
+
+
+def _open_missing_streams() -> None:
+    """Open what the caller has closed (`2>&-`): else the next file opened would take its place."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != descriptor:
+                os.dup2(null, descriptor)
+                os.close(null)
+            setattr(sys, name, open(descriptor, "r" if name == "stdin" else "w", closefd=False))  # noqa: SIM115 - lives as long as the program
 
 
 def _version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value

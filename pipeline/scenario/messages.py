@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
+# Limits from which on they are spelled with separators of thousands.
+_LARGE = 10_000
 _LIMITS = {
     "greater_than": ("gt", "is not above"),
     "greater_than_equal": ("ge", "is below"),
@@ -102,13 +104,18 @@ def _lines(
         ]
     if kind in _LIMITS:
         bound, relation = _LIMITS[kind]
-        fault = f"{relation} {context[bound]:g}"
+        fault = f"{relation} {limit_text(context[bound])}"
     elif kind in {"too_short", "too_long"}:
         limit = context.get("min_length", context.get("max_length"))
         fault = f"has {context['actual_length']} items, not {limit}"
     else:
         fault = _KINDS.get(kind, details["msg"].lower())
     return [f"{key} = {shown(given)} {fault}{remedy}"]
+
+
+def limit_text(limit: float) -> str:
+    """Spell a limit: large ones in full."""
+    return f"{int(limit):,}" if abs(limit) >= _LARGE else f"{limit:g}"
 
 
 def remedy_of(description: str) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.scenario.messages import model_in
+from pipeline.scenario.messages import limit_text, model_in
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.renamed_keys import RENAMED_KEYS
 
@@ -143,7 +143,9 @@ def _type_text(key: dict[str, Any]) -> str:
 def _limits(key: dict[str, Any]) -> str:
     """Return the limits of a number, such as " > 0"."""
     limits = [
-        f"{relation} {key[limit]:g}" for limit, relation in _RELATIONS.items() if limit in key
+        f"{relation} {limit_text(key[limit])}"
+        for limit, relation in _RELATIONS.items()
+        if limit in key
     ]
     return f" {', '.join(limits)}" if limits else ""
 

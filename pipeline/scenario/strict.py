@@ -36,7 +36,9 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Longitude = Annotated[Number, Field(ge=-180, le=360)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 LonLat = tuple[Longitude, Latitude]
-Point = tuple[Number, Number]
+# A coordinate, degrees or metres: beyond any plane, where squares still don't overflow.
+Coordinate = Annotated[Number, Field(ge=-1e9, le=1e9)]
+Point = tuple[Coordinate, Coordinate]
 
 
 def _simple_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:

@@ -41,6 +41,8 @@ from renew.inputs.voyage import Voyage
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
 _MAX_STEPS = 1_000_000
+# The same for the depth-first search, which looks at triangles one by one.
+_MAX_DEPTH_FIRST_STEPS = 100_000
 # Number of triangles from which coarse nodes can't rank the classes: these differ by too little.
 _MANY_TRIANGLES = 1000
 
@@ -103,7 +105,9 @@ class ClassEnumerator:
             yield Channel.of(self._triangulation, np.array([self._first]))
             return
         seen: set[Word] = set()
-        for row in simple_paths(self._triangulation, self._first, self._last, _MAX_STEPS):
+        for row in simple_paths(
+            self._triangulation, self._first, self._last, _MAX_DEPTH_FIRST_STEPS
+        ):
             channel = Channel.of(self._triangulation, np.array(row))
             word = self._rays.word(channel.midline(self._voyage.start, self._voyage.goal))
             if word not in seen and blocked.isdisjoint(channel.transitions):

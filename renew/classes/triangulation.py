@@ -19,7 +19,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.errors import GeometryError, ParameterError
+from renew.errors import GeometryError, ParameterError, UnreachableError
 from renew.inputs.chart import Chart
 
 # A point this share of the chart's size outside all triangles lies on the water's edge.
@@ -121,7 +121,13 @@ def triangulate(
         )
     water = chart.water
     if closed is not None and not closed.is_empty:
-        water = shapely.difference(water, closed, grid_size=chart.precision)
+        parts = shapely.get_parts(shapely.difference(water, closed, grid_size=chart.precision))
+        # Where both only touch, the grid leaves lines and points.
+        water = shapely.multipolygons(
+            parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+        )
+    if water.is_empty:
+        raise UnreachableError("the current is as strong as the vessel on all of the water")
     corners = _by_triangle(water, chart.precision) if backend == "triangle" else _by_shapely(water)
     shapely.prepare(water)
     corners = corners[shapely.contains_xy(water, corners.mean(axis=1))]

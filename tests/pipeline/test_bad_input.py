@@ -11,6 +11,7 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
+from pipeline.loading import load_scenario
 from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.small_region import small_region
@@ -88,7 +89,20 @@ def with_line(text: str, old: str, new: str) -> str:
     [
         ("classes = 2", "clases = 2", ["planner.clases", "did you mean 'classes'"]),
         ("classes = 2", "classes = 0", ["planner.classes = 0", "below 1", "such as 16"]),
-        ("classes = 2", "risk = 0", ["planner.risk = 0", "not above 0", "0.05"]),
+        ("classes = 2", "risk = 0", ["planner.risk = 0", "below 1e-09", "0.05"]),
+        ("classes = 2", "classes = 10001", ["classes = 10001", "above 10,000", "to 10,000"]),
+        ("classes = 2", "samples = 1000001", ["samples = 1000001", "above 1,000,000"]),
+        ("classes = 2", "risk = 9e-10", ["risk = 9e-10", "below 1e-09"]),
+        (
+            'vessel = "paper-asv"',
+            "vessel = {length_m = 1e7, speed_m_s = 1, turn_rate_deg_s = 1}",
+            ["vessel.length_m = 10000000.0", "above 1,000,000", "in metres"],
+        ),
+        (
+            'vessel = "paper-asv"',
+            "vessel = {length_m = 1, speed_m_s = 1, turn_rate_deg_s = 1, fuel_exponent = 21}",
+            ["vessel.fuel_exponent = 21", "above 20", "2 is the paper's"],
+        ),
         ("classes = 2", "risk = 1", ["planner.risk = 1", "not below 1", "0.05"]),
         ("classes = 2", "risk = nan", ["planner.risk", "not finite", "0.05"]),
         ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "not a number", "0.05"]),
@@ -136,6 +150,32 @@ def test_one_fault_gets_one_line_with_value_and_remedy(
     line = only(run(tmp_path, with_line(ACROSS, old, new)))
     for words in said:
         assert words in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("u = 0.1", "u = -101", ["uniform.u = -101", "below -100", "at most 100"]),
+        ("uniform = { u = 0.1 }", "gyre = { amplitude = 1e9 }", ["gyre.amplitude", "above 100"]),
+        (
+            "extent = [0, 0, 100, 100]",
+            "extent = [0, 0, 100, 2000001]",
+            ["plane has extent", "2,000 km wide", "shrink it"],
+        ),
+    ],
+)
+def test_a_plane_beyond_its_limits(tmp_path: Path, old: str, new: str, said: list[str]) -> None:
+    line = only(run(tmp_path, with_line(PLANE, old, new)))
+    for words in said:
+        assert words in line
+
+
+def test_marks_of_direction_are_dropped(tmp_path: Path) -> None:
+    path = tmp_path / "marked.toml"
+    marks = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+    title = f'title = "ab{marks}\\u202Ec"\n'
+    path.write_text(title + PLANE, encoding="utf-8")
+    assert load_scenario(str(path)).title == "abc"
 
 
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:

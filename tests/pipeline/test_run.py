@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.errors import StageError
+from pipeline.errors import RequestError, StageError
 from pipeline.loading import load_scenario, parse_scenario
-from pipeline.outcome import Event
 from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from tests.tree import tree
 
 if TYPE_CHECKING:
+    from pipeline.outcome import Event
     from pipeline.scenario.model import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,8 +112,12 @@ def test_a_missing_scheduler_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(StageError, match="--output"):
+    with pytest.raises(RequestError, match=r"--output: .* is not a folder"):
         run(single_gyre(classes=1), tmp_path / "file")
+    (tmp_path / "outputs").mkdir()
+    (tmp_path / "outputs" / ".artefacts").write_text("")
+    with pytest.raises(StageError, match="--output"):
+        run(single_gyre(classes=1), tmp_path / "outputs")
 
 
 def two_seasons() -> Scenario:

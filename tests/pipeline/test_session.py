@@ -44,7 +44,7 @@ def holding(output: Path, name: str) -> Iterator[None]:
 
 def refused(output: Path, name: str, during: Callable[[], object] = lambda: None) -> None:
     """Begin a session that ends in a RequestError."""
-    with pytest.raises(RequestError), session(name, output):
+    with pytest.raises(RequestError), session(name, output):  # noqa: PT012
         during()
         raise RequestError(["wrong"])
 

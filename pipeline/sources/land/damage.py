@@ -7,9 +7,7 @@ import warnings
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import shapely
-
-from pipeline.errors import RequestError
+from pipeline.errors import PipelineError, RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,13 +33,9 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
         warnings.simplefilter("always")
         try:
             yield issued
-        except (
-            RuntimeError,
-            ValueError,
-            OSError,
-            MemoryError,
-            shapely.errors.ShapelyError,
-        ) as error:
+        except PipelineError:
+            raise
+        except Exception as error:
             fault = f"{what} can't be read ({one_line(error)}); {remedy}"
             raise RequestError([fault]) from error
         finally:

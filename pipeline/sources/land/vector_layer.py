@@ -295,6 +295,10 @@ def _layer(path: Path, name: str) -> str:
     import pyogrio
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
+    if not names:
+        raise chart_fault(
+            path, "has no layer with geometries; correct it, or give the file that has the land"
+        )
     if name and name not in names:
         raise chart_fault(path, f"has no layer {name!r}: {near_miss(name, names)}")
     if not name and len(names) != 1:

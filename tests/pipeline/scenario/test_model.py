@@ -6,11 +6,14 @@ import inspect
 from typing import TYPE_CHECKING
 
 import pytest
+from pydantic import ValidationError
 
 import renew
 from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.reference import tables
+from pipeline.scenario.vessel import VesselSpec
+from renew.inputs import arguments
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -31,12 +34,30 @@ def keys() -> list[tuple[str, FieldInfo]]:
 
 def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> None:
     parameters = inspect.signature(renew.plan).parameters.values()
-    arguments = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    taken = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
     options = {name: field.default for name, field in PlannerOptions.model_fields.items()}
-    assert options == arguments
+    assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
-        name: type(value) for name, value in arguments.items()
+        name: type(value) for name, value in taken.items()
     }
+
+
+def test_the_planners_limits_are_those_of_plan() -> None:
+    schema = PlannerOptions.model_json_schema()["properties"]
+    assert schema["classes"]["maximum"] == arguments.MAX_CLASSES
+    assert schema["samples"]["maximum"] == arguments.MAX_SAMPLES
+    assert schema["seed"]["maximum"] == arguments.MAX_SEED
+    assert schema["risk"]["minimum"] == arguments.MIN_RISK
+
+
+def test_the_vessels_limits_are_accepted_by_the_planner() -> None:
+    schema = VesselSpec.model_json_schema()["properties"]
+    keys = ("length_m", "speed_m_s", "turn_rate_deg_s", "fuel_coefficient", "fuel_exponent")
+    largest = {key: float(schema[key]["maximum"]) for key in keys}
+    assert VesselSpec.model_validate(largest).vessel().length == largest["length_m"]
+    for key in keys:
+        with pytest.raises(ValidationError):
+            VesselSpec.model_validate(largest | {key: largest[key] * 1.1})
 
 
 @pytest.mark.parametrize(("path", "field"), keys(), ids=[path for path, _ in keys()])

@@ -221,7 +221,9 @@ def change_geopackage(file: Path, rng: random.Random) -> None:
     )
     with closing(sqlite3.connect(file, isolation_level=None)) as base:
         base.execute("PRAGMA trusted_schema = ON")
-        for name in [row[0] for row in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")]:
+        for name in [
+            row[0] for row in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")
+        ]:
             base.execute(f'DROP TRIGGER "{name}"')
         for command in rng.sample(commands, rng.choice((1, 1, 2))):
             with __import__("contextlib").suppress(sqlite3.Error):

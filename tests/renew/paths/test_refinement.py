@@ -93,6 +93,14 @@ def test_a_pass_is_never_slower_and_stays_clear_and_near(seed: int, crab: bool) 
     assert shapely.distance(shapely.points(found), line).max() <= window * (1 + 1e-9)
 
 
+def test_a_path_that_cannot_be_improved_stays_as_it_is() -> None:
+    straight = np.column_stack([np.linspace(0, 100, 12), np.linspace(0, 50, 12)])
+    for count in (5, 6, 9):
+        exempt = np.zeros((2, 0), dtype=bool)
+        found = refined_on_transversals(straight, 10.0, count, 0.0, CALM, exempt)
+        assert found == pytest.approx(straight)
+
+
 def test_passes_with_narrowing_windows_pull_a_path_straight_in_still_water() -> None:
     rng = np.random.default_rng(3)
     path = np.column_stack([np.linspace(0, 100, 12), rng.normal(0, 6, 12)])

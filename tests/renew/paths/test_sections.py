@@ -95,6 +95,7 @@ def test_spread_points_lie_in_the_free_parts_evenly_and_at_all_their_ends(
         lengths = intervals[:, 1] - intervals[:, 0]
         inside = (row[:, None] >= intervals[:, 0]) & (row[:, None] <= intervals[:, 1] + 1e-12)
         assert (inside.sum(axis=1) == 1).all()
+        assert (inside.sum(axis=0) >= 2).all()
         for (low, high), within in zip(intervals, inside.T, strict=True):
             assert row[within] == pytest.approx(np.linspace(low, high, within.sum()))
         # Each interval has its share of the points, but for the two that each has at least.

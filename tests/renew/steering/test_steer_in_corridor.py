@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 import shapely
 from shapely import Polygon, box
@@ -50,6 +51,17 @@ def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding:
     assert after.hausdorff_distance(before) < 3 * PAPER_VESSEL.turning_radius
     track = shapely.LineString(trajectory[:, 1:3])
     assert not track.intersects(chart.hard_no_go.buffer(-1e-6))
+
+
+def test_a_passage_too_narrow_to_round_its_bend_in_is_refused() -> None:
+    # A passage 2.2 m wide with a right angle, between an inner and two outer walls.
+    inner, south, east = box(-1, 12.2, 47.8, 61), box(-1, -1, 61, 10), box(50, -1, 61, 61)
+    chart = renew.Chart(box(0, 0, 60, 60), [inner, south, east])
+    corridor = corridor_of(voyage_on(chart, (2.0, 11.1), (48.9, 58.0)), 0.9)
+    path = np.array([[2.0, 11.1], [48.9, 11.1], [48.9, 58.0]])
+    assert corridor.legs_clear(path).all()
+    with pytest.raises(InfeasibleError, match="too narrow to round its corners in"):
+        steer_in_corridor(path, corridor)
 
 
 def test_a_vessel_that_turns_too_slowly_for_its_corridor_is_refused() -> None:

@@ -113,7 +113,7 @@ class CfFiles:
         try:
             wide = read_field(contents, steps.weights, window)
         except ValueError as error:
-            raise RequestError([f"{name}: {error}"]) from None
+            raise RequestError([str(error)]) from None
         mask = LandMask.world()
         wide, notes = _without_zeros(wide, mask)
         assessment = assess(wide, mask, _SPEED_LIMIT_M_S)

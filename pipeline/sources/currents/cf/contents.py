@@ -27,8 +27,10 @@ from pipeline.sources.currents.cf.dataset import (
     check_chunks,
     check_is_number,
     groups_of,
+    is_hdf5,
     open_dataset,
 )
+from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
 if TYPE_CHECKING:
@@ -160,6 +162,9 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
     RequestError
         They can't be read, or have no currents on a lon/lat grid: one line for each fault.
     """
+    fatal = fatal_files([file for file in files if is_hdf5(file)])
+    if fatal:
+        raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
     datasets: dict[Path, xr.Dataset] = {}
     faults = []
     try:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.sources.currents.cf.classic_format import MAGIC, missing_bytes
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
@@ -22,8 +24,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# First bytes of a NetCDF 4 file, and of a classic one.
-_HDF5, _CLASSIC = b"\x89HDF", b"CDF"
+# First bytes of a NetCDF 4 file.
+_HDF5 = b"\x89HDF"
 # Files that make a folder a Zarr store.
 _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 # Largest number of values of an axis: 57 years of hours, or cells of 80 m round the world.
@@ -41,8 +43,17 @@ def is_zarr(path: Path) -> bool:
     return path.is_dir() and any((path / name).is_file() for name in _ZARR_MARKERS)
 
 
+def is_hdf5(path: Path) -> bool:
+    """Whether a file says that it is NetCDF 4, and so HDF5."""
+    try:
+        with path.open("rb") as file:
+            return file.read(4) == _HDF5
+    except OSError:
+        return False
+
+
 @contextlib.contextmanager
-def reading(what: str = "it") -> Iterator[None]:
+def reading() -> Iterator[None]:
     """Turn what libraries raise about a file into a ValueError."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # Doubts of the libraries about attributes; the values are checked themselves.
@@ -53,7 +64,7 @@ def reading(what: str = "it") -> Iterator[None]:
             reason = " ".join(str(error).split()) or type(error).__name__
             if len(reason) > _MAX_REASON:
                 reason = f"{reason[:_MAX_REASON]}…"
-            raise ValueError(f"{what} can't be read: {reason}; fetch it again") from None
+            raise ValueError(f"it can't be read: {reason}; fetch it again") from None
 
 
 def open_dataset(path: Path) -> xr.Dataset:
@@ -94,8 +105,10 @@ def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a stor
         return ZarrStore.open_group(path, consolidated=False)
     if path.is_file():
         with path.open("rb") as file:
-            is_netcdf = file.read(4).startswith((_HDF5, _CLASSIC))
-        if is_netcdf:
+            magic = file.read(4)
+        if magic.startswith(MAGIC) and (missing := missing_bytes(path)):
+            raise ValueError(f"it ends {missing:,} bytes before its last value")
+        if magic.startswith((_HDF5, MAGIC)):
             from xarray.backends import NetCDF4DataStore
 
             return NetCDF4DataStore.open(str(path))  # type: ignore[no-untyped-call]

@@ -151,14 +151,17 @@ def _weighted_sum_of_file(
     import xarray as xr
 
     lat, lon = component.lat, component.lon
-    with component.lazy() as array, reading(component.file.name):
-        runs = [
-            _lazy_weighted_sum(array.isel({lat: window.rows, lon: run}), component.time, steps)
-            for run in window.columns
-        ]
-        joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
-        # In this process, even if there is a Dask cluster: its workers may not have the file.
-        values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
+    try:
+        with component.lazy() as array, reading():
+            runs = [
+                _lazy_weighted_sum(array.isel({lat: window.rows, lon: run}), component.time, steps)
+                for run in window.columns
+            ]
+            joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
+            # In this process, even if there is a Dask cluster: its workers may not have the file.
+            values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
+    except ValueError as error:
+        raise ValueError(f"{component.file.name}: {error}") from None
     return np.asarray(values, dtype=float) * component.unit_m_s
 
 

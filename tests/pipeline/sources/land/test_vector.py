@@ -75,7 +75,8 @@ def test_any_format(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "crs", ["EPSG:32651", "EPSG:3857", "EPSG:4253", "ESRI:54009", "EPSG:3123", "EPSG:2227"]
+    "crs",
+    ["EPSG:32651", "EPSG:3857", "EPSG:4253", "ESRI:54009", "EPSG:3123", "EPSG:2227", "EPSG:4807"],
 )
 def test_any_crs(tmp_path: Path, crs: str) -> None:
     region = REGION if crs != "EPSG:2227" else shapely.box(-122.6, 37.4, -122.0, 38.0)

@@ -1,0 +1,102 @@
+"""Opens NetCDF 4 files in a process of its own: on a damaged one HDF5 may hang, or crash.
+
+Run as a module, it opens the files that its input names, one a line. It says on its error stream
+which one it has begun, so that its end, or its deadline, tells which one is damaged.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+from functools import lru_cache
+from signal import Signals
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pipeline.sources.currents.copernicus.subprocess_deadline import ProcessResult
+
+# Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
+_START_S, _FILE_S = 60.0, 2.0
+# CPU time of the process, and for each file, s, where the system can limit it.
+_START_CPU_S, _FILE_CPU_S = 5.0, 0.2
+# Number of values of a variable up to which all are read, as an axis's are.
+_MAX_VALUES = 10_000
+
+
+def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
+    """Return the files on which the library hangs or crashes, with how it does."""
+    stamps = tuple((file.stat().st_size, file.stat().st_mtime_ns) for file in files)
+    return dict(_fatal_versions(tuple(files), stamps))
+
+
+@lru_cache(maxsize=16)
+def _fatal_versions(
+    files: tuple[Path, ...], stamps: tuple[tuple[int, int], ...]
+) -> tuple[tuple[Path, str], ...]:
+    """Find the fatal ones of files with these sizes and times of change."""
+    del stamps
+    found = []
+    while files:
+        result = _run(files)
+        begun = [int(line) for line in result.stderr.split() if line.isdecimal()]
+        # Where the process itself can't start, reading the files shows whether that matters.
+        if not begun or (result.exit_code is not None and result.exit_code >= 0):
+            break
+        end = "hangs"
+        if result.exit_code is not None and Signals(-result.exit_code).name != "SIGXCPU":
+            end = f"ends by {Signals(-result.exit_code).name}"
+        fault = f"it is damaged: the HDF5 library {end} on it; fetch it again"
+        found.append((files[begun[-1]], fault))
+        files = files[begun[-1] + 1 :]
+    return tuple(found)
+
+
+def _run(files: tuple[Path, ...]) -> ProcessResult:
+    """Open files in a process."""
+    from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+
+    cpu_s = _START_CPU_S + _FILE_CPU_S * len(files)
+    return run_with_deadline(
+        [sys.executable, "-m", __name__],
+        "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
+        _START_S + _FILE_S * len(files),
+    )
+
+
+def main() -> None:
+    """Open the files that the input names."""
+    cpu_s, *files = sys.stdin.read().splitlines()
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s), int(cpu_s) + 1))
+    import netCDF4
+
+    for index, file in enumerate(files):
+        print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
+        # Whatever is raised is raised again where the file is read.
+        with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
+            dataset.set_auto_maskandscale(False)
+            for variable in dataset.variables.values():
+                with contextlib.suppress(Exception):
+                    _touch(variable)
+
+
+def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
+    """Read what describes a variable, and all of its values or some."""
+    for name in variable.ncattrs():
+        variable.getncattr(name)
+    variable.chunking()
+    if variable.size <= _MAX_VALUES:
+        variable[:]
+    else:
+        for corner in (0, -1):
+            variable[(corner,) * variable.ndim]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""Off a terminal a line of JSON shows now and then that a run is at work."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from pipeline.cli import progress as progress_module
+from pipeline.cli.progress import progress
+from pipeline.loading import parse_scenario
+from pipeline.outcome import Event
+from pipeline.scenario.catalogue import read_toml, scenario_path
+
+if TYPE_CHECKING:
+    import pytest
+
+
+def test_a_line_says_what_is_at_work_until_the_run_ends(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress_module, "_HEARTBEAT_S", 0.2)
+    table = read_toml(scenario_path("single-gyre"))
+    table["seasons"].append({"name": "second", "uniform": {"u": 0.1}})
+    first = table["seasons"][0]["name"]
+    threads = threading.active_count()
+    with progress(parse_scenario(table), ["a note"]) as on_event:
+        on_event(Event("plan", "begun"))
+        time.sleep(0.5)
+        on_event(Event("plan", "done", season=first))
+        time.sleep(0.5)
+    assert threading.active_count() == threads
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert lines[0]["detail"] == "a note"
+    beats = [line for line in lines if line.get("status") == "working"]
+    assert {line["stage"] for line in beats} == {"plan"}
+    assert [first, "second"] in [line["seasons"] for line in beats]
+    assert beats[-1]["seasons"] == ["second"]
+    assert beats[-1]["seconds"] >= 0.8
+    time.sleep(0.5)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_temporary_cache_of_machine_code_is_noted(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("renew._compiled.cache_is_temporary", lambda: True)
+    with progress(parse_scenario(read_toml(scenario_path("single-gyre")))):
+        pass
+    assert "compiled again after a reboot" in capsys.readouterr().err

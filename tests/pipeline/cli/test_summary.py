@@ -1,0 +1,59 @@
+"""What was planned on other currents than the preferred ones says so first, or not at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli.main import app
+from tests.pipeline.small_region import small_region
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TEXT = (
+    small_region("stand-in")
+    + """[chart]
+close_gaps_m = 0
+tolerance_m = 500
+[[seasons]]
+name = "summer"
+valid = "2024-07"
+currents = ["copernicus-glorys-monthly", "embedded-palawan"]
+[planner]
+classes = 1
+"""
+)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    """Return the path of a scenario that prefers a source which needs the network."""
+    path = tmp_path / "across.toml"
+    path.write_text(TEXT, encoding="utf-8")
+    return str(path)
+
+
+def test_the_first_line_names_the_currents_that_were_not_used(
+    file: str, across_outputs: Path
+) -> None:
+    arguments = ["run", file, "--offline", "--output", str(across_outputs)]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    first = result.stdout.splitlines()[0]
+    assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly (")
+    assert "needs the network" in first
+
+
+def test_strict_plans_nothing_on_a_stand_in(file: str, across_outputs: Path) -> None:
+    plans = set(across_outputs.glob(".artefacts/plan/*"))
+    arguments = ["run", file, "--offline", "--strict", "--output", str(across_outputs)]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert "season 'summer' would be planned on" in lines[0]
+    assert "needs the network" in lines[0]
+    assert set(across_outputs.glob(".artefacts/plan/*")) == plans
