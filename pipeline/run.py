@@ -21,7 +21,7 @@ from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import write
-from pipeline.store import artefact_key, file_hash
+from pipeline.storage.store import artefact_key, file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
     from pipeline.session import Origin
     from pipeline.stages.season_task import Status
-    from pipeline.store import Store
+    from pipeline.storage.store import Store
 
 
 def run(

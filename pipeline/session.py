@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-from pipeline.locks import file_lock
 from pipeline.paths import folder_to_write
-from pipeline.pruning import MAX_STORE_BYTES, Freed, prune
-from pipeline.result_folder import remove_leftovers
 from pipeline.sources.currents.copernicus.cache import remove_abandoned
 from pipeline.stages.write import output_directory
-from pipeline.store import DOWNLOADS, Store, remove_unfinished
+from pipeline.storage.locks import file_lock
+from pipeline.storage.pruning import MAX_STORE_BYTES, Freed, prune
+from pipeline.storage.result_folder import remove_leftovers
+from pipeline.storage.store import DOWNLOADS, Store, remove_unfinished
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,7 +95,7 @@ def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[S
 
 
 def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -> Freed:
-    """Prune the store of an output folder; see `pipeline.pruning.prune`.
+    """Prune the store of an output folder; see `pipeline.storage.pruning.prune`.
 
     Raises
     ------

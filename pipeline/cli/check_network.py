@@ -76,7 +76,7 @@ def scheduler(address: str | None, output: Path) -> Finding:
 
 def worker_state(folder: str) -> dict[str, str]:
     """Return what must be the same on a worker as here; it is called there."""
-    from pipeline.code_identity import code_hash
+    from pipeline.storage.code_identity import code_hash
 
     return {
         "Python": platform.python_version(),

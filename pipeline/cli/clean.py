@@ -6,8 +6,8 @@ import re
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
-from pipeline.pruning import MAX_STORE_BYTES, seconds_ago
 from pipeline.session import clean as clean_store
+from pipeline.storage.pruning import MAX_STORE_BYTES, seconds_ago
 
 if TYPE_CHECKING:
     from pathlib import Path

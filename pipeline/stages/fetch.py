@@ -17,7 +17,7 @@ from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages import planar
 from pipeline.stages.overpowering_current import overpowering_notes
-from pipeline.store import DOWNLOADS, artefact_key
+from pipeline.storage.store import DOWNLOADS, artefact_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pipeline.scenario.region import Region
     from pipeline.scenario.season import Season
     from pipeline.sources.interfaces import CurrentSource, LandSource
-    from pipeline.store import Store
+    from pipeline.storage.store import Store
 
 
 @dataclass(frozen=True, slots=True)

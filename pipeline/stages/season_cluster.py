@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pipeline.code_identity import code_hash
 from pipeline.errors import StageError
 from pipeline.stages.season_process import run_in_processes
 from pipeline.stages.season_task import Status, plan_and_evaluate, status_of
-from pipeline.store import artefact_key
+from pipeline.storage.code_identity import code_hash
+from pipeline.storage.store import artefact_key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -15,7 +15,7 @@ from pipeline.errors import PipelineError, StageError
 from pipeline.model import Scene, SeasonPlan
 from pipeline.stages.evaluate import SeasonEvaluation, evaluate_season
 from pipeline.stages.plan import plan_season
-from pipeline.store import load_artefact, save_artefact
+from pipeline.storage.store import load_artefact, save_artefact
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,7 +1,7 @@
 """Last stage: all files of a run appear together, or the earlier ones stay unchanged.
 
 Everything is written to a folder of its own, which then takes the place of the earlier one whole
-(:mod:`pipeline.result_folder`).
+(:mod:`pipeline.storage.result_folder`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import unicodedata
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.result_folder import replacing
+from pipeline.storage.result_folder import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -16,7 +16,7 @@ from pipeline.loading import load_scenario
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
-from pipeline.store import Store
+from pipeline.storage.store import Store
 from tests import yardstick
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure

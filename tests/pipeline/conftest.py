@@ -9,7 +9,7 @@ import pytest
 from pipeline.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
-from pipeline.store import Store
+from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.errors import RequestError, StageError
 from pipeline.session import Origin, clean, session
-from pipeline.store import Store
+from pipeline.storage.store import Store
 from tests.pipeline.processes import started
 
 if TYPE_CHECKING:

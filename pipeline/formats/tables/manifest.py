@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.shared.json_values import json_value
-from pipeline.store import file_hash
+from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

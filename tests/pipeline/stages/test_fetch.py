@@ -11,7 +11,7 @@ from pipeline.model import PassedOver
 from pipeline.run import plan_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
-from pipeline.store import Store
+from pipeline.storage.store import Store
 from tests.pipeline.conftest import ACROSS_BOX
 
 if TYPE_CHECKING:

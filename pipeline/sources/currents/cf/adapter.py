@@ -31,7 +31,7 @@ from pipeline.sources.quality.plausibility import (
     count_misplaced,
     dilated,
 )
-from pipeline.store import file_hash
+from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from pipeline.store import file_hash
+from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

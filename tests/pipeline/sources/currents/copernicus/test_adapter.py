@@ -19,7 +19,7 @@ from pipeline.scenario import catalogue
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
-from pipeline.store import Store
+from pipeline.storage.store import Store
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec
 from tests.pipeline.conftest import ACROSS_BOX

@@ -9,7 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from pipeline.sources.currents.copernicus.cache import CachedDownload
-from pipeline.store import file_hash
+from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,7 +22,7 @@ from pipeline.model import Land
 from pipeline.scenario.model import Scenario
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
-from pipeline.store import Store, file_hash
+from pipeline.storage.store import Store, file_hash
 from tests.loopback_store import world
 from tests.loopback_store.fault_table import clients_of
 from tests.loopback_store.ocean import Ocean

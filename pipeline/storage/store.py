@@ -18,8 +18,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, TypeVar
 
-from pipeline.code_identity import code_hash
 from pipeline.errors import StageError
+from pipeline.storage.code_identity import code_hash
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import code_identity
-from pipeline.code_identity import code_files, code_hash
+from pipeline.storage import code_identity
+from pipeline.storage.code_identity import code_files, code_hash
 
-ROOT = Path(code_identity.__file__).resolve().parents[1]
+ROOT = Path(code_identity.__file__).resolve().parents[2]
 STAGES = ("land", "current", "simplify", "project", "plan", "evaluate", "write")
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = frozenset({"pipeline", "renew"})
 # The modules and packages that a stage calls first. Results are pickled as the classes of
 # `pipeline.model`, so that every stage depends on it.

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.store import DOWNLOADS, SUFFIX, remove_unfinished
+from pipeline.storage.store import DOWNLOADS, SUFFIX, remove_unfinished
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
