@@ -177,8 +177,8 @@ def test_a_moved_scene_has_the_moved_route(name: str, seed: int, clearance: floa
     assert moved.duration == pytest.approx(route.duration, rel=MOVED)
     assert moved.fuel == pytest.approx(route.fuel * similarity.scale**2, rel=MOVED)
     there = shapely.LineString(similarity.points(route.path))
-    apart = shapely.hausdorff_distance(shapely.LineString(moved.path), there, densify=0.02)
-    assert apart <= BESIDE * SIZE * similarity.scale
+    distance = shapely.hausdorff_distance(shapely.LineString(moved.path), there, densify=0.02)
+    assert distance <= BESIDE * SIZE * similarity.scale
 
 
 def test_the_side_of_a_corner_in_a_shear_makes_no_difference() -> None:

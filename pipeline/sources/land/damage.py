@@ -18,6 +18,8 @@ MAX_LONLAT = (540.0, 90.01)
 _FUNCTION = re.compile(r"\bOGR\w+\(\): ")
 # Ends of GDAL's messages that are about its own options.
 _ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
+# Warnings on what does not matter for land: measures along lines, and numbers of features.
+_HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id")
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
 
@@ -39,7 +41,8 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
             fault = f"{what} can't be read ({one_line(error)}); {remedy}"
             raise RequestError([fault]) from error
         finally:
-            issued += dict.fromkeys(one_line(warning.message) for warning in caught)
+            said = dict.fromkeys(one_line(warning.message) for warning in caught)
+            issued += [text for text in said if not _HARMLESS.match(text)]
 
 
 def one_line(message: object) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import random
+import re
 import shutil
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING, Any
 
 import netCDF4
@@ -17,6 +17,7 @@ import shapely
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 if TYPE_CHECKING:
+    import random
     from collections.abc import Callable
     from pathlib import Path
 
@@ -161,8 +162,6 @@ def change_text(file: Path, rng: random.Random) -> None:
 
 def _tokens(text: str) -> list[tuple[int, int]]:
     """Begin and end of each number, string and bracket in a text; of all of it where none is."""
-    import re
-
     found = re.finditer(r'-?\d[\d.eE+-]*|"[^"]*"|[\[\]{},:]|\w+', text)
     return [match.span() for match in found] or [(0, len(text))]
 
@@ -182,11 +181,11 @@ def change_geojson(file: Path, rng: random.Random) -> None:
         retype,
         lambda: geometry.update(coordinates=rng.choice(([], [[]], [[[]]], None, "here", 5))),
         lambda: geometry.update(coordinates=[geometry["coordinates"]]),
-        lambda: ring.pop(),
-        lambda: ring.clear(),
-        lambda: ring.reverse(),
+        ring.pop,
+        ring.clear,
+        ring.reverse,
         lambda: point.append(rng.choice((5, None, "up", [1]))),
-        lambda: point.pop(),
+        point.pop,
         lambda: point.__setitem__(0, rng.choice((None, "119", 1e12, -1e300, [118], True))),
         lambda: data["features"].append(rng.choice((None, 5, {}, {"type": "Feature"}, []))),
         lambda: data.update(features=rng.choice(([], None, {}, "none"))),
@@ -221,12 +220,12 @@ def change_geopackage(file: Path, rng: random.Random) -> None:
     )
     with closing(sqlite3.connect(file, isolation_level=None)) as base:
         base.execute("PRAGMA trusted_schema = ON")
-        for name in [
-            row[0] for row in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")
-        ]:
+        # The triggers of its spatial index need functions that SQLite itself does not have.
+        triggers = base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")
+        for (name,) in triggers.fetchall():
             base.execute(f'DROP TRIGGER "{name}"')
         for command in rng.sample(commands, rng.choice((1, 1, 2))):
-            with __import__("contextlib").suppress(sqlite3.Error):
+            with suppress(sqlite3.Error):
                 base.execute(command)
 
 
@@ -295,15 +294,15 @@ def build_netcdf(file: Path, rng: random.Random) -> None:
             data[name].units = "m/s"
 
 
-ANY = (flip_bytes, flip_bytes, truncate, overwrite)
+_ANY = (flip_bytes, flip_bytes, truncate, overwrite)
 MUTATIONS: dict[str, tuple[Callable[[Path, random.Random], None], ...]] = {
     ".geojson": (flip_bytes, truncate, change_text, change_text, change_geojson, change_geojson),
-    ".gpkg": (*ANY, change_geopackage, change_geopackage),
-    ".shp": (*ANY, remove),
-    ".fgb": ANY,
-    "s57": (*ANY, remove),
-    "netcdf4": (*ANY, change_netcdf, change_netcdf, change_netcdf, build_netcdf, build_netcdf),
-    "packed": (*ANY, change_netcdf),
-    "netcdf3": (*ANY, change_netcdf),
-    "zarr": (*ANY, change_text, change_text, remove),
+    ".gpkg": (*_ANY, change_geopackage, change_geopackage),
+    ".shp": (*_ANY, remove),
+    ".fgb": _ANY,
+    "s57": (*_ANY, remove),
+    "netcdf4": (*_ANY, change_netcdf, change_netcdf, change_netcdf, build_netcdf, build_netcdf),
+    "packed": (*_ANY, change_netcdf),
+    "netcdf3": (*_ANY, change_netcdf),
+    "zarr": (*_ANY, change_text, change_text, remove),
 }

@@ -168,6 +168,13 @@ def test_it_holds_in_a_narrow_extent() -> None:
     assert 0.99 * 2998 <= lower_bound(chart, STILL, PAPER_VESSEL, *endpoints) <= 2998.01
 
 
+def test_an_extremely_long_extent_has_no_larger_grid() -> None:
+    chart = renew.Chart(box(0, 0, 3e6, 1))
+    grid = bounds._grid(voyage_on(chart, (10.0, 0.5), (2.9e6, 0.5)))
+    assert grid.wet.size < 250_000
+    assert grid.y.size > 4
+
+
 # --- the bound and paths ----------------------------------------------------------------------
 
 

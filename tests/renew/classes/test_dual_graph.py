@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from shapely import box
 
 import renew
-from renew.classes.dual_graph import dual_graph, is_connected, surroundings, widest_gap
+from renew.classes.dual_graph import (
+    dual_graph,
+    is_connected,
+    simple_paths,
+    surroundings,
+    widest_gap,
+)
 from renew.classes.triangulation import triangulate
 from tests.strategies import SIZE, random_islands, seeds
 
@@ -34,6 +40,20 @@ def test_triangles_on_both_sides_of_a_wall_are_not_connected() -> None:
     dual = dual_graph(triangulation)
     for one, other in itertools.combinations(range(len(triangulation.triangles)), 2):
         assert is_connected(triangulation, one, other) == nx.has_path(dual, one, other)
+
+
+@settings(max_examples=15)
+@given(seed=seeds)
+def test_simple_paths_are_all_that_networkx_finds_in_its_order(seed: int) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, 4))
+    triangulation = triangulate(chart)
+    dual = dual_graph(triangulation)
+    last = max(nx.node_connected_component(dual, 0))
+    found = list(simple_paths(triangulation, 0, last, 1_000_000))
+    assert found == list(nx.all_simple_paths(dual, 0, last))
+    # With fewer steps it gives up earlier, and finds the first of them.
+    some = list(simple_paths(triangulation, 0, last, 50))
+    assert some == found[: len(some)]
 
 
 @settings(max_examples=10)

@@ -76,6 +76,19 @@ def test_a_start_or_goal_in_it_is_refused(name: str, first: int) -> None:
         renew.plan(CHART, race, PAPER_VESSEL, points[first], points[1 - first])
 
 
+def test_it_is_made_of_polygons_where_it_touches_a_shore_along_its_edge() -> None:
+    def band(points: np.ndarray) -> np.ndarray:
+        strong = 1.5 * (points[..., 0] > 49.9)
+        return np.stack([np.zeros_like(strong), strong], axis=-1)
+
+    # The strong current begins just at an island's east shore; the table's cells meet it.
+    edge = 100 * 31 / 64
+    chart = renew.Chart(box(0, 0, 100, 100), [box(20, 20, edge, 80)])
+    zone = overpowered_water(voyage_on(chart, (10.0, 10.0), (10.0, 90.0), renew_field(band)))
+    assert zone.geom_type == "MultiPolygon"
+    assert not zone.is_empty
+
+
 def test_islands_keep_their_numbers() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [Point(20, 20).buffer(4), Point(80, 80).buffer(3)])
     plan = renew.plan(chart, race, PAPER_VESSEL, (10, 50), (90, 50), padding="none")

@@ -64,6 +64,13 @@ def test_without_a_limit_the_sections_are_the_passing_edges() -> None:
     assert ends[:, 1] == pytest.approx(channel.right)
 
 
+def test_a_tiny_spacing_gives_thousands_of_sections_and_not_millions() -> None:
+    corridor = corridor_in_scene(0)
+    channel, voyage = corridor.channel, corridor.voyage
+    sections = sections_of(channel, voyage.start, voyage.goal, 1e-6, math.inf)
+    assert 4000 < len(sections.left) < 6000
+
+
 @settings(max_examples=10)
 @given(seed=seeds)
 def test_free_parts_are_what_dense_samples_find_outside_all_capsules(seed: int) -> None:

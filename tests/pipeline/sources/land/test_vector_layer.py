@@ -7,6 +7,7 @@ import os
 import re
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyogrio
 import pytest
 import shapely
@@ -116,8 +117,8 @@ GOOD: dict[str, tuple[object, int]] = {
     "an empty collection": ({"type": "GeometryCollection", "geometries": []}, 0),
     "a collection": (nested(polygon(RING), 3), 0),
     "heights": (polygon([[*point, 5.0] for point in RING]), 0),
-    "some heights": (polygon([[*RING[0], 5.0], *RING[1:]]), 0),
-    "measures": (polygon([[*point, 5.0, 6.0] for point in RING]), 1),
+    "some heights": (polygon([RING[0], [*RING[1], 5.0], *RING[2:]]), 0),
+    "four numbers for a point": (polygon([[*point, 5.0, 6.0] for point in RING]), 1),
     "an empty ring": (polygon([]), 0),
 }
 
@@ -152,7 +153,7 @@ def test_deep_collections_lose_nothing(tmp_path: Path) -> None:
         ('{"type": "FeatureCollection"}', "Missing 'features' member"),
         ('{"type": "FeatureCollection", "features": []}', "no feature with a geometry"),
         ("[" * 5000 + "]" * 5000, "can't be read"),
-        ('{"type": "Polygon", "coordinates": [[[' + "9" * 5000, "Unrecognized number"),
+        ('{"type": "Polygon", "coordinates": [[[' + "9" * 5000, "can't be read"),
     ],
 )
 def test_files_without_land_are_refused(tmp_path: Path, content: str, part: str) -> None:
@@ -176,14 +177,33 @@ def test_a_file_with_another_formats_name_is_read_by_its_content(tmp_path: Path)
     file = geojson(tmp_path)
     other = file.rename(tmp_path / "land.json")
     assert shapely.union_all(read(other).polygons).area == pytest.approx(AREA)
-    renamed = other.rename(tmp_path / "land.gpkg")
-    assert "land.gpkg" in refusal(renamed)
+    renamed = mutations.make_charts(tmp_path, None)[".gpkg"].rename(tmp_path / "land.shp")
+    assert len(read(renamed, radius_m=5).polygons) == 22
 
 
 def test_an_attribute_table_alone_has_no_layer(tmp_path: Path) -> None:
     path = tmp_path / "land.gpkg"
-    pyogrio.raw.write(path, None, field_data=[], fields=[], geometry_type=None, layer="notes")
+    pyogrio.raw.write(path, None, field_data=[np.arange(3)], fields=["id"], geometry_type=None)
     assert "has no layer with geometries" in refusal(path)
+
+
+def test_measured_coordinates_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "land.gpkg"
+    text = "POLYGON M (({}))".format(", ".join(f"{x} {y} 7" for x, y in RING))
+    wkb = [shapely.to_wkb(shapely.from_wkt(text), flavor="iso"), None]
+    pyogrio.raw.write(
+        path,
+        np.array(wkb, dtype=object),
+        field_data=[np.arange(2)],
+        fields=["id"],
+        geometry_type="Measured Polygon",
+        crs="EPSG:4326",
+    )
+    with pytest.warns(UserWarning, match="Measured"):
+        pyogrio.read_info(path)
+    land = read(path, accuracy_m=5)
+    assert shapely.union_all(land.polygons).area == pytest.approx(AREA)
+    assert land.notes == ("land.gpkg: 1 feature has no geometry, and so no land",)
 
 
 # --- what is no file ----------------------------------------------------------------------------
