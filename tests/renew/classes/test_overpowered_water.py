@@ -76,17 +76,17 @@ def test_a_start_or_goal_in_it_is_refused(name: str, first: int) -> None:
         renew.plan(CHART, race, PAPER_VESSEL, points[first], points[1 - first])
 
 
-def test_it_is_made_of_polygons_where_it_touches_a_shore_along_its_edge() -> None:
-    def band(points: np.ndarray) -> np.ndarray:
-        strong = 1.5 * (points[..., 0] > 49.9)
+def test_it_is_made_of_polygons_even_where_it_only_touches_a_shore() -> None:
+    def stream(points: np.ndarray) -> np.ndarray:
+        strong = 1.5 * (points[..., 0] > 50.1)
         return np.stack([np.zeros_like(strong), strong], axis=-1)
 
-    # The strong current begins just at an island's east shore; the table's cells meet it.
-    edge = 100 * 31 / 64
-    chart = renew.Chart(box(0, 0, 100, 100), [box(20, 20, edge, 80)])
-    zone = overpowered_water(voyage_on(chart, (10.0, 10.0), (10.0, 90.0), renew_field(band)))
-    assert zone.geom_type == "MultiPolygon"
-    assert not zone.is_empty
+    # The overpowered cells begin at x = 50, and so does an island among them.
+    chart = renew.Chart(box(0, 0, 100, 100), [box(50, 20, 101, 80)])
+    plan = renew.plan(chart, stream, PAPER_VESSEL, (10, 10), (10, 90), classes=1)
+    assert plan.overpowering.geom_type == "MultiPolygon"
+    assert plan.overpowering.bounds == pytest.approx((50, 0, 100, 100))
+    assert plan.overpowering.area == pytest.approx(2 * 50 * 20)
 
 
 def test_islands_keep_their_numbers() -> None:
