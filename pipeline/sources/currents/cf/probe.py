@@ -13,6 +13,8 @@ from functools import lru_cache
 from signal import Signals
 from typing import TYPE_CHECKING, Any
 
+from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -57,8 +59,6 @@ def _fatal_versions(
 
 def _run(files: tuple[Path, ...]) -> ProcessResult:
     """Open files in a process."""
-    from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
-
     cpu_s = _START_CPU_S + _FILE_CPU_S * len(files)
     return run_with_deadline(
         [sys.executable, "-m", __name__],

@@ -1,0 +1,62 @@
+"""Files on which the HDF5 library hangs or crashes are found in a process of their own."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.sources.currents.cf import probe
+from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from tests.pipeline.sources.currents.cf.sample_files import SEA
+from tests.pipeline.synthetic_currents import dataset, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# In place of the probe: does to each file what its name says.
+STAND_IN = """
+import os, signal, sys, time
+for i, name in enumerate(sys.stdin.read().splitlines()[1:]):
+    print(i, file=sys.stderr, flush=True)
+    if "hang" in name:
+        time.sleep(60)
+    if "crash" in name:
+        os.kill(os.getpid(), signal.SIGSEGV)
+"""
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Put a script in the probe's place: no file is known to crash every version of a library."""
+    script = tmp_path / "stand_in.py"
+    script.write_text(STAND_IN)
+    run = run_with_deadline
+
+    def run_script(command: list[str], stdin: str, deadline_s: float) -> object:
+        assert command == [sys.executable, "-m", "pipeline.sources.currents.cf.probe"]
+        return run([sys.executable, str(script)], stdin, deadline_s)
+
+    monkeypatch.setattr(probe, "run_with_deadline", run_script)
+    monkeypatch.setattr(probe, "_START_S", 1.0)
+    monkeypatch.setattr(probe, "_FILE_S", 0.1)
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_each_fatal_file_is_named_and_the_others_are_not(tmp_path: Path) -> None:
+    names = ("a.nc", "crash.nc", "b.nc", "hang.nc", "crash-too.nc", "c.nc")
+    files = [tmp_path / name for name in names]
+    for file in files:
+        file.touch()
+    found = probe.fatal_files(files)
+    assert [file.name for file in found] == ["crash.nc", "hang.nc", "crash-too.nc"]
+    assert "the HDF5 library ends by SIGSEGV on it" in found[files[1]]
+    assert "the HDF5 library hangs on it; fetch it again" in found[files[3]]
+
+
+def test_whole_and_cut_files_are_left_to_the_reader(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole.nc", dataset(SEA))
+    cut = tmp_path / "cut.nc"
+    cut.write_bytes(whole.read_bytes()[:5000])
+    assert probe.fatal_files([whole, cut]) == {}
