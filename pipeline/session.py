@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import time
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,9 +81,10 @@ def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[S
     """
     output = folder_to_write(output, "--output")
     root, is_new = output / _ARTEFACTS, not output.exists()
-    store, started = Store(root, owner=name), time.time()
+    store, started = Store(root, owner=name), 0.0
     try:
         with _locks(root, name):
+            started = _now_in(root / f"{name}.lock")
             directory = output_directory(output, name)
             _remove_leftovers(directory, store)
             _refuse_other_origin(directory, store, origin)
@@ -115,6 +116,16 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
             remove_leftovers(output / hidden.name)
         remove_abandoned(root / DOWNLOADS)
         return prune(root, max_bytes=max_bytes, used_before=used_before)
+
+
+def _now_in(file: Path) -> float:
+    """Return the time by the clock of a file's file system, s since 1970.
+
+    It may be some milliseconds behind `time.time()`, and another machine's.
+    """
+    with _writing(file.parent):
+        os.utime(file)
+        return file.stat().st_mtime
 
 
 @contextlib.contextmanager
