@@ -6,14 +6,14 @@ are valid by themselves, so that one bad key hides no other fault.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.paths import expanded, working_directory
+from pipeline.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
@@ -25,6 +25,7 @@ from pipeline.scenario.strict import Point, looks_like_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 _POINT: TypeAdapter[Point] = TypeAdapter(Point)
@@ -146,7 +147,7 @@ def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
 def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     """Replace a scenario's chart by the user's file or folder."""
     chart = data.get("chart", {})
-    source = {"path": str(expanded(charts, "--charts").resolve())}
+    source = {"path": str(resolved(charts, "--charts"))}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
@@ -157,7 +158,7 @@ def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any
             ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
         )
     seasons = data.get("seasons")
-    paths = [str(expanded(file, "--currents").resolve()) for file in files]
+    paths = [str(resolved(file, "--currents")) for file in files]
     return {
         **data,
         "seasons": [
@@ -194,17 +195,16 @@ def _with_files(season: Season, folder: Path) -> Season:
 def _absolute(path: str, folder: Path) -> str:
     """Resolve a path, or a pattern of paths, relative to a folder or to the home folder (~)."""
     is_relative = not path.startswith(("~", "/"))
-    return str(expanded(folder / path if is_relative else path, "scenario").resolve())
+    return str(resolved(folder / path if is_relative else path, "scenario"))
 
 
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
-    """Find charts that do not exist."""
+    """Find charts that do not exist or can't be read."""
     for one in scenario.chart.source:
-        if one.path and not Path(one.path).exists():
-            yield (
-                f"chart.source = {one.path!r} does not exist; give a vector file, or a folder of "
-                "S-57 cells"
-            )
+        if one.path and (reason := unreadable_reason(one.path)):
+            remedy = "; give a vector file, or a folder of S-57 cells"
+            remedy = remedy if reason == NOT_THERE else ""
+            yield f"chart.source = '{shown(one.path)}' {reason}{remedy}"
 
 
 def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
@@ -250,13 +250,12 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
         yield from _endpoints_outside_region(tables.region, tables.endpoints)
         yield from _uncovered_seasons(tables.region, tables.seasons)
     elif tables.plane is not None:
-        import shapely
-
-        for name, point in tables.endpoints.items():
-            distance = shapely.distance(tables.plane.shape, shapely.Point(point))
+        xmin, ymin, xmax, ymax = tables.plane.extent
+        for name, (x, y) in tables.endpoints.items():
+            distance = math.hypot(max(xmin - x, 0.0, x - xmax), max(ymin - y, 0.0, y - ymax))
             if distance > 0:
                 yield (
-                    f"{name} = {list(point)} lies {distance:.4g} m outside plane.extent "
+                    f"{name} = {[x, y]} lies {distance:.4g} m outside plane.extent "
                     f"{list(tables.plane.extent)}; move it inside or widen the extent"
                 )
 

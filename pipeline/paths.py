@@ -30,7 +30,7 @@ _MAX_SHOWN = 200
 def unreadable_reason(path: str | Path) -> str:
     """Say why a path is no file or folder that can be read, with the remedy; empty when it is."""
     name = os.fspath(path)
-    if reason := _unusable_name(name):
+    if reason := unusable_reason(name):
         return reason
     try:
         mode = Path(name).stat().st_mode
@@ -69,14 +69,17 @@ def expanded(path: str | Path, key: str) -> Path:
         It is relative, and the working directory is gone.
     """
     name = os.fspath(path)
-    if reason := _unusable_name(name):
+    if reason := unusable_reason(name):
         raise RequestError([f"{key}: {shown(name)} {reason}"])
-    try:
-        return working_directory() / Path(name).expanduser()
-    except RuntimeError:
-        raise RequestError(
-            [f"{key}: {shown(name)} names a home folder that does not exist; give the whole path"]
-        ) from None
+    return working_directory() / Path(name).expanduser()
+
+
+def resolved(path: str | Path, key: str) -> Path:
+    """Make a path absolute, without symbolic links; raises what `expanded` does.
+
+    A link that leads back to itself stays as it is: `unreadable_reason` says so.
+    """
+    return Path(os.path.realpath(expanded(path, key)))
 
 
 def working_directory() -> Path:
@@ -131,7 +134,7 @@ def shown(path: str | Path) -> str:
     return name if len(name) <= _MAX_SHOWN else f"{name[:_MAX_SHOWN]}…"
 
 
-def _unusable_name(name: str) -> str:
+def unusable_reason(name: str) -> str:
     """Say why a text can't be a path, with the remedy; empty when it can."""
     if "\0" in name:
         return "has a NUL character in its name; give the path of a file"
@@ -139,6 +142,10 @@ def _unusable_name(name: str) -> str:
         name.encode()
     except UnicodeEncodeError:
         return "has a name that is not UTF-8; rename it"
+    try:
+        Path(name).expanduser()
+    except RuntimeError:
+        return "names a home folder that does not exist; give the whole path"
     return ""
 
 

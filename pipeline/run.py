@@ -82,22 +82,24 @@ def run(
         return outcome
 
 
-def plan_scenario(
+@contextlib.contextmanager
+def planned_scenario(
     scenario: Scenario,
     output: Path,
     *,
     offline: bool = False,
     origin: Origin | None = None,
     on_event: EventHandler | None = None,
-) -> RunResult:
-    """Return a scenario's result without writing it: from an earlier run, or planned now.
+) -> Iterator[RunResult]:
+    """Give a scenario's result without writing it: from an earlier run, or planned now.
 
-    Takes and raises what `run` does; only the store is written to.
+    Takes and raises what `run` does; only the store is written to. In the block no other run
+    replaces the scenario's folder.
     """
     with session(scenario.name, output, origin) as held:
         options = _Options(offline=offline)
         staged = _StagedRun(scenario, held.directory, held.store, on_event or ignore, options)
-        return staged.run_stages()[0]
+        yield staged.run_stages()[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,17 @@ def _unsafe_notes(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]
         for row in evaluation.routes
         if row.rank == 1 and row.collisions
     )
+
+
+def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
+    """Say why seasons failed; those that failed for the same reason share a line."""
+    seasons: dict[str, list[str]] = {}
+    for plan in plans:
+        seasons.setdefault(plan.failure, []).append(repr(plan.season))
+    return [
+        f"season{'s' * (len(names) > 1)} {', '.join(names)}: {failure}"
+        for failure, names in seasons.items()
+    ]
 
 
 @dataclass
@@ -326,7 +339,7 @@ class _StagedRun:
             for name in (season.name for season in self.scenario.seasons)
         )
         if not any(plan.plan is not None for plan in plans):
-            reasons = [f"season {plan.season!r}: {plan.failure}" for plan in plans]
+            reasons = _reasons(plans)
             raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
         for plan in plans:
             self.timings[f"plan {plan.season}"] = plan.seconds

@@ -161,3 +161,16 @@ def test_make_targets_exist() -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
+    analyze, program = shutil.which("systemd-analyze"), shutil.which("env")
+    if analyze is None or program is None:
+        pytest.skip("needs systemd-analyze")
+    unit = tmp_path / "renew@.service"
+    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/service.md"))
+    assert found is not None
+    unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
+    command = [analyze, "verify", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pipeline.cli.finding import Finding
 from pipeline.paths import folder_to_write
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)

@@ -51,27 +51,39 @@ def scheduler(address: str | None, output: Path) -> Finding:
     what, address = "scheduler", address or dask.config.get("scheduler-address", None)
     if address is None:
         return Finding("ok", what, "none named; runs use the cores of this machine")
-    from distributed import Client
-
+    folder = str(folder_to_write(output, "--output"))
     try:
-        client = Client(address, timeout=NETWORK_S - 2, set_as_default=False)
-    except (OSError, ValueError) as error:
-        reason = " ".join(str(error).split())[:120]
+        answers = _worker_states(address, folder)
+    except Exception as error:  # noqa: BLE001 - libraries raise many kinds
+        reason = " ".join(str(error).split())[:120] or "no answer in time"
         detail = f"{address} does not answer ({reason})"
         return Finding("fault", what, detail, "check the address, and that it runs")
-    with client:
-        folder = str(folder_to_write(output, "--output"))
-        answers = client.run(worker_state, folder, on_error="return")
-        if not answers:
-            remedy = f"start workers with `dask worker {address}`"
-            return Finding("fault", what, f"{address} has no workers", remedy)
-        wrong = differences(worker_state(folder), answers)
+    if not answers:
+        remedy = f"start workers with `dask worker {address}`"
+        return Finding("fault", what, f"{address} has no workers", remedy)
+    wrong = differences(worker_state(folder), answers)
     if wrong:
         remedy = "install the same versions on all workers, and give them the output folder"
         return Finding("fault", what, f"{address}: {'; '.join(wrong)}"[:600], remedy)
     count = len(answers)
     text = f"{address} has {count} worker{'s' * (count > 1)} of this version"
     return Finding("ok", what, text)
+
+
+def _worker_states(address: str, folder: str) -> dict[str, object]:
+    """Ask a scheduler's workers for their states; any exception means that none answers in time."""
+    from distributed import Client
+
+    from pipeline.stages.scheduler_connection import quiet, scheduler_workers, within
+
+    def ask() -> dict[str, object]:
+        with Client(address, timeout=NETWORK_S, set_as_default=False) as client:
+            answers: dict[str, object] = client.run(worker_state, folder, on_error="return")
+            return answers
+
+    with quiet():
+        # Asked first: a client that can't connect prints a traceback when it is thrown away.
+        return within(NETWORK_S, ask) if scheduler_workers(address, NETWORK_S - 2) else {}
 
 
 def worker_state(folder: str) -> dict[str, str]:

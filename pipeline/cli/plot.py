@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, figure
-from pipeline.run import plan_scenario
+from pipeline.run import planned_scenario
 from pipeline.stages.write import output_directory, safe_name
 
 if TYPE_CHECKING:
@@ -76,30 +76,39 @@ def plot(
         Nothing could be planned, or the figures can't be written.
     """
     known = [season.name for season in scenario.seasons]
+    _refuse_unknown(seasons, known, scenario.name)
+    chosen = [name for name in known if not seasons or name in seasons]
+    # Saved in the block: a run that replaced the folder meanwhile would lose them.
+    with planned_scenario(
+        scenario, output, offline=offline, origin=origin, on_event=on_event
+    ) as result:
+        failures = {
+            entry.season: f"season {entry.season!r}: {entry.failure}"
+            for entry in result.plans
+            if entry.season in chosen and entry.failure
+        }
+        directory = output_directory(output.resolve(), scenario.name) / FOLDER
+        files = [
+            _save(
+                figure(result, name, kind),
+                directory / f"{safe_name(name)}-{kind.value}.{form.value}",
+            )
+            for name in chosen
+            if name not in failures
+            for kind in Kind.selected(tuple(kinds))
+        ]
+    return Drawn(directory, tuple(files), tuple(failures.values()))
+
+
+def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str) -> None:
+    """Refuse names of seasons that a scenario does not have."""
     faults = [
-        f"{scenario.name} has no season {name!r}: it has {', '.join(known)}"
+        f"{scenario} has no season {name!r}: it has {', '.join(known)}"
         for name in seasons
         if name not in known
     ]
     if faults:
         raise RequestError(faults)
-    result = plan_scenario(scenario, output, offline=offline, origin=origin, on_event=on_event)
-    chosen = [name for name in known if not seasons or name in seasons]
-    failures = {
-        entry.season: f"season {entry.season!r}: {entry.failure}"
-        for entry in result.plans
-        if entry.season in chosen and entry.failure
-    }
-    directory = output_directory(output.resolve(), scenario.name) / FOLDER
-    files = [
-        _save(
-            figure(result, name, kind), directory / f"{safe_name(name)}-{kind.value}.{form.value}"
-        )
-        for name in chosen
-        if name not in failures
-        for kind in Kind.selected(tuple(kinds))
-    ]
-    return Drawn(directory, tuple(files), tuple(failures.values()))
 
 
 def _save(drawing: Figure, path: Path) -> Path:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.strict import (
     FAULT_SEPARATOR,
@@ -201,8 +201,11 @@ class Scenario(StrictModel):
         description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
         examples=["usv-7m"],
     )
-    scale: Positive = Field(
+    # Below it memory grows as its inverse, by the length of the routes in vessel lengths.
+    scale: Number = Field(
         default=1.0,
+        ge=0.1,
+        le=1e6,
         description="True metres per planar metre: routes are planned in a plane shrunk by this, "
         "with speeds unchanged. Give true metres to a planar metre: 1 is the true scale.",
         json_schema_extra={"unit": "true m per planar m"},
@@ -247,6 +250,11 @@ class Scenario(StrictModel):
             for name in dict.fromkeys(names)
             if names.count(name) > 1
         ]
+        if self.plane is not None and self.plane.width_m * self.scale > MAX_PLANE_M:
+            faults.append(
+                f"has a plane of {self.plane.width_m * self.scale / 1000:,.0f} true km at scale = "
+                f"{self.scale:g}; {MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
+            )
         for season in self.seasons:
             if self.region is not None and not season.currents:
                 faults.append(

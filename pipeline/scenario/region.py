@@ -14,6 +14,7 @@ from pipeline.scenario.strict import (
     LonLat,
     NonNegative,
     Number,
+    PathText,
     Positive,
     SimpleRing,
     StrictModel,
@@ -22,6 +23,13 @@ from pipeline.scenario.strict import (
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
+
+
+def _refuse_empty(key: str, limits: tuple[float, float, float, float], remedy: str) -> None:
+    """Refuse limits [left, bottom, right, top] that hold nothing between them."""
+    left, bottom, right, top = limits
+    if not (left < right and bottom < top):
+        raise ValueError(f"has {key} {list(limits)}, which is empty: {remedy}")
 
 
 class Region(StrictModel):
@@ -55,12 +63,11 @@ class Region(StrictModel):
         if (self.bbox is None) == (self.polygon is None):
             raise ValueError("must have either 'bbox' or 'polygon'; give one of the two")
         if self.bbox is not None:
-            west, south, east, north = self.bbox
-            if not (west < east and south < north):
-                raise ValueError(
-                    f"has bbox {list(self.bbox)}, which is empty: west must be below east and "
-                    "south below north; across 180 degrees continue longitudes (170 to 190)"
-                )
+            remedy = (
+                "west must be below east and south below north; across 180 degrees continue "
+                "longitudes (170 to 190)"
+            )
+            _refuse_empty("bbox", self.bbox, remedy)
         return self
 
     @property
@@ -75,6 +82,8 @@ class Region(StrictModel):
 
 # Largest width and height of a plane, m: beyond it the earth is not flat.
 MAX_PLANE_M = 2e6
+# Least ratio of a plane's sides: the planner's grid of coordinates is a billionth of its diagonal.
+_MIN_RATIO = 1e-6
 
 
 class Plane(StrictModel):
@@ -100,17 +109,25 @@ class Plane(StrictModel):
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
         xmin, ymin, xmax, ymax = self.extent
-        if not (xmin < xmax and ymin < ymax):
+        _refuse_empty("extent", self.extent, "give [xmin, ymin, xmax, ymax]")
+        if self.width_m > MAX_PLANE_M:
             raise ValueError(
-                f"has extent {list(self.extent)}, which is empty: give [xmin, ymin, xmax, ymax]"
+                f"has extent {list(self.extent)}, {self.width_m / 1000:,.0f} km wide; a plane is "
+                f"at most {MAX_PLANE_M / 1000:,.0f} km wide: shrink it, or add a [region]"
             )
-        width_m = max(xmax - xmin, ymax - ymin)
-        if width_m > MAX_PLANE_M:
+        height_m = min(xmax - xmin, ymax - ymin)
+        if height_m < _MIN_RATIO * self.width_m:
             raise ValueError(
-                f"has extent {list(self.extent)}, {width_m / 1000:,.0f} km wide; a plane is at "
-                f"most {MAX_PLANE_M / 1000:,.0f} km wide: shrink it, or add a [region]"
+                f"has extent {list(self.extent)}, {height_m:.3g} m across; give it at least a "
+                "millionth of its longer side"
             )
         return self
+
+    @property
+    def width_m(self) -> float:
+        """The longer side of the extent, m."""
+        xmin, ymin, xmax, ymax = self.extent
+        return max(xmax - xmin, ymax - ymin)
 
     @property
     def shape(self) -> Polygon:
@@ -132,7 +149,7 @@ class ChartSource(StrictModel):
         "sources, or a path.",
         examples=["osm-land"],
     )
-    path: str = Field(
+    path: PathText = Field(
         default="",
         description="File or folder with the data; relative paths start at the scenario's folder. "
         "Give a vector file, or a folder of S-57 cells.",

@@ -7,7 +7,14 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
 
 from pipeline.scenario.period import Period, period
-from pipeline.scenario.strict import Integer, Name, Number, StrictModel, looks_like_path
+from pipeline.scenario.strict import (
+    Integer,
+    Name,
+    Number,
+    StrictModel,
+    looks_like_path,
+    usable_path,
+)
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 
@@ -64,11 +71,18 @@ def _as_files(given: object) -> object:
     return (given,) if isinstance(given, str) and looks_like_path(given) else given
 
 
+def _usable_files(given: str | tuple[str, ...]) -> str | tuple[str, ...]:
+    """Refuse texts that can't be paths; not inside the union, which adds a fault per member."""
+    return given if isinstance(given, str) else tuple(usable_path(text) for text in given)
+
+
 Valid = Annotated[str, AfterValidator(_valid_period)]
 Files = Annotated[tuple[str, ...], Field(min_length=1)]
 # A source by its name in the catalogue, or files that belong together by their paths or patterns.
 Currents = Annotated[
-    str | Files, BeforeValidator(_as_files, json_schema_input_type=str | list[str])
+    str | Files,
+    BeforeValidator(_as_files, json_schema_input_type=str | list[str]),
+    AfterValidator(_usable_files),
 ]
 
 

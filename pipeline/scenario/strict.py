@@ -9,6 +9,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
+from pipeline.paths import shown, unusable_reason
+
 # Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"
 
@@ -65,5 +67,13 @@ def looks_like_path(text: str) -> bool:
     return bool(set(text) & set("/\\.~"))
 
 
+def usable_path(text: str) -> str:
+    """Refuse a text that can't be a path."""
+    if reason := unusable_reason(text):
+        raise ValueError(f"= '{shown(text)}' {reason}")
+    return text
+
+
+PathText = Annotated[str, AfterValidator(usable_path)]
 SimpleRing = AfterValidator(_simple_polygon)
 Corners = Annotated[tuple[Point, ...], Field(min_length=3), SimpleRing]

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
-import concurrent.futures
 import contextlib
-import logging
-import threading
 import time
-import warnings
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
+from pipeline.stages.scheduler_connection import quiet, scheduler_workers, within
 from pipeline.stages.season_process import run_in_processes
 from pipeline.stages.season_task import Status, plan_and_evaluate, status_of
 from pipeline.storage.code_identity import code_hash
@@ -25,8 +21,6 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
     from pipeline.stages.season_task import SeasonTask
-
-ValueT = TypeVar("ValueT")
 
 # Number of retries: an error on one worker, say for lack of memory, need not happen on another.
 _RETRIES = 1
@@ -46,13 +40,14 @@ def run_on_scheduler(
 ) -> None:
     """Run tasks on a scheduler's workers: a worker that dies does not end the tasks of the others.
 
+    Where the scheduler or all workers die, the tasks that are not done have failed.
+
     Raises
     ------
     StageError
-        The scheduler can't be reached or has died, has no workers, or some can't do the work.
-        The results of tasks that were done are in the store.
+        The scheduler can't be reached, has no workers, or some can't do the work.
     """
-    with _quiet():
+    with quiet():
         cluster = _Cluster(address)
         cluster.wait_for_workers()
         with cluster.client() as client:
@@ -64,12 +59,25 @@ def run_on_scheduler(
             try:
                 while waiting:
                     for future in [future for future in waiting if future.done()]:
-                        on_status(cluster.status(future, waiting.pop(future)))
+                        status = cluster.status(future, waiting[future])
+                        del waiting[future]
+                        on_status(status)
                     cluster.check_alive()
                     time.sleep(_PAUSE_S)
+            except StageError as error:
+                for task in waiting.values():
+                    on_status(_status_without_scheduler(task, error))
             finally:
                 with contextlib.suppress(Exception):
-                    _within(_CLOSE_S, partial(client.cancel, list(waiting), force=True))
+                    within(_CLOSE_S, partial(client.cancel, list(waiting), force=True))
+
+
+def _status_without_scheduler(task: SeasonTask, error: StageError) -> Status:
+    """Return a task's status by the store: it may have been done before the scheduler died."""
+    result = task.result()
+    if result is None:
+        return Status(task.season, str(error), crashed=True)
+    return Status(task.season, result[0].failure, crashed=False)
 
 
 def plan_on_worker(task: SeasonTask) -> Status:
@@ -123,7 +131,7 @@ class _Cluster:
 
         connect = partial(Client, self._address, timeout=_ANSWER_S, set_as_default=False)
         try:
-            client = _within(2 * _ANSWER_S, connect)
+            client = within(2 * _ANSWER_S, connect)
         except Exception as error:
             raise StageError(
                 f"no Dask scheduler answers at {self._address!r} ({error}); {_REMEDY}"
@@ -132,7 +140,7 @@ class _Cluster:
             yield client
         finally:
             with contextlib.suppress(Exception):
-                _within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
+                within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
 
     def check_workers(self, client: Client, task: SeasonTask) -> None:
         """Refuse workers that can't do the work; one that does not answer is the scheduler's."""
@@ -140,7 +148,7 @@ class _Cluster:
             client.run, worker_fault, own_identity(), str(task.scene_path), on_error="return"
         )
         try:
-            answers = _within(_WORKERS_S, ask)  # they import what plans first
+            answers = within(_WORKERS_S, ask)  # they import what plans first
         except Exception as error:
             reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_S:g} s"
             raise StageError(
@@ -167,7 +175,7 @@ class _Cluster:
         ended: list[Status] = []
 
         def result() -> str:
-            ended.append(_within(_ANSWER_S, future.result))
+            ended.append(within(_ANSWER_S, future.result))
             return ""
 
         status = status_of(task.season, result)
@@ -188,7 +196,7 @@ class _Cluster:
     def _workers(self) -> bool:
         """Ask the scheduler whether it has workers."""
         self._asked = time.monotonic()
-        has_workers = bool(_within(_ANSWER_S, partial(asyncio.run, _identity(self._address))))
+        has_workers = bool(scheduler_workers(self._address, _ANSWER_S))
         self._answered = time.monotonic()
         if has_workers:
             self._had_workers = self._answered
@@ -208,55 +216,3 @@ class _Cluster:
             f"the Dask scheduler at {self._address!r} no longer answers; all seasons that were "
             "done are kept: start it and run again to continue, or leave --scheduler out"
         )
-
-
-async def _identity(address: str) -> dict[str, Any]:
-    """Ask a scheduler for its workers."""
-    from distributed import rpc
-    from distributed.security import Security
-
-    arguments = Security().get_connection_args("client")
-    scheduler = rpc(address, timeout=_ANSWER_S, connection_args=arguments)
-    try:
-        answer = await asyncio.wait_for(scheduler.identity(), _ANSWER_S)
-    finally:
-        await scheduler.close_rpc()
-    workers: dict[str, Any] = answer["workers"]
-    return workers
-
-
-def _within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
-    """Call a function that may never return: in a thread that is left behind past the limit."""
-    outcome: concurrent.futures.Future[ValueT] = concurrent.futures.Future()
-
-    def call() -> None:
-        try:
-            outcome.set_result(function())
-        except BaseException as error:  # noqa: BLE001 - raised again in the caller's thread
-            outcome.set_exception(error)
-
-    threading.Thread(target=call, daemon=True).start()
-    return outcome.result(timeout=seconds)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the library from writing its own log lines and warnings between this program's."""
-    import distributed
-
-    del distributed  # sets the levels of its loggers when it is imported
-    loggers = [
-        logging.getLogger(name)
-        for name in logging.root.manager.loggerDict
-        if name.partition(".")[0] in {"distributed", "tornado", "asyncio"}
-    ]
-    levels = [logger.level for logger in loggers]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL + 1)
-        try:
-            yield
-        finally:
-            for logger, level in zip(loggers, levels, strict=True):
-                logger.setLevel(level)

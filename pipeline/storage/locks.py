@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 # Time between two attempts, s.
 _PAUSE_S = 0.05
+# Number of times that the lock's folder may vanish while it is locked: others remove it at most
+# once each. More, and the file system has no room for it at all, as /proc has not.
+_MAX_VANISHED = 20
 
 
 @contextlib.contextmanager
@@ -37,15 +40,14 @@ def file_lock(path: Path, *, shared: bool = False, wait_s: float = 0.0) -> Itera
 
 def _acquire(path: Path, kind: int, wait_s: float) -> int | None:
     """Open and lock a file; None where others hold it still after the wait."""
-    deadline = time.monotonic() + wait_s
+    deadline, vanished = time.monotonic() + wait_s, 0
     while True:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        except FileNotFoundError:  # its folder was removed in between
-            continue
-        except FileExistsError:
-            if os.path.lexists(path.parent) and not path.parent.is_dir():
+        except (FileNotFoundError, FileExistsError):  # its folder was removed in between
+            vanished += 1
+            if vanished > _MAX_VANISHED:
                 raise
             continue
         try:

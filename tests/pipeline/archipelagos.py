@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import strategies as st
 
@@ -56,3 +57,6 @@ def atolls(draw: st.DrawFn) -> shapely.Polygon:
 
 
 archipelagos = st.lists(st.one_of(islets, islands, atolls()), min_size=1, max_size=12)
+
+# How many examples a property is tried on: each takes a large part of a second.
+EXAMPLES = pytest.mark.parametrize("examples", [10, pytest.param(150, marks=pytest.mark.slow)])

@@ -11,26 +11,13 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tests.pipeline.small_plane import small_plane
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 ROOT = Path(__file__).resolve().parents[2]
-# Planned in a second.
-QUICK = """
-schema_version = 1
-name = "quick"
-vessel = "paper-asv"
-start = [10, 50]
-goal = [90, 50]
-[plane]
-extent = [0, 0, 100, 100]
-obstacles = [[[40, 30], [60, 30], [60, 70], [40, 70]]]
-[[seasons]]
-name = "still"
-uniform = { u = 0.1 }
-[planner]
-classes = 1
-"""
+QUICK = small_plane("quick")
 _ISLANDS = ", ".join(
     f"[[{x}, {y}], [{x + 3}, {y}], [{x + 3}, {y + 3}], [{x}, {y + 3}]]"
     for x in range(8, 90, 12)
@@ -103,3 +90,17 @@ def descendants(pid: int) -> set[int]:
     while more := {one for one, parent in parents.items() if parent in found} - found:
         found |= more
     return found - {pid}
+
+
+def ends_within(process_id: int, seconds: float) -> bool:
+    """Whether a process ends in time; a zombie has ended."""
+    status = Path(f"/proc/{process_id}/stat")
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            if status.read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except FileNotFoundError:
+            return True
+        time.sleep(0.1)
+    return False

@@ -14,6 +14,7 @@ from pipeline.cli.main import app
 from pipeline.loading import load_scenario
 from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
+from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 
 if TYPE_CHECKING:
@@ -33,21 +34,7 @@ currents = ["embedded-palawan"]
 classes = 2
 """
 )
-PLANE = """
-schema_version = 1
-name = "plain"
-vessel = "paper-asv"
-start = [10, 50]
-goal = [90, 50]
-[plane]
-extent = [0, 0, 100, 100]
-obstacles = [[[40, 30], [60, 30], [60, 70], [40, 70]]]
-[[seasons]]
-name = "still"
-uniform = { u = 0.1 }
-[planner]
-classes = 2
-"""
+PLANE = small_plane("plain", classes=2)
 
 
 def run(folder: Path, text: str, output: Path | None = None) -> tuple[int, list[str]]:
@@ -107,7 +94,7 @@ def with_line(text: str, old: str, new: str) -> str:
         ("classes = 2", "risk = nan", ["planner.risk", "not finite", "0.05"]),
         ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "not a number", "0.05"]),
         ("classes = 2", "padding = -1", ["planner.padding = -1", "'adaptive', 'none' or metres"]),
-        ("scale = 1000", "scale = 0", ["scale = 0", "not above 0", "1 is the true scale"]),
+        ("scale = 1000", "scale = 0", ["scale = 0", "below 0.1", "1 is the true scale"]),
         ("scale = 1000", "colour = 1", ["unknown key colour", "start"]),
         (
             "schema_version = 1",
@@ -162,6 +149,13 @@ def test_one_fault_gets_one_line_with_value_and_remedy(
             "extent = [0, 0, 100, 2000001]",
             ["plane has extent", "2,000 km wide", "shrink it"],
         ),
+        (
+            "extent = [0, 0, 100, 100]",
+            "extent = [0, 49.99999, 100, 50]",
+            ["plane has extent", "1e-05 m across", "at least a millionth"],
+        ),
+        ("[plane]", "scale = 20001\n[plane]", ["2,000 true km", "lower scale"]),
+        ("[plane]", "scale = 0.09\n[plane]", ["scale = 0.09", "below 0.1", "1 is the true"]),
     ],
 )
 def test_a_plane_beyond_its_limits(tmp_path: Path, old: str, new: str, said: list[str]) -> None:
@@ -241,6 +235,7 @@ def test_obstacles_that_leave_no_water(tmp_path: Path) -> None:
     assert "no water is left" in only(run(tmp_path, with_line(PLANE, old, everything)))
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_failed_season_exits_with_1_and_the_other_is_written(tmp_path: Path) -> None:
     seasons = "uniform = { u = 0.1 }\n[[seasons]]\nname = 'storm'\nuniform = { v = 2.0 }"
     code, lines = run(tmp_path, with_line(PLANE, "uniform = { u = 0.1 }", seasons))

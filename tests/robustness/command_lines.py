@@ -6,25 +6,13 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tests.pipeline.small_plane import small_plane
+
 if TYPE_CHECKING:
     import random
     from pathlib import Path
 
-_PLANE = """
-schema_version = 1
-name = "plain"
-vessel = "paper-asv"
-start = [10, 50]
-goal = [90, 50]
-[plane]
-extent = [0, 0, 100, 100]
-obstacles = [[[40, 30], [60, 30], [60, 70], [40, 70]]]
-[[seasons]]
-name = "still"
-uniform = { u = 0.1 }
-[planner]
-classes = 1
-"""
+_PLANE = small_plane("plain")
 _COMMANDS = ("run", "plot", "check", "show", "list", "doctor", "clean")
 _ODD_WORDS = (
     "",

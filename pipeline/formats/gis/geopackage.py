@@ -96,6 +96,7 @@ def _add_records(
             for layer in LAYERS
         ],
     )
+    records.put_dates(database, result.created)
     packed = project.qgz(result, map_view, columns, file_name)
     records.put_project(database, PROJECT, packed, result.created)
 

@@ -135,6 +135,14 @@ def put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, st
     )
 
 
+def put_dates(database: sqlite3.Connection, created: datetime) -> None:
+    """Date layers, styles and provenance by the run, so that the same run is the same file."""
+    stamp = (created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
+    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
+    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
+    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
+
+
 def put_project(database: sqlite3.Connection, name: str, packed: bytes, created: datetime) -> None:
     """Store a QGIS project as QGIS does: its .qgz in hexadecimal."""
     about = {"last_modified_time": created.strftime("%Y-%m-%dT%H:%M:%S"), "last_modified_user": ""}

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from tests.pipeline.processes import QUICK, ROOT, renew
+from tests.pipeline.small_region import small_region
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,12 +98,64 @@ def test_an_output_that_cannot_be_a_folder(
     assert set(tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("~nosuchuser/x", "home folder that does not exist"),
+        ("./a\0b", "NUL character"),
+        ("./" + "x" * 5000, "too long"),
+        ("./" + "x/" * 2500, "too long"),
+        ("/dev/null", "is a device"),
+        ("./pipe", "is a FIFO"),
+        ("./loop", "leads back to itself"),
+        ("./none", "does not exist"),
+    ],
+)
+@pytest.mark.parametrize("key", ["chart.source", "chart.source.path", "currents", "group"])
+def test_a_path_in_a_scenario_that_cannot_be_read(
+    tmp_path: Path, key: str, path: str, said: str
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    quoted, chart, currents = json.dumps(path), '"osm-land"', '"embedded-palawan"'
+    if key.startswith("chart"):
+        chart = quoted if key == "chart.source" else f"{{ path = {quoted} }}"
+    else:
+        currents = quoted if key == "currents" else f"[{quoted}]"
+    scenario = tmp_path / "odd.toml"
+    scenario.write_text(
+        f"{small_region('odd')}[chart]\nsource = {chart}\n[[seasons]]\nname = 'summer'\n"
+        f"valid = '2024-07'\ncurrents = [{currents}]\n"
+    )
+    for command in ("run", "check"):
+        code, line = refusal(command, str(scenario))
+        assert code == 2
+        assert said in line
+        assert len(line) < 400
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("~nosuchuser/x.nc", "home folder that does not exist"),
+        ("x" * 5000, "too long"),
+        ("\udcff.nc", "not UTF-8"),
+        ("/dev/null", "is a device"),
+        ("loop", "leads back to itself"),
+    ],
+)
 @pytest.mark.parametrize("option", ["--charts", "--currents"])
-def test_a_file_whose_home_does_not_exist(option: str, tmp_path: Path) -> None:
-    arguments = ("run", "palawan-season", "--output", str(tmp_path), option, "~nosuchuser/x.nc")
+def test_an_option_with_a_file_that_cannot_be_read(
+    option: str, path: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    arguments = ("run", "palawan-season", "--output", "outputs", option, path)
     code, line = refusal(*arguments)
     assert code == 2
-    assert "home folder that does not exist" in line
+    assert said in line
+    assert len(line) < 400
+    assert not (tmp_path / "outputs").exists()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
@@ -111,6 +164,13 @@ def test_a_read_only_output_is_the_machines_fault(quick: str, tmp_path: Path) ->
     code, line = refusal("run", quick, "--output", str(tmp_path / "locked"))
     assert code == 1
     assert "--output" in line
+
+
+def test_an_output_where_no_folder_can_be_made_is_the_machines_fault(quick: str) -> None:
+    """Linux refuses a folder in /proc as if the one above were missing."""
+    code, line = refusal("run", quick, "--output", "/proc/outputs")
+    assert code == 1
+    assert "choose another folder with --output" in line
 
 
 @pytest.mark.parametrize("command", ["run", "check"])
@@ -176,6 +236,7 @@ def test_a_refusal_says_from_when_the_files_are(quick: str, tmp_path: Path) -> N
     )
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_clean_says_what_it_freed(quick: str, tmp_path: Path) -> None:
     output = str(tmp_path / "outputs")
     assert CliRunner().invoke(app, ["run", quick, "--output", output]).exit_code == 0

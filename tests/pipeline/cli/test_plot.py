@@ -23,6 +23,8 @@ from tests.tree import tree
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from matplotlib.figure import Figure
+
     from pipeline.outcome import Event
     from pipeline.scenario.model import Scenario
 
@@ -139,6 +141,21 @@ def test_an_interrupted_figure_leaves_the_earlier_one_complete(
         plot(scenario(), output, kinds=(Kind.MESH,))
     assert tree(output) == whole
     assert imread(file).size
+
+
+def test_no_run_replaces_the_folder_while_figures_are_saved(
+    output: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = plot_module._save
+
+    def run_meanwhile(drawing: Figure, path: Path) -> Path:
+        with pytest.raises(StageError, match="another run of 'single-gyre'"):
+            run(scenario(title="Another"), output)
+        return save(drawing, path)
+
+    monkeypatch.setattr(plot_module, "_save", run_meanwhile)
+    (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
+    assert file.is_file()
 
 
 def invoke(*arguments: str) -> tuple[int, str, str]:

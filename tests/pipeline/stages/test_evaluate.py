@@ -59,7 +59,7 @@ def test_lengths_clearances_and_times_are_true_ones(
     evaluation = combine_seasons([evaluate_season(scene, plan, SCALE, seed=0)])
     assert plan.plan is not None
     assert len(evaluation.routes) == len(plan.plan.routes) == 2
-    coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.002))
+    coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.005))
     for row, route in zip(evaluation.routes, plan.plan.routes, strict=True):
         path = shapely.segmentize(shapely.LineString(route.path), 0.5)
         lonlat = scene.projection.to_lonlat(shapely.get_coordinates(path))

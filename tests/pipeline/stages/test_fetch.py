@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.loading import load_scenario
 from pipeline.model import PassedOver
-from pipeline.run import plan_scenario
+from pipeline.run import planned_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from pipeline.storage.store import Store
@@ -35,8 +35,8 @@ def scenario(summer: list[str], winter: list[str]) -> Scenario:
 def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> None:
     """Summer prefers the source that winter only falls back to."""
     asked = scenario([EMBEDDED], [SERVICE, EMBEDDED])
-    result = plan_scenario(asked, across_outputs, offline=True)
-    summer, winter = result.fetched.currents
+    with planned_scenario(asked, across_outputs, offline=True) as result:
+        summer, winter = result.fetched.currents
     assert summer.credit.name == winter.credit.name
     assert not result.is_stand_in("summer")
     assert result.is_stand_in("winter")

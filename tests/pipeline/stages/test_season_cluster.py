@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import os
 import signal
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pipeline.outcome import Outcome
+    from pipeline.outcome import Event, Outcome
 
 
 @pytest.fixture(autouse=True)
@@ -100,7 +101,7 @@ def test_a_worker_plans_and_a_limit_ends_its_seasons(tmp_path: Path) -> None:
         with pytest.raises(StageError) as caught:
             run_text(tmp_path, SLOW, address, limit_s=5)
         line = str(caught.value)
-        assert line.count("took longer than the limit of 5 s") == 2
+        assert line == "seasons 'first', 'second': took longer than the limit of 5 s"
         # The worker is free again.
         again = QUICK.replace("classes = 1", "classes = 2")
         assert run_text(tmp_path, again, address).exit_code == 0
@@ -125,6 +126,27 @@ def test_killed_in_the_middle_of_a_season(tmp_path: Path, killed: str) -> None:
     expected = "has had no workers" if killed == "worker" else "no longer answers; all seasons"
     assert expected in line
     assert list((tmp_path / "outputs").glob(".artefacts/project/*.artefact"))
+
+
+@pytest.mark.slow
+def test_a_season_that_was_done_before_the_scheduler_died_is_written(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.toml"
+    file.write_text(QUICK + '[[seasons]]\nname = "other"\nuniform = { v = 0.1 }\n')
+    with scheduler(tmp_path) as (process, address), worker(address) as working:
+
+        def end_all(event: Event) -> None:
+            if event.season and event.status == "done":
+                os.killpg(working.pid, signal.SIGKILL)
+                os.killpg(process.pid, signal.SIGKILL)
+
+        output = tmp_path / "outputs"
+        outcome = run(load_scenario(str(file)), output, scheduler=address, on_event=end_all)
+    assert outcome.exit_code == 1
+    (failure,) = outcome.failures
+    assert "no longer answers" in failure
+    (done,) = (plan.season for plan in outcome.plans if plan.plan)
+    with (output / "quick" / "metrics.csv").open(newline="") as rows:
+        assert {row["season"] for row in csv.DictReader(rows)} == {done}
 
 
 @pytest.mark.slow

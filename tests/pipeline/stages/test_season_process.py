@@ -26,6 +26,7 @@ def scenario(text: str) -> Scenario:
     return parse_scenario(tomllib.loads(text))
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_limit_that_is_not_reached_changes_nothing(tmp_path: Path) -> None:
     outcomes = [
         run(scenario(QUICK), tmp_path / "a", limit_s=300),
@@ -35,6 +36,7 @@ def test_a_limit_that_is_not_reached_changes_nothing(tmp_path: Path) -> None:
     assert outcomes[0].evaluation.routes == outcomes[1].evaluation.routes
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_season_past_its_limit_fails_and_the_others_are_written(tmp_path: Path) -> None:
     """The first season's plan lies in the store already."""
     both = scenario(SLOW.replace("classes = 9000", "classes = 1"))

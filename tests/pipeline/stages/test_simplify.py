@@ -16,7 +16,7 @@ from pipeline.errors import RequestError, StageError
 from pipeline.geo.projection import Projection
 from pipeline.sources.land.osm import land as osm_land
 from pipeline.stages.simplify import SimplifiedLand, check, simplify_land
-from tests.pipeline.archipelagos import EXTENT, PLANE, REGION, archipelagos, blob
+from tests.pipeline.archipelagos import EXAMPLES, EXTENT, PLANE, REGION, archipelagos, blob
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,94 +65,106 @@ def _assert_covers(
     assert shapely.covers(no_go, corners).all()
 
 
-@settings(max_examples=35)
-@given(
-    land=archipelagos,
-    gap=st.sampled_from([0.0, 300.0, 3000.0]),
-    tolerance=st.sampled_from([0.0, 150.0, 2000.0]),
-)
-def test_all_land_is_covered_by_fewer_vertices(
-    land: list[shapely.Polygon], gap: float, tolerance: float
-) -> None:
-    result = _run(land, close_gaps_m=gap, tolerance_m=tolerance)
-    _assert_covers(result, land, 60.0)
-    simplified = result.simplified
-    assert simplified.vertices == sum(
-        len(ring.coords) - 1 for p in simplified.polygons for ring in (p.exterior, *p.interiors)
+@EXAMPLES
+def test_all_land_is_covered_by_fewer_vertices(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(
+        land=archipelagos,
+        gap=st.sampled_from([0.0, 300.0, 3000.0]),
+        tolerance=st.sampled_from([0.0, 150.0, 2000.0]),
     )
-    assert simplified.tolerance_m == tolerance
-    assert (simplified.closed_gap_m, simplified.margin_m) == (gap, 60.0)
-
-
-@settings(max_examples=25)
-@given(land=archipelagos, budget=st.integers(8, 60))
-def test_the_budget_is_met_or_the_fault_says_which_one_is_enough(
-    land: list[shapely.Polygon], budget: int
-) -> None:
-    fault = ""
-    try:
-        result = _run(land, vertex_budget=budget)
-    except RequestError as error:
-        fault = str(error)
-    if fault:
-        assert f"chart.vertex_budget is {budget}" in fault
-        enough = int(fault.split("set it to ")[1].split(" ")[0])
-        assert enough > budget
-        result, budget = _run(land, vertex_budget=enough), enough
-    assert result.simplified.vertices <= budget
-    _assert_covers(result, land, 60.0)
-
-
-@settings(max_examples=35)
-@given(
-    land=archipelagos,
-    start=st.tuples(st.floats(0.01, 0.49), st.floats(0.01, 0.49)),
-    goal=st.tuples(st.floats(0.01, 0.49), st.floats(0.01, 0.49)),
-    budget=st.sampled_from([60, 10_000]),
-)
-def test_start_and_goal_stay_in_one_body_of_water(
-    land: list[shapely.Polygon],
-    start: tuple[float, float],
-    goal: tuple[float, float],
-    budget: int,
-) -> None:
-    endpoints = shapely.points(PLANE.to_plane([start, goal]))
-    original = PLANE.geometry_to_plane(shapely.union_all(shapely.make_valid(land)))
-    assume(shapely.distance(original, endpoints).min() > 1.0)
-    try:
-        result = _run(
-            land,
-            close_gaps_m=2000.0,
-            tolerance_m=800.0,
-            vertex_budget=budget,
-            endpoints=[start, goal],
+    def tried(land: list[shapely.Polygon], gap: float, tolerance: float) -> None:
+        result = _run(land, close_gaps_m=gap, tolerance_m=tolerance)
+        _assert_covers(result, land, 60.0)
+        simplified = result.simplified
+        assert simplified.vertices == sum(
+            len(ring.coords) - 1 for p in simplified.polygons for ring in (p.exterior, *p.interiors)
         )
-    except RequestError:
-        reject()
-    _assert_covers(result, land, 0.0)
-    water = shapely.get_parts(EXTENT.difference(shapely.union_all(_planar(result))))
-    holds = shapely.intersects(water[:, None], endpoints)
-    assert holds.any(axis=0).all()
-    # Passages too narrow for the margin on both sides do not count.
-    wide = shapely.get_parts(EXTENT.difference(original.buffer(2 * (60 + 0.1 * 800))))
-    if shapely.intersects(wide[:, None], endpoints).all(axis=1).any():
-        assert holds.all(axis=1).any()
+        assert simplified.tolerance_m == tolerance
+        assert (simplified.closed_gap_m, simplified.margin_m) == (gap, 60.0)
+
+    tried()
 
 
-@settings(max_examples=25)
-@given(land=archipelagos)
-def test_simplifying_again_changes_little(land: list[shapely.Polygon]) -> None:
-    once = _run(land)
-    again = _run(once.simplified.polygons, margin_m=0.0)
-    assert again.simplified.vertices <= once.simplified.vertices + 8
-    # Each pass may move the coast by the tolerance, but the first one removes most vertices. Beyond
-    # the region's edge neither pass has to cover the other's land.
-    before, after = (
-        shapely.area(shapely.intersection(_planar(result), EXTENT)).sum()
-        for result in (once, again)
+@EXAMPLES
+def test_the_budget_is_met_or_the_fault_says_which_one_is_enough(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(land=archipelagos, budget=st.integers(8, 60))
+    def tried(land: list[shapely.Polygon], budget: int) -> None:
+        fault = ""
+        try:
+            result = _run(land, vertex_budget=budget)
+        except RequestError as error:
+            fault = str(error)
+        if fault:
+            assert f"chart.vertex_budget is {budget}" in fault
+            enough = int(fault.split("set it to ")[1].split(" ")[0])
+            assert enough > budget
+            result, budget = _run(land, vertex_budget=enough), enough
+        assert result.simplified.vertices <= budget
+        _assert_covers(result, land, 60.0)
+
+    tried()
+
+
+@EXAMPLES
+def test_start_and_goal_stay_in_one_body_of_water(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(
+        land=archipelagos,
+        start=st.tuples(st.floats(0.01, 0.49), st.floats(0.01, 0.49)),
+        goal=st.tuples(st.floats(0.01, 0.49), st.floats(0.01, 0.49)),
+        budget=st.sampled_from([60, 10_000]),
     )
-    perimeter = shapely.length(_planar(once)).sum()
-    assert before <= after + 1 <= before + 1 + 400 * perimeter
+    def tried(
+        land: list[shapely.Polygon],
+        start: tuple[float, float],
+        goal: tuple[float, float],
+        budget: int,
+    ) -> None:
+        endpoints = shapely.points(PLANE.to_plane([start, goal]))
+        original = PLANE.geometry_to_plane(shapely.union_all(shapely.make_valid(land)))
+        assume(shapely.distance(original, endpoints).min() > 1.0)
+        try:
+            result = _run(
+                land,
+                close_gaps_m=2000.0,
+                tolerance_m=800.0,
+                vertex_budget=budget,
+                endpoints=[start, goal],
+            )
+        except RequestError:
+            reject()
+        _assert_covers(result, land, 0.0)
+        water = shapely.get_parts(EXTENT.difference(shapely.union_all(_planar(result))))
+        holds = shapely.intersects(water[:, None], endpoints)
+        assert holds.any(axis=0).all()
+        # Passages too narrow for the margin on both sides do not count.
+        wide = shapely.get_parts(EXTENT.difference(original.buffer(2 * (60 + 0.1 * 800))))
+        if shapely.intersects(wide[:, None], endpoints).all(axis=1).any():
+            assert holds.all(axis=1).any()
+
+    tried()
+
+
+@EXAMPLES
+def test_simplifying_again_changes_little(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(land=archipelagos)
+    def tried(land: list[shapely.Polygon]) -> None:
+        once = _run(land)
+        again = _run(once.simplified.polygons, margin_m=0.0)
+        assert again.simplified.vertices <= once.simplified.vertices + 8
+        # Each pass may move the coast by the tolerance, but the first one removes most vertices.
+        # Beyond the region's edge neither pass has to cover the other's land.
+        before, after = (
+            shapely.area(shapely.intersection(_planar(result), EXTENT)).sum()
+            for result in (once, again)
+        )
+        perimeter = shapely.length(_planar(once)).sum()
+        assert before <= after + 1 <= before + 1 + 400 * perimeter
+
+    tried()
 
 
 def test_the_result_depends_on_neither_order_nor_run() -> None:

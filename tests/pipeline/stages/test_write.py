@@ -94,6 +94,7 @@ def test_all_files_appear_and_nothing_else(result: RunResult, tmp_path: Path) ->
     assert {path.stat().st_mode for path in written} == {fresh.stat().st_mode}
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_second_run_replaces_the_first_and_spares_the_users_files(
     result: RunResult, tmp_path: Path
 ) -> None:
@@ -105,6 +106,7 @@ def test_a_second_run_replaces_the_first_and_spares_the_users_files(
     assert all(now[name] != earlier[name] for name in FILES)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_the_scenario_says_when_to_leave_and_which_rtz_the_plotter_reads(
     result: RunResult, tmp_path: Path
 ) -> None:
@@ -119,6 +121,7 @@ def test_the_scenario_says_when_to_leave_and_which_rtz_the_plotter_reads(
     assert "2026-07-01" not in (tmp_path / "winter.gpx").read_text()
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_files_of_a_season_that_is_no_longer_planned_go(result: RunResult, tmp_path: Path) -> None:
     write(result, tmp_path)
     (tmp_path / "spring.rtz").write_text("the user's own")
@@ -128,6 +131,7 @@ def test_files_of_a_season_that_is_no_longer_planned_go(result: RunResult, tmp_p
     assert {name for name in FILES if name.startswith("winter.")} & now == set()
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
     result: RunResult, tmp_path: Path
 ) -> None:
@@ -203,6 +207,7 @@ def test_no_permission_is_named(result: RunResult, tmp_path: Path) -> None:
         write(result, tmp_path / "locked" / "run")
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_geopackage_open_elsewhere_is_left_alone(result: RunResult, tmp_path: Path) -> None:
     """QGIS opens a GeoPackage with a write-ahead log; its changes must not meet another file."""
     (tmp_path / "run").mkdir()

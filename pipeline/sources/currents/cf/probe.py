@@ -13,13 +13,13 @@ from functools import lru_cache
 from signal import Signals
 from typing import TYPE_CHECKING, Any
 
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pipeline.sources.currents.copernicus.subprocess_deadline import ProcessResult
+    from pipeline.sources.currents.subprocess_deadline import ProcessResult
 
 # Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
 _START_S, _FILE_S = 60.0, 2.0

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import StageError
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
 from pipeline.sources.currents.copernicus.subset import NO_ANSWER
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -11,7 +11,7 @@ import os
 import sys
 
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 _VALID, _REFUSED, _UNREACHABLE = 0, 3, 4
 # Maximum length of the client's message in a fault, characters.

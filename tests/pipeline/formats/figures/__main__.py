@@ -11,7 +11,7 @@ from PIL import Image
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.season_map import overview_figure
 from pipeline.loading import load_scenario
-from pipeline.run import plan_scenario
+from pipeline.run import planned_scenario
 from tests.conftest import ROOT
 
 if TYPE_CHECKING:
@@ -48,9 +48,10 @@ PICTURES: dict[str, tuple[str, int, Callable[[RunResult], Figure]]] = {
 def draw(output: Path) -> None:
     """Draw all pictures, from results in an output folder, where missing ones are planned."""
     scenarios = {scenario for scenario, _, _ in PICTURES.values()}
-    results = {
-        name: plan_scenario(load_scenario(name), output, offline=True) for name in sorted(scenarios)
-    }
+    results = {}
+    for name in sorted(scenarios):
+        with planned_scenario(load_scenario(name), output, offline=True) as result:
+            results[name] = result
     for name, (scenario, dpi, drawing) in PICTURES.items():
         drawn = io.BytesIO()
         drawing(results[scenario]).savefig(drawn, format="png", dpi=dpi)

@@ -12,11 +12,13 @@ from matplotlib.image import imread
 from PIL import Image
 
 from pipeline.loading import load_scenario
-from pipeline.run import plan_scenario
+from pipeline.run import planned_scenario
 from tests.conftest import ROOT
 from tests.pipeline.formats.figures.__main__ import DOCS, PICTURES
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pipeline.formats.shared.result import RunResult
 
 MAX_BYTES = 300_000
@@ -38,10 +40,10 @@ def test_the_readme_shows_and_describes_every_picture() -> None:
 
 
 @pytest.fixture(scope="module")
-def gyre(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
-    return plan_scenario(
-        load_scenario("single-gyre"), tmp_path_factory.mktemp("gyre"), offline=True
-    )
+def gyre(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunResult]:
+    folder = tmp_path_factory.mktemp("gyre")
+    with planned_scenario(load_scenario("single-gyre"), folder, offline=True) as result:
+        yield result
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import time
 from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -284,6 +285,15 @@ def test_across_180_degrees_layers_are_continuous(result: RunResult, tmp_path: P
         )
     west, _, east, _ = layer(theirs, "no_go").total_bounds
     assert west < 180 < east
+
+
+def test_the_same_run_is_the_same_file(result: RunResult, tmp_path: Path) -> None:
+    for folder in ("first", "second"):
+        (tmp_path / folder).mkdir()
+        write_geopackage(result, tmp_path / folder / "routes.gpkg")
+        time.sleep(0.01)  # longer than the resolution of the dates in it
+    first, second = sorted(tmp_path.glob("*/routes.gpkg"))
+    assert first.read_bytes() == second.read_bytes()
 
 
 def test_names_with_a_meaning_in_sql_are_stored_as_text(result: RunResult, tmp_path: Path) -> None:

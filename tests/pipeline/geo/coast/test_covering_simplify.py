@@ -15,7 +15,7 @@ from pipeline.geo.coast.covering_simplify import (
     count_vertices,
     covering_simplify,
 )
-from tests.pipeline.archipelagos import PLANE, archipelagos, blob
+from tests.pipeline.archipelagos import EXAMPLES, PLANE, archipelagos, blob
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -23,23 +23,25 @@ if TYPE_CHECKING:
     Geometries = npt.NDArray[np.object_]
 
 
-@settings(max_examples=35)
-@given(land=archipelagos, tolerance=st.sampled_from([50.0, 500.0, 5_000.0]))
-def test_moves_only_add_land_within_the_tolerance(
-    land: list[shapely.Polygon], tolerance: float
-) -> None:
-    merged = shapely.union_all(PLANE.geometry_to_plane(shapely.make_valid(land)))
-    given_land = shapely.get_parts(merged.buffer(5))
-    result = covering_simplify(given_land, given_land, tolerance, 1.0, ProtectedWater())
-    assert len(result) == len(given_land)
-    assert count_vertices(result) <= count_vertices(given_land)
-    assert shapely.is_valid(result).all()
-    assert shapely.difference(given_land, result).shape == given_land.shape
-    assert shapely.area(shapely.difference(given_land, result)).max() < 1e-3
-    # The new coast, sampled ten times more densely than by the moves, is hardly further off.
-    coast = shapely.get_coordinates(shapely.segmentize(result, 30.0))
-    distance = shapely.distance(shapely.points(coast), shapely.union_all(given_land))
-    assert distance.max() <= 1.5 * tolerance
+@EXAMPLES
+def test_moves_only_add_land_within_the_tolerance(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(land=archipelagos, tolerance=st.sampled_from([50.0, 500.0, 5_000.0]))
+    def tried(land: list[shapely.Polygon], tolerance: float) -> None:
+        merged = shapely.union_all(PLANE.geometry_to_plane(shapely.make_valid(land)))
+        given_land = shapely.get_parts(merged.buffer(5))
+        result = covering_simplify(given_land, given_land, tolerance, 1.0, ProtectedWater())
+        assert len(result) == len(given_land)
+        assert count_vertices(result) <= count_vertices(given_land)
+        assert shapely.is_valid(result).all()
+        assert shapely.difference(given_land, result).shape == given_land.shape
+        assert shapely.area(shapely.difference(given_land, result)).max() < 1e-3
+        # The new coast, sampled ten times more densely than by the moves, is hardly further off.
+        coast = shapely.get_coordinates(shapely.segmentize(result, 30.0))
+        distance = shapely.distance(shapely.points(coast), shapely.union_all(given_land))
+        assert distance.max() <= 1.5 * tolerance
+
+    tried()
 
 
 def test_stops_at_the_given_number_of_vertices() -> None:

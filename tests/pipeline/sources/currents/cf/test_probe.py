@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from pipeline.sources.currents.cf import probe
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 from tests.pipeline.sources.currents.cf.sample_files import SEA
 from tests.pipeline.synthetic_currents import dataset, write
 

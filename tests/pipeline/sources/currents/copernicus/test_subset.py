@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from pipeline.sources.currents.copernicus.subset import AnswerLog
-from tests.pipeline.sources.currents.copernicus.processes import ends_within
+from tests.pipeline.processes import ends_within
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     )
     script = (
         "import sys\n"
-        "from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline\n"
+        "from pipeline.sources.currents.subprocess_deadline import run_with_deadline\n"
         f"run_with_deadline([sys.executable, '-c', {download!r}], '', 60)\n"
     )
     with subprocess.Popen([sys.executable, "-c", script]) as parent:

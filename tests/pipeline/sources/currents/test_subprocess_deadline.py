@@ -6,8 +6,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from pipeline.sources.currents.copernicus.subprocess_deadline import run_with_deadline
-from tests.pipeline.sources.currents.copernicus.processes import ends_within
+from pipeline.sources.currents.subprocess_deadline import run_with_deadline
+from tests.pipeline.processes import ends_within
 
 if TYPE_CHECKING:
     from pathlib import Path
