@@ -38,10 +38,11 @@ _MAX_EARLIER = 3
 def kernel(function: FunctionT) -> FunctionT:
     """Compile a function in nopython mode when it is first called; cached on disk.
 
-    Division by zero gives inf or NaN, as NumPy does. Under NUMBA_DISABLE_JIT=1 the function stays
+    Division by zero gives inf or NaN, as NumPy does. Other threads run on meanwhile, among them one
+    that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays
     as it is.
     """
-    compiled: Any = numba.njit(error_model="numpy")(function)
+    compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
@@ -99,7 +100,7 @@ def _name() -> str:
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel\n" in source:
+        if b"@kernel\n" in source or path == Path(__file__):
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + source)
     return f"kernels-{digest.hexdigest()[:16]}"
 

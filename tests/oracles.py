@@ -206,8 +206,12 @@ class _Water:
         land = shapely.union_all(np.array(chart.no_go, dtype=object))
         if clearance > 0:
             land = shapely.buffer(land, clearance, quad_segs=_QUAD_SEGMENTS)
+        # Legs may run along the extent's edge, but not between that and land that it cuts.
+        touches = shapely.intersects(land, chart.extent.exterior)
+        extent = shapely.buffer(
+            chart.extent, -2 * shrink if touches else shrink, join_style="mitre"
+        )
         land = shapely.buffer(land, -shrink, join_style="mitre")
-        extent = shapely.buffer(chart.extent, shrink, join_style="mitre")
         shapely.prepare(land)
         shapely.prepare(extent)
         return cls(extent, land)

@@ -25,12 +25,14 @@ class Channel:
     triangles : (n,) indices into the triangulation, none twice.
     left, right : (n - 1, 2) ends of the passing edges in metres, as seen when sailing along.
     word : the homotopy class's h-signature.
+    found_by : (m, 2) rough path of the class in metres, if a search found it by one.
     """
 
     triangles: IntArray
     left: FloatArray
     right: FloatArray
     word: Word
+    found_by: FloatArray | None = None
 
     @classmethod
     def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> Channel:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -23,15 +23,8 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.channel import Channel, Transition
 from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
-from renew.classes.k_best_chains import k_best_chains
-from renew.classes.portal_graph import (
-    COARSE,
-    FINE,
-    Density,
-    PortalGraph,
-    cost_to_go,
-    portal_graph,
-)
+from renew.classes.k_best_paths import RayColumns, Task, k_best_paths, time_to_go
+from renew.classes.roadmap import Roadmap, resolution_for, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.arguments import Order
@@ -43,8 +36,6 @@ from renew.inputs.voyage import Voyage
 _MAX_STEPS = 1_000_000
 # The same for the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
-# Number of triangles from which coarse nodes can't rank the classes: these differ by too little.
-_MANY_TRIANGLES = 1000
 
 
 class ClassEnumerator:
@@ -80,90 +71,66 @@ class ClassEnumerator:
                 voyage.goal,
             )
 
-    def channels(
-        self, count: int, blocked: Collection[Transition] = (), *, coarse: bool = False
-    ) -> list[Channel]:
-        """The first `count` channels, except those that make a blocked transition.
+    @cached_property
+    def sees_all(self) -> bool:
+        """Whether each class has one channel, and no passing edge is too narrow for any."""
+        is_narrow = (self._triangulation.free_widths(self._clearance) <= 0).any()
+        return not (self._rays.omits_small_islands or is_narrow)
 
-        With `coarse`, a class of several channels is given by any that is nearly its best.
-        """
+    def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
+        """The first `count` channels, except those that make a blocked transition."""
         if self._order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
-        excluded = self._excluded(blocked)
-        rows, words = self._coarse.k_best(count, excluded)
-        if not coarse and (self._rays.omits_small_islands or len(excluded) > _MANY_TRIANGLES):
-            # As many classes as the coarse nodes found: looking for more would take every step.
-            rows, words = self._fine.k_best(len(rows), excluded)
-        return [
-            Channel.of(self._triangulation, row, tuple(word.tolist()))
-            for row, word in zip(rows, words, strict=True)
-        ]
+        # Without rays all channels are one class, which needn't be looked for everywhere.
+        count = count if len(self._rays.x) else 1
+        rays = RayColumns(self._rays.x, self._rays.y, self._rays.island)
+        rows, paths = k_best_paths(
+            Task(self._roadmap, rays, self._excluded(blocked)), self._time_to_go, count, _MAX_STEPS
+        )
+        return [self._channel(row, path) for row, path in zip(rows, paths, strict=True)]
+
+    def _channel(self, row: IntArray, path: FloatArray | None = None) -> Channel:
+        """Channel of a row of triangles (n,), found by a path (m, 2)."""
+        channel = Channel.of(self._triangulation, row)
+        middle = channel.midline(self._voyage.start, self._voyage.goal)
+        return replace(channel, word=self._rays.word(middle), found_by=path)
 
     def _depth_first(self, blocked: frozenset[Transition]) -> Iterator[Channel]:
         """Simple paths of the dual graph as a depth-first search meets them (the paper's order)."""
         if self._first == self._last:  # networkx yields nothing then
-            yield Channel.of(self._triangulation, np.array([self._first]))
+            yield self._channel(np.array([self._first]))
             return
         seen: set[Word] = set()
         for row in simple_paths(
             self._triangulation, self._first, self._last, _MAX_DEPTH_FIRST_STEPS
         ):
-            channel = Channel.of(self._triangulation, np.array(row))
-            word = self._rays.word(channel.midline(self._voyage.start, self._voyage.goal))
-            if word not in seen and blocked.isdisjoint(channel.transitions):
-                seen.add(word)
-                yield replace(channel, word=word)
+            channel = self._channel(np.array(row))
+            if channel.word not in seen and blocked.isdisjoint(channel.transitions):
+                seen.add(channel.word)
+                yield channel
 
     @cached_property
-    def _coarse(self) -> _Search:
-        """Search over few nodes."""
-        return self._search(COARSE)
-
-    @cached_property
-    def _fine(self) -> _Search:
-        """Search over many nodes."""
-        return self._search(FINE)
-
-    def _search(self, density: Density) -> _Search:
-        """Search over nodes of some density."""
-        graph = portal_graph(
+    def _roadmap(self) -> Roadmap:
+        """Nodes over the water, and legs."""
+        return roadmap(
             self._voyage,
             self._triangulation,
-            self._rays,
-            (self._first, self._last),
             self._voyage.table if self._order == "fuel" else STILL_WATER,
             clearance=self._clearance,
-            density=density,
+            resolution=resolution_for(self._voyage, self._triangulation),
         )
-        return _Search(graph, np.asarray(cost_to_go(graph, _none_excluded(self._triangulation))))
+
+    @cached_property
+    def _time_to_go(self) -> FloatArray:
+        """Least time (n,) in s from each node to the goal."""
+        return np.asarray(time_to_go(self._roadmap))
 
     def _excluded(self, blocked: Collection[Transition]) -> BoolArray:
         """Transitions as the compiled search takes them: (t, 4, 4)."""
         neighbours = self._triangulation.neighbours
-        excluded = _none_excluded(self._triangulation)
+        excluded = np.zeros((len(neighbours), 4, 4), dtype=bool)
         for before, triangle, after in blocked:
             beside = neighbours[triangle].tolist()
             entry, out = (beside.index(t) if t >= 0 else 3 for t in (before, after))
             excluded[triangle, entry, out] = True
         return excluded
-
-
-def _none_excluded(triangulation: Triangulation) -> BoolArray:
-    """No transition excluded: (t, 4, 4)."""
-    return np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-
-
-@dataclass(frozen=True)
-class _Search:
-    """A graph of nodes, and the cost to go of each (n,), s, where nothing is blocked."""
-
-    graph: PortalGraph
-    unblocked_cost: FloatArray
-
-    def k_best(self, count: int, excluded: BoolArray) -> tuple[list[IntArray], list[IntArray]]:
-        """Rows of triangles, and their words, of the quickest chains."""
-        cost = (
-            np.asarray(cost_to_go(self.graph, excluded)) if excluded.any() else self.unblocked_cost
-        )
-        rows, words = k_best_chains(self.graph, cost, excluded, count, _MAX_STEPS)
-        return rows, words

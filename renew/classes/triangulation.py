@@ -64,6 +64,14 @@ class Triangulation:
         ends[self.edge_vertices(*np.nonzero(self.hazardous))] = True
         return ends
 
+    def free_widths(self, clearance: float) -> FloatArray:
+        """Lengths (p,), m, of passing edges without `clearance` m at each of their ends on land."""
+        triangle, corner = np.nonzero(self.neighbours >= 0)
+        vertices = self.edge_vertices(triangle, corner)
+        a, b = self.vertices[vertices[:, 0]], self.vertices[vertices[:, 1]]
+        taken = clearance * self.on_land[vertices].sum(axis=1)
+        return np.asarray(np.linalg.norm(b - a, axis=1) - taken)
+
     def open_outline(self, triangles: IntArray) -> FloatArray:
         """Outer edges (w, 2, 2) of some triangles, but for constrained ones, in metres."""
         inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last for "none", -1

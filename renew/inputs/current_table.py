@@ -20,6 +20,8 @@ _TOLERANCE = 1e-3
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
 _MIN_CELLS, _MAX_CELLS = 64, 1024
+# Number of nodes a side above which a current has small eddies: about eight along the side.
+_SMALL_EDDIES = 300
 # Ratio of a table's error to that of the coarser one before, above which refining stops: in a
 # smooth field it is a quarter, so a field in which it is more has a step.
 _MAX_ERROR_RATIO = 0.5
@@ -46,6 +48,11 @@ class Table(NamedTuple):
     def strongest(self) -> float:
         """Strongest current (m/s): between nodes it is no stronger than at the strongest."""
         return float(np.linalg.norm(self.uv, axis=-1).max())
+
+    @property
+    def has_small_eddies(self) -> bool:
+        """Whether the current turns so often that it takes many nodes to reproduce it."""
+        return max(len(self.x), len(self.y)) > _SMALL_EDDIES
 
     @property
     def is_fine(self) -> bool:

@@ -33,6 +33,25 @@ class PaddedEdges:
     def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
         """The same, with the padding of some constrained edges larger by `by` metres each."""
         extra = np.zeros(len(self.edge))
-        order = np.argsort(self.edge)
+        order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
         return PaddedEdges(self.start, self.end, self.padding + extra, self.edge)
+
+    def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
+        """The same, with the parts of edges within reach (m) of places (n, 2) padded more.
+
+        By how much more is said for each place, (n,) metres.
+        """
+        distance = segment_distance(places[:, None], self.start, self.end)
+        place, edge = np.nonzero(distance < reach)
+        axis = self.end[edge] - self.start[edge]
+        square = (axis * axis).sum(axis=1)
+        middle = ((places[place] - self.start[edge]) * axis).sum(axis=1) / square
+        half = reach / np.sqrt(square)
+        low, high = np.clip([middle - half, middle + half], 0.0, 1.0)
+        return PaddedEdges(
+            np.concatenate([self.start, self.start[edge] + low[:, None] * axis]),
+            np.concatenate([self.end, self.start[edge] + high[:, None] * axis]),
+            np.concatenate([self.padding, self.padding[edge] + by[place]]),
+            np.concatenate([self.edge, self.edge[edge]]),
+        )

@@ -16,10 +16,10 @@ from renew.kernels.ground_speed import Polar
 from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
 
-# Slack beyond V, as a share of v/ω (7 cm for the paper's vessel), that a path keeps while it is
+# Slack beyond V, as a share of v/ω (3 cm for the paper's vessel), that a path keeps while it is
 # planned: so points closer than that to the line past them can be dropped, and corners be rounded,
 # without touching V.
-SLACK = 0.04
+SLACK = 0.02
 
 
 @dataclass(frozen=True)

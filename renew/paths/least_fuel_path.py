@@ -58,34 +58,48 @@ _WIDE = tuple(
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
 )
 _NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
+# The same where eddies are small: the path bends more often.
+_NARROW_IN_EDDIES = (*_NARROW[:3], *(one._replace(spacing=1 / 160) for one in _NARROW[3:]))
 # A point (x, y) as x + iy, so that points can be looked up among others.
 _AS_COMPLEX = np.array([1, 1j])
 
 
-def rough_path(corridor: Corridor, *, bulging: bool = True) -> FloatArray:
-    """Path (n, 2) through the corridor that is close to the least-fuel one.
+def check_straits(corridor: Corridor) -> None:
+    """Refuse a corridor that V blocks; InfeasibleError names the strait."""
+    corridor.open_sections(_COARSE_SPACING * _midline_length(corridor), _COARSE_ANGLE)
+
+
+def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
+    """Path (n, 2) close to the least-fuel one, from a first one of its class that may touch V.
+
+    Post-condition: as of :func:`path_through_sections`, if there is such a path near.
+    """
+    return _refined(corridor, first, _WIDE)
+
+
+def path_through_sections(corridor: Corridor) -> FloatArray:
+    """Path (n, 2) within the channel that is roughly the least-fuel one.
 
     Post-condition: it enters V only around a start or goal inside it, and no leg of it runs where
-    the current is as strong as the vessel. Unless it may bulge, it keeps near its channel.
-    InfeasibleError says why there is none.
+    the current is as strong as the vessel. InfeasibleError says why there is none.
     """
-    midline = corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
-    length = _length(midline)
+    length = _midline_length(corridor)
     try:
-        path = _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
+        return _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
     except InfeasibleError as error:
         if error.strait is not None:
             raise
-        path = _through_sections(corridor, _SHORT_SPACING * length, _SHORT_ANGLE)
-    return _refined(corridor, path, _WIDE) if bulging else path
+        return _through_sections(corridor, _SHORT_SPACING * length, _SHORT_ANGLE)
 
 
 def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
     """Least-fuel path (n, 2) near a rough one, into which V may have grown since.
 
-    Post-condition: as of :func:`rough_path`. InfeasibleError where no way out of V is near.
+    Post-condition: as of :func:`path_through_sections`. InfeasibleError where no way out of V is
+    near.
     """
-    path = _refined(corridor, rough, _NARROW)
+    has_small_eddies = corridor.voyage.table.has_small_eddies
+    path = _refined(corridor, rough, _NARROW_IN_EDDIES if has_small_eddies else _NARROW)
     if not corridor.legs_clear(path).all():
         raise InfeasibleError("its path lies in V, and no path clear of V is near")
     return _thinned(corridor, path)
@@ -111,6 +125,11 @@ def _refined(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) ->
             path, window, one.points, longest, water.near(near), exempt[:, near].copy()
         )
     return path
+
+
+def _midline_length(corridor: Corridor) -> float:
+    """Length of the line through the middles of a channel's passing edges, m."""
+    return _length(corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal))
 
 
 def _length(path: FloatArray) -> float:

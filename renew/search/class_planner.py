@@ -21,13 +21,18 @@ from renew.kernels.ground_speed import Polar
 from renew.padding.padding_model import LAYERS, PaddingModel
 from renew.padding.policy import PaddingPolicy
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import refined_path, rough_path
+from renew.paths.least_fuel_path import (
+    check_straits,
+    path_near,
+    path_through_sections,
+    refined_path,
+)
 from renew.paths.random_chains import random_chains
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.harmonic_mean import harmonic_mean
 from renew.search.problem import Problem
-from renew.steering.steer_in_corridor import steer_in_corridor
+from renew.search.room_to_turn import steered_with_room
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import steerable
 
@@ -93,7 +98,7 @@ class ClassPlanner:
         edges = corridor.padded
         bare = replace(corridor, padded=replace(edges, padding=np.zeros(len(edges.edge))))
         try:
-            _, path = self._least_fuel_path(bare, bulging=True)
+            _, path = self._least_fuel_path(bare, _near_first)
         except InfeasibleError:
             return math.inf
         return self.problem.voyage.fuel(path)
@@ -117,25 +122,41 @@ class ClassPlanner:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
         if self._method.method == "sampled":
             return self._best_sample(corridor)
-        word, rays = corridor.channel.word, self.problem.rays
+        if near is None:
+            check_straits(corridor)
         first: InfeasibleError | None = None
+        best: _Found | None = None
         for attempt in self._attempts(corridor, near):
             try:
                 used, path = attempt()
-                if rays.word(path) != word:
-                    continue
-                path, trajectory = steer_in_corridor(path, used)
-                if rays.word(path) != word:
-                    continue
-                self._check_current(trajectory)
+                found = self._steered(corridor, used, path)
             except InfeasibleError as error:
                 if error.strait is not None:
                     raise
                 first = first or error
                 continue
-            fuel = self.problem.voyage.fuel(path)
-            return _Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
-        raise first or InfeasibleError("its least-fuel path slips into another class")
+            if best is None or found.fuel < best.fuel:
+                best = found
+            if found.corridor.padded is used.padded:
+                break
+            # Room had to be made to turn in: another way may need less of it.
+        if best is None:
+            raise first or InfeasibleError("no path was found")
+        return best
+
+    def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> _Found:
+        """A path (n, 2) of a class that was found in its corridor, or one with more padding."""
+        self._check_class(corridor, path)
+        used, path, trajectory = steered_with_room(used, path)
+        self._check_class(corridor, path)
+        self._check_current(trajectory)
+        fuel = self.problem.voyage.fuel(path)
+        return _Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
+
+    def _check_class(self, corridor: Corridor, path: FloatArray) -> None:
+        """Refuse a path (n, 2) that is not of a corridor's class."""
+        if self.problem.rays.word(path) != corridor.channel.word:
+            raise InfeasibleError("its least-fuel path slips into another class")
 
     def _attempts(
         self, corridor: Corridor, near: FloatArray | None
@@ -146,17 +167,20 @@ class ClassPlanner:
         speed polar: such paths can't be steered. The crab model's path then can.
         """
         polars = dict.fromkeys((corridor.polar, Polar(corridor.polar.speed, crab=True)))
+        ways = (_near_first, _bulging, path_through_sections)
         attempts: list[Callable[[], tuple[Corridor, FloatArray]]] = [
-            partial(self._least_fuel_path, replace(corridor, polar=polar), bulging=bulging)
-            for polar, bulging in itertools.product(polars, (True, False))
+            partial(self._least_fuel_path, replace(corridor, polar=polar), way)
+            for polar, way in itertools.product(polars, ways)
         ]
         if near is not None:
             attempts.insert(0, partial(_refined, corridor, near))
         return attempts
 
-    def _least_fuel_path(self, corridor: Corridor, *, bulging: bool) -> tuple[Corridor, FloatArray]:
-        """Least-fuel path (n, 2), and the corridor with the padding that its bulges need."""
-        rough = rough_path(corridor, bulging=bulging)
+    def _least_fuel_path(
+        self, corridor: Corridor, way: Callable[[Corridor], FloatArray]
+    ) -> tuple[Corridor, FloatArray]:
+        """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
+        rough = way(corridor)
         shortfall = self._growth.crossed_shortfall(corridor, rough)
         if shortfall is None:
             return _refined(corridor, rough)
@@ -164,7 +188,7 @@ class ClassPlanner:
         try:
             return _refined(corridor, rough)
         except InfeasibleError:
-            return _refined(corridor, rough_path(corridor, bulging=bulging))
+            return _refined(corridor, way(corridor))
 
     def _check_current(self, trajectory: FloatArray) -> None:
         """Refuse a trajectory through water whose current is as strong as the vessel."""
@@ -225,6 +249,19 @@ class ClassPlanner:
             starts_in_soft_no_go=len(padded.around(voyage.start).edge) > 0,
             ends_in_soft_no_go=len(padded.around(voyage.goal).edge) > 0,
         )
+
+
+def _near_first(corridor: Corridor) -> FloatArray:
+    """Rough path (n, 2) near the one by which the class was found."""
+    channel, voyage = corridor.channel, corridor.voyage
+    if channel.found_by is None:
+        return path_near(corridor, channel.midline(voyage.start, voyage.goal))
+    return path_near(corridor, channel.found_by)
+
+
+def _bulging(corridor: Corridor) -> FloatArray:
+    """Rough path (n, 2) near the best one within the channel."""
+    return path_near(corridor, path_through_sections(corridor))
 
 
 def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:

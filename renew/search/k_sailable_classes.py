@@ -42,14 +42,17 @@ def plan_classes(
     likely = problem.voyage.vessel.turning_radius if policy.is_adaptive else 0.0
     enumerator = problem.enumerator(max(policy.min_width, likely))
     blocked: set[Transition] = set()
+    seen_all = False
     for _ in range(_MAX_ROUNDS):
         known = len(blocked)
-        for channel in enumerator.channels(classes, blocked):
+        channels = enumerator.channels(classes, blocked)
+        for channel in channels:
             blocked |= results.add(channel)
-        if len(blocked) == known:
+        seen_all = known == 0 and enumerator.sees_all and len(channels) < classes
+        if len(blocked) == known or seen_all:
             break
-    if len(results.routes) < classes:
-        for channel in problem.enumerator(0.0).channels(classes, coarse=True):
+    if len(results.routes) < classes and not seen_all:
+        for channel in problem.enumerator(0.0).channels(classes):
             if channel.word not in results.rejected:
                 results.add(channel)
     routes = sorted(results.routes.values(), key=lambda route: route.fuel)

@@ -13,6 +13,7 @@ from renew.classes.overpowered_water import overpowered_water
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.inputs.arguments import Order
 from renew.inputs.voyage import Voyage
+from renew.paths.corridor import SLACK
 from renew.route import FuelBound
 from renew.turns.reach_bound import TurnReach
 
@@ -51,7 +52,8 @@ class Problem:
         return FuelBound(self.voyage)
 
     def enumerator(self, clearance: float) -> ClassEnumerator:
-        """Enumerate classes whose passing edges are crossed `clearance` m off land."""
+        """Enumerate classes by paths that keep about `clearance` m off land."""
+        slack = SLACK * self.voyage.vessel.turning_radius
         return ClassEnumerator(
-            self.voyage, self.triangulation, self.rays, self.order, clearance=clearance
+            self.voyage, self.triangulation, self.rays, self.order, clearance=clearance + slack
         )

@@ -59,14 +59,21 @@ def _steered(
             keep = ~_crowding(path, sharp, radius)
             corners = np.pad(keep, 1, constant_values=True)
             path = round_corners(path[corners], sharp[keep], radius[keep])
-    if not corridor.legs_clear(path).all():
-        raise InfeasibleError("the corridor is too narrow to round its corners in")
+    clear = corridor.legs_clear(path)
+    if not clear.all():
+        raise InfeasibleError(
+            "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
+        )
     trajectory = steer(path, field, vessel)
     track = trajectory[:, 1:3]
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
-    if not legs_are_clear(track[:-1], track[1:], land).all():
-        raise InfeasibleError("the corridor is too narrow to turn in: the track would touch land")
+    clear = legs_are_clear(track[:-1], track[1:], land)
+    if not clear.all():
+        raise InfeasibleError(
+            "the corridor is too narrow to turn in: the track would touch land near {0}",
+            track[clear.argmin()],
+        )
     return path, trajectory
 
 

@@ -13,7 +13,7 @@ from shapely import Polygon, box
 
 import renew
 from renew.errors import InfeasibleError
-from renew.paths.least_fuel_path import refined_path, rough_path
+from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor
 from tests.renew.paths.corridors import corridor_of
 from tests.renew.steering.motion import assert_sailable
@@ -42,7 +42,7 @@ def test_unpadded_corners_are_passed_closely_and_can_still_be_steered() -> None:
 def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding: Padding) -> None:
     chart, current, start, goal = random_scene(scene)
     corridor = corridor_of(voyage_on(chart, start, goal, current, "crab"), padding)
-    path = refined_path(corridor, rough_path(corridor))
+    path = refined_path(corridor, path_near(corridor, path_through_sections(corridor)))
     steered, trajectory = steer_in_corridor(path, corridor)
     assert_sailable(trajectory, current, start, goal)
     assert corridor.legs_clear(steered).all()
@@ -60,7 +60,7 @@ def test_a_passage_too_narrow_to_round_its_bend_in_is_refused() -> None:
     corridor = corridor_of(voyage_on(chart, (2.0, 11.1), (48.9, 58.0)), 0.9)
     path = np.array([[2.0, 11.1], [48.9, 11.1], [48.9, 58.0]])
     assert corridor.legs_clear(path).all()
-    with pytest.raises(InfeasibleError, match="too narrow to round its corners in"):
+    with pytest.raises(InfeasibleError, match=r"too narrow near .* to round its corners in"):
         steer_in_corridor(path, corridor)
 
 
@@ -70,6 +70,6 @@ def test_a_vessel_that_turns_too_slowly_for_its_corridor_is_refused() -> None:
         voyage_on(chart, (10.0, 50.0), (90.0, 50.0)), vessel=renew.Vessel(1, math.radians(0.5))
     )
     corridor = corridor_of(sluggish, 1.0)
-    path = refined_path(corridor, rough_path(corridor))
+    path = refined_path(corridor, path_near(corridor, path_through_sections(corridor)))
     with pytest.raises(InfeasibleError, match=r"too narrow|too close|to turn in"):
         steer_in_corridor(path, corridor)

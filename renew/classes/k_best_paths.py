@@ -1,0 +1,366 @@
+"""The k best paths of a roadmap with different words: one for each of the k best classes.
+
+The search is A* over pairs of (node, word so far), as in h-signature-augmented graphs
+(Bhattacharya, Likhachev & Kumar, 2012), with the exact time to go as its heuristic. A label that is
+no quicker than k others of the same node, each with another word, can't belong to the k best
+classes: these reach the goal by the same way on. So at most k words live at any node, however many
+islands there are.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.h_signature import is_crossed, rays_between
+from renew.classes.roadmap import (
+    GOAL,
+    MAX_CROSSED,
+    NONE_CROSSED,
+    SEVERAL_CROSSED,
+    START,
+    Mesh,
+    Roadmap,
+    crossed_edge,
+)
+from renew.kernels.capsules import Segment
+
+# A row of triangles that may not be: it enters a triangle twice, or makes a blocked transition.
+_IMPOSSIBLE, _UNKNOWN = -2, -1
+# From here downwards: a row that is still to be made; see `_followed`.
+_TO_BE_MADE = -3
+# A label that is not wanted.
+_BEATEN = -2
+# Number of triangles by which a path may bulge from where it leads on.
+_MAX_ASTRAY = 2
+# Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
+# classes are found long before such rows are looked at.
+_MAX_FLOODED = 1000
+# Number of labels, and of rows, that there is room for at first.
+_CAPACITY = 1024
+# Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
+# a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
+_BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
+
+
+class RayColumns(NamedTuple):
+    """The rays by which words are spelled; see :class:`renew.classes.h_signature.Rays`."""
+
+    x: FloatArray
+    y: FloatArray
+    island: IntArray
+
+
+class Task(NamedTuple):
+    """Where to search, and for which classes.
+
+    `blocked` (t, 4, 4) marks transitions that may not be made: a triangle, and the corners opposite
+    to the edges by which it is entered and left, 3 standing for start and goal.
+    """
+
+    graph: Roadmap
+    rays: RayColumns
+    blocked: BoolArray
+
+
+_Number = TypeVar("_Number", np.int64, np.float64)
+
+# Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
+# that the node had before, and whether it is settled. A node has one label for each word.
+_NODE, _ROW, _LABEL_WORD, _PARENT, _OLDER, _SETTLED = range(6)
+# Columns of rows of triangles, (r, 8): they are a tree, each is one triangle longer than its stem.
+# A row is reduced: a path that turns back through the edge by which it entered a triangle shortens
+# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY counts its last triangles
+# from which the goal can't be reached without turning back; the last three columns say which row it
+# becomes across each edge of its last triangle.
+_STEM, _TRIANGLE, _ENTRY, _WORD, _ASTRAY, _LONGER = range(6)
+
+
+class _Words(NamedTuple):
+    """All words met so far as a tree: word 0 is empty, each other one letter longer than its stem.
+
+    `longer` finds a word by the number of its stem and its last letter.
+    """
+
+    stem: list[int]
+    letter: list[int]
+    longer: dict[int, int]
+
+
+@kernel
+def time_to_go(graph: Roadmap) -> FloatArray:
+    """Least time (n,) in s from each node to the goal; inf where no legs lead there."""
+    time = np.full(len(graph.points), np.inf)
+    time[GOAL] = 0.0
+    done = np.zeros(len(time), dtype=np.bool_)
+    queue = [(0.0, GOAL)]
+    while queue:
+        now, node = heapq.heappop(queue)
+        if done[node]:
+            continue
+        done[node] = True
+        for leg in range(graph.first[node], graph.first[node + 1]):
+            other = graph.head[leg]
+            arrival = now + graph.back[leg]
+            if arrival < time[other]:
+                time[other] = arrival
+                heapq.heappush(queue, (arrival, other))
+    return time
+
+
+@kernel
+def k_best_paths(
+    task: Task, to_go: FloatArray, count: int, max_steps: int
+) -> tuple[list[IntArray], list[FloatArray]]:
+    """Rows of triangles, and paths (n, 2), m, of the `count` quickest with different words.
+
+    `to_go` (n,) is :func:`time_to_go`. No row has a triangle twice. The search gives up after
+    `max_steps`.
+    """
+    graph = task.graph
+    rows = np.full((_CAPACITY, _LONGER + 3), _UNKNOWN)
+    rows[0, :_LONGER] = -1, graph.triangle[START], 3, 0, 0
+    words = _Words([-1], [0], {0: 0})
+    labels, times = np.empty((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
+    labels[0] = START, 0, 0, -1, -1, 0
+    newest = np.full(len(graph.points), -1, dtype=np.int64)
+    newest[START] = 0
+    used, used_rows = 1, 1
+    # An empty list has no type for the compiler: it takes that of what is removed again.
+    found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+    found.clear()
+    paths.clear()
+    # Buckets of labels by their whole time: each holds its newest entry, which leads to older ones.
+    bucket, entries, at = np.full(_BUCKETS, -1), [(0, -1)], 0
+    bucket[0] = 0 if to_go[START] < np.inf else -1
+    for _ in range(max_steps):
+        at = _first_filled(bucket, at)
+        if at == _BUCKETS or len(found) == count:
+            break
+        label, bucket[at] = entries[bucket[at]]
+        node, row, now = labels[label, _NODE], labels[label, _ROW], times[label]
+        is_known, labels[label, _SETTLED] = labels[label, _SETTLED], 1
+        if not is_known and node == GOAL and _may_end(task, rows, row):
+            found.append(_row(rows, row))
+            paths.append(_path(graph, labels, label))
+        if is_known or node == GOAL:
+            continue
+        labels = _with_room(labels, used + graph.first[node + 1] - graph.first[node])
+        times = _with_room(times, len(labels))
+        for leg in range(graph.first[node], graph.first[node + 1]):
+            other, time = graph.head[leg], now + graph.time[leg]
+            within = graph.crossed[leg] == NONE_CROSSED
+            onwards = row if within else _followed(graph, rows, row, node, leg)
+            if onwards <= _TO_BE_MADE:
+                onwards, rows, used_rows = _after(task, words, rows, used_rows, row, node, leg)
+            if onwards < 0 or to_go[other] == np.inf:
+                continue
+            word = rows[onwards, _WORD]
+            noted = _known(labels, times, newest[other], word, time, count)
+            if noted == _BEATEN:
+                continue
+            if noted == _UNKNOWN:
+                noted, used = used, used + 1
+                labels[noted, _OLDER], newest[other] = newest[other], noted
+            labels[noted] = other, onwards, word, label, labels[noted, _OLDER], 0
+            times[noted] = time
+            late = math.log((time + to_go[other]) / to_go[START]) / _BUCKET_SIZE
+            place = min(max(int(late), at), _BUCKETS - 1)
+            entries.append((noted, bucket[place]))
+            bucket[place] = len(entries) - 1
+    return found, paths
+
+
+@kernel
+def _first_filled(bucket: IntArray, at: int) -> int:
+    """First of the buckets from one on that holds anything; their number, if none does."""
+    while at < len(bucket) and bucket[at] < 0:
+        at += 1
+    return at
+
+
+@kernel
+def _may_end(task: Task, rows: IntArray, row: int) -> bool:
+    """Whether the goal may be reached by the last triangle of a row, as that is entered."""
+    return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
+
+
+@kernel
+def _after(
+    task: Task, words: _Words, rows: IntArray, used: int, row: int, node: int, leg: int
+) -> tuple[int, IntArray, int]:
+    """Row after a leg from a node, negative where there can be none; all rows, and their number."""
+    onwards = _followed(task.graph, rows, row, node, leg)
+    while onwards <= _TO_BE_MADE:
+        rows = _with_room(rows, used + 1)
+        used += _lengthened(task, words, rows, _TO_BE_MADE - onwards, used)
+        onwards = _followed(task.graph, rows, row, node, leg)
+    return onwards, rows, used
+
+
+@kernel
+def _with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
+    """An array with room for so many rows: twice as many, where it is too small."""
+    while len(array) < size:
+        array = np.concatenate((array, np.full_like(array, _UNKNOWN)))
+    return array
+
+
+@kernel
+def _known(
+    labels: IntArray, times: FloatArray, label: int, word: int, time: float, count: int
+) -> int:
+    """Label of a word among `label` and those older, for a time to be noted in; if any.
+
+    None is wanted where that, or `count` others, are as quick.
+    """
+    quicker = 0
+    while label >= 0:
+        is_quicker = times[label] <= time
+        if labels[label, _LABEL_WORD] == word:
+            return _BEATEN if is_quicker or labels[label, _SETTLED] else label
+        quicker += is_quicker
+        label = labels[label, _OLDER]
+    return _BEATEN if quicker >= count else _UNKNOWN
+
+
+@kernel
+def _followed(graph: Roadmap, rows: IntArray, row: int, node: int, number: int) -> int:
+    """Row after a leg from a node, negative where there can be none.
+
+    _TO_BE_MADE, less three times a row and the edge that it is left by, where that is not known.
+    """
+    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
+    entry, last = -1, graph.triangle[other]
+    leg = Segment(
+        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
+    )
+    for _ in range(MAX_CROSSED):
+        triangle = rows[row, _TRIANGLE]
+        if triangle == last:
+            return row
+        if graph.crossed[number] == SEVERAL_CROSSED:
+            out, is_open = crossed_edge(mesh, triangle, entry, leg)
+            if not is_open:
+                break
+        entry = mesh.back[triangle, out]
+        after = rows[row, _LONGER + out] if out != rows[row, _ENTRY] else rows[row, _STEM]
+        if after < 0:
+            return _IMPOSSIBLE if after == _IMPOSSIBLE else _TO_BE_MADE - 3 * row - out
+        row = after
+    # A leg was followed one way when it was made; the other way rounding may lead it astray.
+    return _IMPOSSIBLE
+
+
+@kernel
+def _lengthened(task: Task, words: _Words, rows: IntArray, place: int, new: int) -> int:
+    """Make row number `new` of another by the triangle across an edge; how many were made.
+
+    None is made, and that noted, where the triangle may not be entered. `place` is three times the
+    row that is lengthened, and the corner opposite to the edge.
+    """
+    mesh, rays, last = task.graph.mesh, task.rays, task.graph.triangle[GOAL]
+    row, out = divmod(place, 3)
+    triangle = rows[row, _TRIANGLE]
+    after = mesh.neighbours[triangle, out]
+    is_possible = not task.blocked[triangle, rows[row, _ENTRY], out]
+    at = row
+    while is_possible and at >= 0:
+        is_possible = rows[at, _TRIANGLE] != after
+        at = rows[at, _STEM]
+    astray = 0 if _leads_on(mesh, rows, row, after, last) else rows[row, _ASTRAY] + 1
+    if not is_possible or astray > _MAX_ASTRAY:
+        rows[row, _LONGER + out] = _IMPOSSIBLE
+        return 0
+    # Any path through these triangles crosses the same rays: here from middle to middle.
+    ax, ay = _middle(mesh, triangle)
+    bx, by = _middle(mesh, after)
+    p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
+    x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
+    word = _appended(rays, words, rows[row, _WORD], Segment(ax, ay, x, y))
+    word = _appended(rays, words, word, Segment(x, y, bx, by))
+    rows[row, _LONGER + out] = new
+    rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
+    return 1
+
+
+@kernel
+def _leads_on(mesh: Mesh, rows: IntArray, row: int, triangle: int, last: int) -> bool:
+    """Whether the last triangle can be reached from one without those of a row."""
+    count = len(mesh.neighbours)
+    if count > _MAX_FLOODED or triangle == last:
+        return True
+    seen = np.zeros(count, dtype=np.bool_)
+    while row >= 0:
+        seen[rows[row, _TRIANGLE]] = True
+        row = rows[row, _STEM]
+    waiting = np.empty(count, dtype=np.int64)
+    waiting[0], size = triangle, 1
+    while size:
+        size -= 1
+        at = waiting[size]
+        for corner in range(3):
+            beside = mesh.neighbours[at, corner]
+            if beside == last:
+                return not seen[last]
+            if beside >= 0 and not seen[beside]:
+                seen[beside] = True
+                waiting[size] = beside
+                size += 1
+    return False
+
+
+@kernel
+def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
+    """Centroid of a triangle."""
+    corners = mesh.corners[triangle]
+    return (
+        (corners[0, 0] + corners[1, 0] + corners[2, 0]) / 3,
+        (corners[0, 1] + corners[1, 1] + corners[2, 1]) / 3,
+    )
+
+
+@kernel
+def _row(rows: IntArray, row: int) -> IntArray:
+    """Triangles of a row, from the start's on."""
+    triangles = [rows[row, _TRIANGLE]]
+    while rows[row, _STEM] >= 0:
+        row = rows[row, _STEM]
+        triangles.append(rows[row, _TRIANGLE])
+    return np.array(triangles[::-1], dtype=np.int64)
+
+
+@kernel
+def _path(graph: Roadmap, labels: IntArray, label: int) -> FloatArray:
+    """Points (n, 2) of a label's path."""
+    nodes = [labels[label, _NODE]]
+    while labels[label, _PARENT] >= 0:
+        label = labels[label, _PARENT]
+        nodes.append(labels[label, _NODE])
+    return graph.points[np.array(nodes[::-1], dtype=np.int64)]
+
+
+@kernel
+def _appended(rays: RayColumns, words: _Words, word: int, leg: Segment) -> int:
+    """Number of the word after a leg that follows a word."""
+    first, last, step = rays_between(rays.x, leg.ax, leg.bx)
+    for i in range(first, last, step):
+        if not is_crossed(rays.x[i], rays.y[i], leg):
+            continue
+        letter = step * rays.island[i]
+        if word and words.letter[word] == -letter:
+            word = words.stem[word]
+            continue
+        pair = word * (2 * len(rays.island) + 1) + letter
+        if pair not in words.longer:
+            words.stem.append(word)
+            words.letter.append(letter)
+            words.longer[pair] = len(words.stem) - 1
+        word = words.longer[pair]
+    return word

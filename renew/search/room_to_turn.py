@@ -1,0 +1,47 @@
+"""Room to turn in: padding where a path can't be steered, and the path planned again around it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import InfeasibleError
+from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import refined_path
+from renew.steering.steer_in_corridor import steer_in_corridor
+
+# Number of times that edges are padded more where a path can't be steered, by how much at first,
+# and how far around; both as shares of v/ω.
+_MAX_WIDENINGS, _WIDENING, _AROUND = 16, 0.15, 3.0
+
+
+def steered_with_room(
+    corridor: Corridor, path: FloatArray
+) -> tuple[Corridor, FloatArray, FloatArray]:
+    """Path (n, 2) and trajectory (m, 4) that can be steered, and the corridor with room for them.
+
+    A path without padding wraps corners so closely that there may be no room to round them: where
+    it can't be steered the edges around are padded, and it is refined again.
+    """
+    radius = corridor.voyage.vessel.turning_radius
+    used, places, widths = corridor, np.empty((0, 2)), np.empty(0)
+    first: InfeasibleError | None = None
+    for _ in range(_MAX_WIDENINGS):
+        try:
+            if first is not None:
+                path = refined_path(used, path)
+            return used, *steer_in_corridor(path, used)
+        except InfeasibleError as error:
+            first = first or error
+            if not error.places:
+                break
+            # Each place gets twice the room that it was given before.
+            place = error.places[0]
+            given = widths[np.linalg.norm(places - place, axis=1) < _AROUND * radius]
+            places = np.vstack([places, place])
+            widths = np.append(widths, max(2 * given.max(initial=0.0), _WIDENING * radius))
+            padded = corridor.padded.widened(places, widths, _AROUND * radius)
+            used = replace(corridor, padded=padded)
+    raise first or InfeasibleError("no attempt was made")

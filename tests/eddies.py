@@ -1,0 +1,132 @@
+"""Scenes with small eddies, with and without islands, and an oracle for them.
+
+The current is a sum of stream functions A sin(a π x / L + φ) sin(b π y / L + χ), so it has no
+divergence, as a sea's has nearly none; its peak is 0.85 of the vessel's speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+import renew
+from tests.oracles import grid_dijkstra, tighten
+from tests.strategies import PAPER_VESSEL
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+
+PEAK_M_S = 0.85
+"""Strongest current, m/s."""
+
+# Number of stream functions that are added.
+_TERMS = 6
+# Number of points a side on which the peak is found.
+_DENSE = 400
+# Spacing of the oracle's grid as a share of the square's side, and its stencil: 80 neighbours.
+_ORACLE_SPACING, _ORACLE_RADIUS = 1 / 200, 5
+
+
+@dataclass(frozen=True)
+class Eddies:
+    """A current as a plain function; each row of `terms` (t, 5) is A, a, φ, b, χ."""
+
+    side: float
+    terms: FloatArray
+    factor: float = 1.0
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2), m/s, at points (..., 2), m."""
+        strength, a, phase_x, b, phase_y = self.terms.T
+        x = a * np.pi / self.side * points[..., :1] + phase_x
+        y = b * np.pi / self.side * points[..., 1:] + phase_y
+        u = -(strength * b * np.sin(x) * np.cos(y)).sum(-1)
+        v = (strength * a * np.cos(x) * np.sin(y)).sum(-1)
+        return np.asarray(self.factor * np.stack([u, v], axis=-1))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What :func:`renew.plan` takes, m."""
+
+    chart: renew.Chart
+    current: Eddies
+    start: FloatArray
+    goal: FloatArray
+
+    def plan(self, **options: object) -> renew.Plan:
+        """Plan in the paper's vessel."""
+        return renew.plan(
+            self.chart,
+            self.current,
+            PAPER_VESSEL,
+            self.start,
+            self.goal,
+            **options,  # type: ignore[arg-type]
+        )
+
+    def oracle(self, clearance: float = 0.0) -> tuple[float, FloatArray]:
+        """Least fuel and path (n, 2) by a fine grid and string pulling."""
+        spacing = _ORACLE_SPACING * self.current.side
+        _, path = grid_dijkstra(
+            self.chart,
+            self.current,
+            PAPER_VESSEL,
+            self.start,
+            self.goal,
+            spacing,
+            clearance,
+            radius=_ORACLE_RADIUS,
+        )
+        return tighten(
+            path,
+            self.chart,
+            self.current,
+            PAPER_VESSEL,
+            clearance,
+            spacing=spacing,
+            width=2 * spacing,
+        )
+
+
+def eddies(rng: np.random.Generator, waves: int, side: float) -> Eddies:
+    """Eddies with up to `waves` half-waves along a side."""
+    low = max(1, waves // 3)
+    terms = np.column_stack(
+        [
+            rng.uniform(0.3, 1, _TERMS),
+            rng.integers(low, waves + 1, _TERMS),
+            rng.uniform(0, 2 * np.pi, _TERMS),
+            rng.integers(low, waves + 1, _TERMS),
+            rng.uniform(0, 2 * np.pi, _TERMS),
+        ]
+    )
+    terms[:, 0] /= np.hypot(terms[:, 1], terms[:, 3])
+    axis = np.linspace(0, side, _DENSE)
+    raw = Eddies(side, terms)
+    peak = np.linalg.norm(raw(np.stack(np.meshgrid(axis, axis), axis=-1)), axis=-1).max()
+    return Eddies(side, terms, PEAK_M_S / float(peak))
+
+
+def eddy_scene(seed: int, waves: int, islands: int, side: float = 200.0) -> Scene:
+    """Square of water with eddies and convex islands; start and goal in opposite corners."""
+    rng = np.random.default_rng([seed, waves, islands])
+    current = eddies(rng, waves, side)
+    start, goal = np.full(2, 0.1 * side), np.full(2, 0.9 * side)
+    land: list[Polygon] = []
+    while len(land) < islands:
+        centre = rng.uniform(0.12 * side, 0.88 * side, 2)
+        angle = np.sort(rng.uniform(0, 2 * np.pi, int(rng.integers(5, 9))))
+        radius = side * rng.uniform(0.03, 0.30 / np.sqrt(islands + 1))
+        island = shapely.convex_hull(
+            shapely.multipoints(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+        )
+        apart = 0.03 * side
+        near = [*land, shapely.Point(start), shapely.Point(goal)]
+        if island.area > 0.3 * radius**2 and shapely.distance(island, near).min() > apart:
+            land.append(island)
+    return Scene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)
