@@ -1,4 +1,4 @@
-"""Scenes with small eddies, with and without islands, and an oracle for them.
+"""Scenes with small eddies, islands or thin walls, and an oracle for them.
 
 The current is a sum of stream functions A sin(a π x / L + φ) sin(b π y / L + χ), so it has no
 divergence, as a sea's has nearly none; its peak is 0.85 of the vessel's speed.
@@ -6,12 +6,12 @@ divergence, as a sea's has nearly none; its peak is 0.85 of the vessel's speed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import Polygon, affinity, box
 
 import renew
 from tests.oracles import grid_dijkstra, tighten
@@ -22,6 +22,16 @@ if TYPE_CHECKING:
 
 PEAK_M_S = 0.85
 """Strongest current, m/s."""
+
+WAVES, ISLANDS = (4, 7, 10, 14, 20), (0, 1, 3, 8)
+SCENES = tuple(
+    (seed, waves, ISLANDS[seed // len(WAVES) % len(ISLANDS)], 1600.0 if waves == 20 else 200.0)
+    for seed, waves in ((seed, WAVES[seed % len(WAVES)]) for seed in range(40))
+)
+"""Forty scenes: seed, half-waves along a side, islands, side (m)."""
+
+# Thickness of a thin wall, and width of the gaps in a serpentine of them, m.
+_THICKNESS, _GAP = 3.0, 30.0
 
 # Number of stream functions that are added.
 _TERMS = 6
@@ -129,4 +139,34 @@ def eddy_scene(seed: int, waves: int, islands: int, side: float = 200.0) -> Scen
         near = [*land, shapely.Point(start), shapely.Point(goal)]
         if island.area > 0.3 * radius**2 and shapely.distance(island, near).min() > apart:
             land.append(island)
+    return Scene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)
+
+
+def walls(kind: str, seed: int) -> Scene:
+    """Thin walls on 200 m by 200 m: a "serpentine", a "comb", a "spiral" or a "bay"."""
+    side = 200.0
+    rng = np.random.default_rng([seed, sum(map(ord, kind))])
+    start, goal = np.array([15.0, 100.0]), np.array([185.0, 100.0])
+    land: list[Polygon] = []
+    if kind == "serpentine":
+        for i, x in enumerate(np.linspace(0, side, int(rng.integers(5, 8)))[1:-1]):
+            low, high = (0.0, side - _GAP) if i % 2 else (_GAP, side)
+            land.append(box(x - _THICKNESS / 2, low, x + _THICKNESS / 2, high))
+    elif kind == "comb":
+        for x in np.linspace(40, 160, int(rng.integers(3, 6))):
+            high, middle = rng.uniform(30, 65), rng.uniform(60, 140)
+            wall = box(x - _THICKNESS / 2, middle - high, x + _THICKNESS / 2, middle + high)
+            land.append(affinity.rotate(wall, rng.uniform(-23, 23)))
+    elif kind == "spiral":
+        turn = np.linspace(0.35, 1, 60)
+        angle = 3.2 * np.pi * turn + rng.uniform(0, 2 * np.pi)
+        line = 100 + 80 * turn[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        land.append(shapely.LineString(line).buffer(_THICKNESS / 2, quad_segs=2).simplify(0.2))
+        start, goal = np.array([100.0, 100.0]), np.array([195.0, 5.0])
+    else:
+        bay = box(60, 40, 150, 160).difference(box(59, 43, 147, 157))
+        land.append(affinity.rotate(bay, rng.uniform(0, 360), origin=(100, 100)))
+        start = np.array([100.0, 100.0])
+    current = eddies(rng, int(rng.integers(2, 7)), side)
+    current = replace(current, factor=current.factor / PEAK_M_S * rng.uniform(0.5, 0.9))
     return Scene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)

@@ -71,12 +71,12 @@ class StreamFunctionCurrent(renew.CurrentField):
 
 
 def random_scene(
-    seed: int, peak: float | None = None
+    seed: int, peak: float | None = None, islands: int = 7
 ) -> tuple[renew.Chart, StreamFunctionCurrent, FloatArray, FloatArray]:
     """Chart, current, start and goal of a random scene."""
     rng = np.random.default_rng([seed, 1])
     strongest = float(rng.uniform(0.3, 0.85)) if peak is None else peak
-    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed))
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, islands))
     current = StreamFunctionCurrent(seed, strongest)
     return chart, current, np.array([10.0, 10.0]), np.array([SIZE - 10, SIZE - 10])
 

@@ -28,14 +28,16 @@ from renew.paths.least_fuel_path import (
     refined_path,
 )
 from renew.paths.random_chains import random_chains
+from renew.paths.shortcuts import merged, with_shortcuts
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.harmonic_mean import harmonic_mean
 from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_with_room
-from renew.steering.trajectory import steer
 from renew.steering.turning_radius import steerable
 
+# Number of sampled chains, least fuel first, that are tried to be steered.
+_MAX_CHAINS = 60
 # Number of times that the padding of a class may grow before the class is given up.
 _MAX_GROWTHS = 8
 
@@ -203,7 +205,7 @@ class ClassPlanner:
             )
 
     def _best_sample(self, corridor: Corridor) -> _Found:
-        """Least-fuel chain of the paper's sampling, with the harmonic mean over its class."""
+        """Least-fuel chain of the paper's sampling, smoothed; the harmonic mean is its class's."""
         voyage, method = self.problem.voyage, self._method
         rng = np.random.default_rng([method.seed, *corridor.channel.triangles.tolist()])
         chains = random_chains(corridor, method.samples, rng)
@@ -219,9 +221,17 @@ class ClassPlanner:
         fuels = np.array([voyage.fuel(chain) for chain in chains])
         if not np.isfinite(fuels).any():
             raise InfeasibleError("the current is as strong as the vessel on every sampled chain")
-        path, fuel = chains[fuels.argmin()], float(fuels.min())
-        trajectory = steer(path, voyage.current, voyage.vessel)
-        return _Found(corridor, path, trajectory, fuel, harmonic_mean(fuels))
+        chains = chains[np.argsort(fuels)[:_MAX_CHAINS]]
+        smooth = [with_shortcuts(corridor, merged(corridor, chains))]
+        first: InfeasibleError | None = None
+        for path in (*smooth, *chains):
+            try:
+                found = self._steered(corridor, corridor, path)
+            except InfeasibleError as error:
+                first = first or error
+                continue
+            return found._replace(harmonic_mean=harmonic_mean(fuels))
+        raise first or InfeasibleError("no chain was found")
 
     def _route(self, found: _Found) -> Route:
         """Route with all its figures."""

@@ -15,6 +15,7 @@ from rich.table import Table
 from tests.bench import (
     archipelago_figures,
     chart_figures,
+    eddy_figures,
     fault_figures,
     output_figures,
     palawan_figures,
@@ -33,6 +34,9 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "sampled": planner_figures.sampled_method,
     "scenes": planner_figures.random_scenes,
     "times": planner_figures.times,
+    "eddies": eddy_figures.eddies,
+    "walls": eddy_figures.thin_walls,
+    "order": eddy_figures.order,
     "palawan": palawan_figures.figures,
     "islands": archipelago_figures.islands,
     "growth": archipelago_figures.growth,

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform
 
 import renew
+from tests.eddies import SCENES, eddy_scene, walls
 from tests.oracles import grid_dijkstra, tighten
 from tests.strategies import (
     PAPER_VESSEL,
@@ -242,3 +243,22 @@ def test_a_stronger_following_current_never_costs_more_fuel(
     assert fuels[0] == pytest.approx(160)
     # They may differ in either sense by as little as the table differs from the current.
     assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))
+
+
+# The eighth scene has an island and eddies of a fourteenth of the way.
+@pytest.mark.parametrize(
+    "spec", [SCENES[7], *(pytest.param(spec, marks=pytest.mark.slow) for spec in SCENES[8:40:3])]
+)
+def test_small_eddies_cost_no_fuel_beside_the_oracle(spec: tuple[int, int, int, float]) -> None:
+    waters = eddy_scene(*spec)
+    least, _ = waters.oracle()
+    assert waters.plan(padding="none", classes=4).best.fuel <= 1.002 * least
+
+
+@pytest.mark.parametrize("kind", ["serpentine", "comb", "spiral", "bay"])
+def test_thin_walls_leave_a_route_without_padding(kind: str) -> None:
+    for seed in range(4):
+        waters = walls(kind, seed)
+        best = waters.plan(padding="none", classes=2).best
+        track = shapely.LineString(best.trajectory[:, 1:3])
+        assert not track.intersects(waters.chart.hard_no_go.buffer(-1e-6))

@@ -37,8 +37,9 @@ def test_single_gyre_beats_the_published_route() -> None:
 
 def test_the_sampled_method_is_near_the_published_figure_on_the_single_gyre() -> None:
     fuels = [gyre_plan(method="sampled", seed=seed).best.fuel for seed in range(3)]
-    assert min(fuels) > 84.4
-    assert np.median(fuels) < 110
+    # The harmonic mean chooses the class whose least fuel is 97.4; published are 96.08, smoothed.
+    assert min(fuels) > 97.4
+    assert max(fuels) < 100.5
 
 
 def test_the_same_seed_gives_the_same_plan() -> None:
