@@ -131,7 +131,8 @@ def k_best_paths(
     labels[0] = START, 0, 0, -1, -1, 0
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
-    used, used_rows = 1, 1
+    count, rows, used_rows = _number_of_classes(task, words, rows, count)
+    used = 1
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     found.clear()
@@ -175,6 +176,33 @@ def k_best_paths(
             entries.append((noted, bucket[place]))
             bucket[place] = len(entries) - 1
     return found, paths
+
+
+@kernel
+def _number_of_classes(
+    task: Task, words: _Words, rows: IntArray, most: int
+) -> tuple[int, IntArray, int]:
+    """Number of rows to the goal, at most `most`: with the last one found the search may end.
+
+    Also all rows made for that, and how many these are. Among many triangles it isn't counted.
+    """
+    found, used, waiting = 0, 1, [0]
+    if len(task.graph.mesh.neighbours) > _MAX_FLOODED:
+        return most, rows, used
+    while waiting and found < most:
+        row = waiting.pop()
+        if rows[row, _TRIANGLE] == task.graph.triangle[GOAL]:
+            found += _may_end(task, rows, row)
+            continue
+        for out in range(3):
+            is_edge = task.graph.mesh.neighbours[rows[row, _TRIANGLE], out] >= 0
+            if is_edge and out != rows[row, _ENTRY]:
+                rows = _with_room(rows, used + 1)
+                if _lengthened(task, words, rows, 3 * row + out, used):
+                    if rows[used, _ASTRAY] == 0:
+                        waiting.append(used)
+                    used += 1
+    return found, rows, used
 
 
 @kernel
@@ -265,7 +293,7 @@ def _lengthened(task: Task, words: _Words, rows: IntArray, place: int, new: int)
     None is made, and that noted, where the triangle may not be entered. `place` is three times the
     row that is lengthened, and the corner opposite to the edge.
     """
-    mesh, rays, last = task.graph.mesh, task.rays, task.graph.triangle[GOAL]
+    mesh, rays = task.graph.mesh, task.rays
     row, out = divmod(place, 3)
     triangle = rows[row, _TRIANGLE]
     after = mesh.neighbours[triangle, out]
@@ -274,7 +302,7 @@ def _lengthened(task: Task, words: _Words, rows: IntArray, place: int, new: int)
     while is_possible and at >= 0:
         is_possible = rows[at, _TRIANGLE] != after
         at = rows[at, _STEM]
-    astray = 0 if _leads_on(mesh, rows, row, after, last) else rows[row, _ASTRAY] + 1
+    astray = 0 if _leads_on(task, rows, row, out) else rows[row, _ASTRAY] + 1
     if not is_possible or astray > _MAX_ASTRAY:
         rows[row, _LONGER + out] = _IMPOSSIBLE
         return 0
@@ -291,27 +319,34 @@ def _lengthened(task: Task, words: _Words, rows: IntArray, place: int, new: int)
 
 
 @kernel
-def _leads_on(mesh: Mesh, rows: IntArray, row: int, triangle: int, last: int) -> bool:
-    """Whether the last triangle can be reached from one without those of a row."""
+def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
+    """Whether the goal can be reached across an edge of a row without the row's triangles."""
+    mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
     count = len(mesh.neighbours)
-    if count > _MAX_FLOODED or triangle == last:
+    if count > _MAX_FLOODED:
         return True
-    seen = np.zeros(count, dtype=np.bool_)
+    # A triangle, and the edge by which it is entered, as 3 t + corner.
+    seen = np.zeros(3 * count, dtype=np.bool_)
+    waiting = np.empty(3 * count, dtype=np.int64)
+    triangle = rows[row, _TRIANGLE]
+    waiting[0], size = 3 * mesh.neighbours[triangle, out] + mesh.back[triangle, out], 1
     while row >= 0:
-        seen[rows[row, _TRIANGLE]] = True
+        triangle = rows[row, _TRIANGLE]
+        seen[3 * triangle : 3 * triangle + 3] = True
         row = rows[row, _STEM]
-    waiting = np.empty(count, dtype=np.int64)
-    waiting[0], size = triangle, 1
     while size:
         size -= 1
-        at = waiting[size]
+        triangle, entry = divmod(waiting[size], 3)
+        if triangle == last and not task.blocked[triangle, entry, 3]:
+            return True
         for corner in range(3):
-            beside = mesh.neighbours[at, corner]
-            if beside == last:
-                return not seen[last]
-            if beside >= 0 and not seen[beside]:
-                seen[beside] = True
-                waiting[size] = beside
+            beside = mesh.neighbours[triangle, corner]
+            if beside < 0 or corner == entry or task.blocked[triangle, entry, corner]:
+                continue
+            place = 3 * beside + mesh.back[triangle, corner]
+            if not seen[place]:
+                seen[place] = True
+                waiting[size] = place
                 size += 1
     return False
 

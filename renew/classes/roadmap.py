@@ -42,8 +42,9 @@ class Resolution(NamedTuple):
     reach: int
 
 
-# Number of cells in smooth currents, in small eddies, for each triangle, and at most.
-_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS = 1_600, 10_000, 30, 40_000
+# Number of cells in smooth currents, in small eddies, for each triangle, and at most; and that from
+# which legs lead in more directions.
+_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 10_000, 20, 40_000, 5_000
 # Number of gates on a passing edge that is shorter than this, in cells; longer ones have one, so
 # that legs lead wherever triangles do. Number of the nearest nodes that a gate is joined to, and
 # itself.
@@ -65,7 +66,7 @@ class Mesh(NamedTuple):
     """
 
     corners: FloatArray  # (t, 3, 2), m
-    neighbours: IntArray  # (t, 3)
+    neighbours: IntArray  # (t, 3), -1 across edges that are too narrow as well
     back: IntArray  # (t, 3): the corner of the neighbour that is opposite to the shared edge
     on_land: BoolArray  # (t, 3): whether that corner is
     hazardous: BoolArray  # (t, 3): whether the edge opposite to that corner lies on land
@@ -97,7 +98,7 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
     islands = min(_PER_TRIANGLE * len(triangulation.triangles), _MAX_CELLS)
     if voyage.table.has_small_eddies:
         return Resolution(max(_EDDIES, islands), 4)
-    return Resolution(max(_SMOOTH, islands), 2 if islands <= _SMOOTH else 3)
+    return Resolution(max(_SMOOTH, islands), 2 if islands < _MANY else 3)
 
 
 def roadmap(
@@ -143,10 +144,11 @@ def _mesh(triangulation: Triangulation, clearance: float) -> Mesh:
     back = np.zeros_like(neighbours)
     beside = neighbours[triangle, corner]
     back[triangle, corner] = (neighbours[beside] == triangle[:, None]).argmax(axis=1)
+    passable = neighbours.copy()
+    is_narrow = triangulation.free_widths(clearance) <= 0
+    passable[triangle[is_narrow], corner[is_narrow]] = -1
     on_land = triangulation.on_land[triangulation.triangles]
-    return Mesh(
-        triangulation.corners, neighbours, back, on_land, triangulation.hazardous, clearance
-    )
+    return Mesh(triangulation.corners, passable, back, on_land, triangulation.hazardous, clearance)
 
 
 def _axes(voyage: Voyage, cells: int) -> tuple[FloatArray, FloatArray]:

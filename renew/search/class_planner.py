@@ -36,6 +36,8 @@ from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_with_room
 from renew.steering.turning_radius import steerable
 
+# Ratio of a steered path's fuel to that of the path before from which other ways are tried.
+_DEAR = 1.01
 # Number of sampled chains, least fuel first, that are tried to be steered.
 _MAX_CHAINS = 60
 # Number of times that the padding of a class may grow before the class is given up.
@@ -139,9 +141,9 @@ class ClassPlanner:
                 continue
             if best is None or found.fuel < best.fuel:
                 best = found
-            if found.corridor.padded is used.padded:
+            if found.fuel <= _DEAR * self.problem.voyage.fuel(path):
                 break
-            # Room had to be made to turn in: another way may need less of it.
+            # Much room had to be made to turn in: another way may need less of it.
         if best is None:
             raise first or InfeasibleError("no path was found")
         return best
