@@ -23,7 +23,8 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.channel import Channel, Transition
 from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
-from renew.classes.k_best_paths import RayColumns, Task, k_best_paths, time_to_go
+from renew.classes.k_best_paths import k_best_paths, time_to_go
+from renew.classes.reduced_rows import RayColumns, Task
 from renew.classes.roadmap import Roadmap, resolution_for, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError

@@ -11,86 +11,39 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from renew._compiled import kernel
-from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.h_signature import is_crossed, rays_between
-from renew.classes.roadmap import (
-    GOAL,
-    MAX_CROSSED,
-    NONE_CROSSED,
-    SEVERAL_CROSSED,
-    START,
-    Mesh,
-    Roadmap,
-    crossed_edge,
+from renew._types import FloatArray, IntArray
+from renew.classes.reduced_rows import (
+    TO_BE_MADE,
+    UNKNOWN,
+    WORD,
+    Task,
+    first_row,
+    followed,
+    may_end,
+    no_words,
+    number_of_classes,
+    row_after,
+    triangles_of,
+    with_room,
 )
-from renew.kernels.capsules import Segment
+from renew.classes.roadmap import GOAL, NONE_CROSSED, START, Roadmap
 
-# A row of triangles that may not be: it enters a triangle twice, or makes a blocked transition.
-_IMPOSSIBLE, _UNKNOWN = -2, -1
-# From here downwards: a row that is still to be made; see `_followed`.
-_TO_BE_MADE = -3
 # A label that is not wanted.
 _BEATEN = -2
-# Number of triangles by which a path may bulge from where it leads on.
-_MAX_ASTRAY = 2
-# Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
-# classes are found long before such rows are looked at.
-_MAX_FLOODED = 1000
-# Number of labels, and of rows, that there is room for at first.
+# Number of labels that there is room for at first.
 _CAPACITY = 1024
 # Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
 # a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
 
 
-class RayColumns(NamedTuple):
-    """The rays by which words are spelled; see :class:`renew.classes.h_signature.Rays`."""
-
-    x: FloatArray
-    y: FloatArray
-    island: IntArray
-
-
-class Task(NamedTuple):
-    """Where to search, and for which classes.
-
-    `blocked` (t, 4, 4) marks transitions that may not be made: a triangle, and the corners opposite
-    to the edges by which it is entered and left, 3 standing for start and goal.
-    """
-
-    graph: Roadmap
-    rays: RayColumns
-    blocked: BoolArray
-
-
-_Number = TypeVar("_Number", np.int64, np.float64)
-
 # Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
 # that the node had before, and whether it is settled. A node has one label for each word.
-_NODE, _ROW, _LABEL_WORD, _PARENT, _OLDER, _SETTLED = range(6)
-# Columns of rows of triangles, (r, 8): they are a tree, each is one triangle longer than its stem.
-# A row is reduced: a path that turns back through the edge by which it entered a triangle shortens
-# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY counts its last triangles
-# from which the goal can't be reached without turning back; the last three columns say which row it
-# becomes across each edge of its last triangle.
-_STEM, _TRIANGLE, _ENTRY, _WORD, _ASTRAY, _LONGER = range(6)
-
-
-class _Words(NamedTuple):
-    """All words met so far as a tree: word 0 is empty, each other one letter longer than its stem.
-
-    `longer` finds a word by the number of its stem and its last letter.
-    """
-
-    stem: list[int]
-    letter: list[int]
-    longer: dict[int, int]
+_NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
 
 
 @kernel
@@ -124,14 +77,12 @@ def k_best_paths(
     `max_steps`.
     """
     graph = task.graph
-    rows = np.full((_CAPACITY, _LONGER + 3), _UNKNOWN)
-    rows[0, :_LONGER] = -1, graph.triangle[START], 3, 0, 0
-    words = _Words([-1], [0], {0: 0})
+    rows, words = first_row(task), no_words()
     labels, times = np.empty((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
     labels[0] = START, 0, 0, -1, -1, 0
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
-    count, rows, used_rows = _number_of_classes(task, words, rows, count)
+    count, rows, used_rows = number_of_classes(task, words, rows, count)
     used = 1
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
@@ -147,26 +98,26 @@ def k_best_paths(
         label, bucket[at] = entries[bucket[at]]
         node, row, now = labels[label, _NODE], labels[label, _ROW], times[label]
         is_known, labels[label, _SETTLED] = labels[label, _SETTLED], 1
-        if not is_known and node == GOAL and _may_end(task, rows, row):
-            found.append(_row(rows, row))
+        if not is_known and node == GOAL and may_end(task, rows, row):
+            found.append(triangles_of(rows, row))
             paths.append(_path(graph, labels, label))
         if is_known or node == GOAL:
             continue
-        labels = _with_room(labels, used + graph.first[node + 1] - graph.first[node])
-        times = _with_room(times, len(labels))
+        labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
+        times = with_room(times, len(labels))
         for leg in range(graph.first[node], graph.first[node + 1]):
             other, time = graph.head[leg], now + graph.time[leg]
             within = graph.crossed[leg] == NONE_CROSSED
-            onwards = row if within else _followed(graph, rows, row, node, leg)
-            if onwards <= _TO_BE_MADE:
-                onwards, rows, used_rows = _after(task, words, rows, used_rows, row, node, leg)
+            onwards = row if within else followed(graph, rows, row, node, leg)
+            if onwards <= TO_BE_MADE:
+                onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, node, leg)
             if onwards < 0 or to_go[other] == np.inf:
                 continue
-            word = rows[onwards, _WORD]
+            word = rows[onwards, WORD]
             noted = _known(labels, times, newest[other], word, time, count)
             if noted == _BEATEN:
                 continue
-            if noted == _UNKNOWN:
+            if noted == UNKNOWN:
                 noted, used = used, used + 1
                 labels[noted, _OLDER], newest[other] = newest[other], noted
             labels[noted] = other, onwards, word, label, labels[noted, _OLDER], 0
@@ -179,65 +130,11 @@ def k_best_paths(
 
 
 @kernel
-def _number_of_classes(
-    task: Task, words: _Words, rows: IntArray, most: int
-) -> tuple[int, IntArray, int]:
-    """Number of rows to the goal, at most `most`: with the last one found the search may end.
-
-    Also all rows made for that, and how many these are. Among many triangles it isn't counted.
-    """
-    found, used, waiting = 0, 1, [0]
-    if len(task.graph.mesh.neighbours) > _MAX_FLOODED:
-        return most, rows, used
-    while waiting and found < most:
-        row = waiting.pop()
-        if rows[row, _TRIANGLE] == task.graph.triangle[GOAL]:
-            found += _may_end(task, rows, row)
-            continue
-        for out in range(3):
-            is_edge = task.graph.mesh.neighbours[rows[row, _TRIANGLE], out] >= 0
-            if is_edge and out != rows[row, _ENTRY]:
-                rows = _with_room(rows, used + 1)
-                if _lengthened(task, words, rows, 3 * row + out, used):
-                    if rows[used, _ASTRAY] == 0:
-                        waiting.append(used)
-                    used += 1
-    return found, rows, used
-
-
-@kernel
 def _first_filled(bucket: IntArray, at: int) -> int:
     """First of the buckets from one on that holds anything; their number, if none does."""
     while at < len(bucket) and bucket[at] < 0:
         at += 1
     return at
-
-
-@kernel
-def _may_end(task: Task, rows: IntArray, row: int) -> bool:
-    """Whether the goal may be reached by the last triangle of a row, as that is entered."""
-    return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
-
-
-@kernel
-def _after(
-    task: Task, words: _Words, rows: IntArray, used: int, row: int, node: int, leg: int
-) -> tuple[int, IntArray, int]:
-    """Row after a leg from a node, negative where there can be none; all rows, and their number."""
-    onwards = _followed(task.graph, rows, row, node, leg)
-    while onwards <= _TO_BE_MADE:
-        rows = _with_room(rows, used + 1)
-        used += _lengthened(task, words, rows, _TO_BE_MADE - onwards, used)
-        onwards = _followed(task.graph, rows, row, node, leg)
-    return onwards, rows, used
-
-
-@kernel
-def _with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
-    """An array with room for so many rows: twice as many, where it is too small."""
-    while len(array) < size:
-        array = np.concatenate((array, np.full_like(array, _UNKNOWN)))
-    return array
 
 
 @kernel
@@ -251,124 +148,11 @@ def _known(
     quicker = 0
     while label >= 0:
         is_quicker = times[label] <= time
-        if labels[label, _LABEL_WORD] == word:
+        if labels[label, _WORD] == word:
             return _BEATEN if is_quicker or labels[label, _SETTLED] else label
         quicker += is_quicker
         label = labels[label, _OLDER]
-    return _BEATEN if quicker >= count else _UNKNOWN
-
-
-@kernel
-def _followed(graph: Roadmap, rows: IntArray, row: int, node: int, number: int) -> int:
-    """Row after a leg from a node, negative where there can be none.
-
-    _TO_BE_MADE, less three times a row and the edge that it is left by, where that is not known.
-    """
-    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
-    entry, last = -1, graph.triangle[other]
-    leg = Segment(
-        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
-    )
-    for _ in range(MAX_CROSSED):
-        triangle = rows[row, _TRIANGLE]
-        if triangle == last:
-            return row
-        if graph.crossed[number] == SEVERAL_CROSSED:
-            out, is_open = crossed_edge(mesh, triangle, entry, leg)
-            if not is_open:
-                break
-        entry = mesh.back[triangle, out]
-        after = rows[row, _LONGER + out] if out != rows[row, _ENTRY] else rows[row, _STEM]
-        if after < 0:
-            return _IMPOSSIBLE if after == _IMPOSSIBLE else _TO_BE_MADE - 3 * row - out
-        row = after
-    # A leg was followed one way when it was made; the other way rounding may lead it astray.
-    return _IMPOSSIBLE
-
-
-@kernel
-def _lengthened(task: Task, words: _Words, rows: IntArray, place: int, new: int) -> int:
-    """Make row number `new` of another by the triangle across an edge; how many were made.
-
-    None is made, and that noted, where the triangle may not be entered. `place` is three times the
-    row that is lengthened, and the corner opposite to the edge.
-    """
-    mesh, rays = task.graph.mesh, task.rays
-    row, out = divmod(place, 3)
-    triangle = rows[row, _TRIANGLE]
-    after = mesh.neighbours[triangle, out]
-    is_possible = not task.blocked[triangle, rows[row, _ENTRY], out]
-    at = row
-    while is_possible and at >= 0:
-        is_possible = rows[at, _TRIANGLE] != after
-        at = rows[at, _STEM]
-    astray = 0 if _leads_on(task, rows, row, out) else rows[row, _ASTRAY] + 1
-    if not is_possible or astray > _MAX_ASTRAY:
-        rows[row, _LONGER + out] = _IMPOSSIBLE
-        return 0
-    # Any path through these triangles crosses the same rays: here from middle to middle.
-    ax, ay = _middle(mesh, triangle)
-    bx, by = _middle(mesh, after)
-    p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
-    x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
-    word = _appended(rays, words, rows[row, _WORD], Segment(ax, ay, x, y))
-    word = _appended(rays, words, word, Segment(x, y, bx, by))
-    rows[row, _LONGER + out] = new
-    rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
-    return 1
-
-
-@kernel
-def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
-    """Whether the goal can be reached across an edge of a row without the row's triangles."""
-    mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
-    count = len(mesh.neighbours)
-    if count > _MAX_FLOODED:
-        return True
-    # A triangle, and the edge by which it is entered, as 3 t + corner.
-    seen = np.zeros(3 * count, dtype=np.bool_)
-    waiting = np.empty(3 * count, dtype=np.int64)
-    triangle = rows[row, _TRIANGLE]
-    waiting[0], size = 3 * mesh.neighbours[triangle, out] + mesh.back[triangle, out], 1
-    while row >= 0:
-        triangle = rows[row, _TRIANGLE]
-        seen[3 * triangle : 3 * triangle + 3] = True
-        row = rows[row, _STEM]
-    while size:
-        size -= 1
-        triangle, entry = divmod(waiting[size], 3)
-        if triangle == last and not task.blocked[triangle, entry, 3]:
-            return True
-        for corner in range(3):
-            beside = mesh.neighbours[triangle, corner]
-            if beside < 0 or corner == entry or task.blocked[triangle, entry, corner]:
-                continue
-            place = 3 * beside + mesh.back[triangle, corner]
-            if not seen[place]:
-                seen[place] = True
-                waiting[size] = place
-                size += 1
-    return False
-
-
-@kernel
-def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
-    """Centroid of a triangle."""
-    corners = mesh.corners[triangle]
-    return (
-        (corners[0, 0] + corners[1, 0] + corners[2, 0]) / 3,
-        (corners[0, 1] + corners[1, 1] + corners[2, 1]) / 3,
-    )
-
-
-@kernel
-def _row(rows: IntArray, row: int) -> IntArray:
-    """Triangles of a row, from the start's on."""
-    triangles = [rows[row, _TRIANGLE]]
-    while rows[row, _STEM] >= 0:
-        row = rows[row, _STEM]
-        triangles.append(rows[row, _TRIANGLE])
-    return np.array(triangles[::-1], dtype=np.int64)
+    return _BEATEN if quicker >= count else UNKNOWN
 
 
 @kernel
@@ -379,23 +163,3 @@ def _path(graph: Roadmap, labels: IntArray, label: int) -> FloatArray:
         label = labels[label, _PARENT]
         nodes.append(labels[label, _NODE])
     return graph.points[np.array(nodes[::-1], dtype=np.int64)]
-
-
-@kernel
-def _appended(rays: RayColumns, words: _Words, word: int, leg: Segment) -> int:
-    """Number of the word after a leg that follows a word."""
-    first, last, step = rays_between(rays.x, leg.ax, leg.bx)
-    for i in range(first, last, step):
-        if not is_crossed(rays.x[i], rays.y[i], leg):
-            continue
-        letter = step * rays.island[i]
-        if word and words.letter[word] == -letter:
-            word = words.stem[word]
-            continue
-        pair = word * (2 * len(rays.island) + 1) + letter
-        if pair not in words.longer:
-            words.stem.append(word)
-            words.letter.append(letter)
-            words.longer[pair] = len(words.stem) - 1
-        word = words.longer[pair]
-    return word

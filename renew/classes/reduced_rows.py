@@ -1,0 +1,280 @@
+"""Rows of triangles that a search has met, and the words of their paths.
+
+A row leads from the start's triangle to where a path has got. It is *reduced*: a path that turns
+back through the edge by which it entered a triangle shortens it, so that paths that can be deformed
+into each other have the same row.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.h_signature import is_crossed, rays_between
+from renew.classes.roadmap import (
+    GOAL,
+    MAX_CROSSED,
+    SEVERAL_CROSSED,
+    START,
+    Mesh,
+    Roadmap,
+    crossed_edge,
+)
+from renew.kernels.capsules import Segment
+
+# A row of triangles that may not be: it enters a triangle twice, or makes a blocked transition.
+_IMPOSSIBLE, UNKNOWN = -2, -1
+# From here downwards: a row that is still to be made; see `followed`.
+TO_BE_MADE = -3
+# Number of triangles by which a path may bulge from where it leads on.
+_MAX_ASTRAY = 2
+# Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
+# classes are found long before such rows are looked at.
+_MAX_FLOODED = 1000
+# Number of rows that there is room for at first.
+_CAPACITY = 1024
+
+_Number = TypeVar("_Number", np.int64, np.float64)
+
+# Columns of rows of triangles, (r, 8): they are a tree, each is one triangle longer than its stem.
+# A row is reduced: a path that turns back through the edge by which it entered a triangle shortens
+# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY counts its last triangles
+# from which the goal can't be reached without turning back; the last three columns say which row it
+# becomes across each edge of its last triangle.
+_STEM, _TRIANGLE, _ENTRY, WORD, _ASTRAY, _LONGER = range(6)
+
+
+class RayColumns(NamedTuple):
+    """The rays by which words are spelled; see :class:`renew.classes.h_signature.Rays`."""
+
+    x: FloatArray
+    y: FloatArray
+    island: IntArray
+
+
+class Task(NamedTuple):
+    """Where to search, and for which classes.
+
+    `blocked` (t, 4, 4) marks transitions that may not be made: a triangle, and the corners opposite
+    to the edges by which it is entered and left, 3 standing for start and goal.
+    """
+
+    graph: Roadmap
+    rays: RayColumns
+    blocked: BoolArray
+
+
+class Words(NamedTuple):
+    """All words met so far as a tree: word 0 is empty, each other one letter longer than its stem.
+
+    `longer` finds a word by the number of its stem and its last letter.
+    """
+
+    stem: list[int]
+    letter: list[int]
+    longer: dict[int, int]
+
+
+@kernel
+def first_row(task: Task) -> IntArray:
+    """Rows with one among them: the start's triangle alone."""
+    rows = np.full((_CAPACITY, _LONGER + 3), UNKNOWN)
+    rows[0, :_LONGER] = -1, task.graph.triangle[START], 3, 0, 0
+    return rows
+
+
+@kernel
+def no_words() -> Words:
+    """Words with one among them: the empty one."""
+    return Words([-1], [0], {0: 0})
+
+
+@kernel
+def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
+    """An array with room for so many rows: twice as many, where it is too small."""
+    while len(array) < size:
+        array = np.concatenate((array, np.full_like(array, UNKNOWN)))
+    return array
+
+
+@kernel
+def row_after(
+    task: Task, words: Words, rows: IntArray, used: int, row: int, node: int, leg: int
+) -> tuple[int, IntArray, int]:
+    """Row after a leg from a node, negative where there can be none; all rows, and their number."""
+    onwards = followed(task.graph, rows, row, node, leg)
+    while onwards <= TO_BE_MADE:
+        rows = with_room(rows, used + 1)
+        used += _lengthened(task, words, rows, TO_BE_MADE - onwards, used)
+        onwards = followed(task.graph, rows, row, node, leg)
+    return onwards, rows, used
+
+
+@kernel
+def followed(graph: Roadmap, rows: IntArray, row: int, node: int, number: int) -> int:
+    """Row after a leg from a node, negative where there can be none.
+
+    TO_BE_MADE, less three times a row and the edge that it is left by, where that is not known.
+    """
+    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
+    entry, last = -1, graph.triangle[other]
+    leg = Segment(
+        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
+    )
+    for _ in range(MAX_CROSSED):
+        triangle = rows[row, _TRIANGLE]
+        if triangle == last:
+            return row
+        if graph.crossed[number] == SEVERAL_CROSSED:
+            out, is_open = crossed_edge(mesh, triangle, entry, leg)
+            if not is_open:
+                break
+        entry = mesh.back[triangle, out]
+        after = rows[row, _LONGER + out] if out != rows[row, _ENTRY] else rows[row, _STEM]
+        if after < 0:
+            return _IMPOSSIBLE if after == _IMPOSSIBLE else TO_BE_MADE - 3 * row - out
+        row = after
+    # A leg was followed one way when it was made; the other way rounding may lead it astray.
+    return _IMPOSSIBLE
+
+
+@kernel
+def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) -> int:
+    """Make row number `new` of another by the triangle across an edge; how many were made.
+
+    None is made, and that noted, where the triangle may not be entered. `place` is three times the
+    row that is lengthened, and the corner opposite to the edge.
+    """
+    mesh, rays = task.graph.mesh, task.rays
+    row, out = divmod(place, 3)
+    triangle = rows[row, _TRIANGLE]
+    after = mesh.neighbours[triangle, out]
+    is_possible = not task.blocked[triangle, rows[row, _ENTRY], out]
+    at = row
+    while is_possible and at >= 0:
+        is_possible = rows[at, _TRIANGLE] != after
+        at = rows[at, _STEM]
+    astray = 0 if _leads_on(task, rows, row, out) else rows[row, _ASTRAY] + 1
+    if not is_possible or astray > _MAX_ASTRAY:
+        rows[row, _LONGER + out] = _IMPOSSIBLE
+        return 0
+    # Any path through these triangles crosses the same rays: here from middle to middle.
+    ax, ay = _middle(mesh, triangle)
+    bx, by = _middle(mesh, after)
+    p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
+    x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
+    word = _appended(rays, words, rows[row, WORD], Segment(ax, ay, x, y))
+    word = _appended(rays, words, word, Segment(x, y, bx, by))
+    rows[row, _LONGER + out] = new
+    rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
+    return 1
+
+
+@kernel
+def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
+    """Whether the goal can be reached across an edge of a row without the row's triangles."""
+    mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
+    count = len(mesh.neighbours)
+    if count > _MAX_FLOODED:
+        return True
+    # A triangle, and the edge by which it is entered, as 3 t + corner.
+    seen = np.zeros(3 * count, dtype=np.bool_)
+    waiting = np.empty(3 * count, dtype=np.int64)
+    triangle = rows[row, _TRIANGLE]
+    waiting[0], size = 3 * mesh.neighbours[triangle, out] + mesh.back[triangle, out], 1
+    while row >= 0:
+        triangle = rows[row, _TRIANGLE]
+        seen[3 * triangle : 3 * triangle + 3] = True
+        row = rows[row, _STEM]
+    while size:
+        size -= 1
+        triangle, entry = divmod(waiting[size], 3)
+        if triangle == last and not task.blocked[triangle, entry, 3]:
+            return True
+        for corner in range(3):
+            beside = mesh.neighbours[triangle, corner]
+            if beside < 0 or corner == entry or task.blocked[triangle, entry, corner]:
+                continue
+            place = 3 * beside + mesh.back[triangle, corner]
+            if not seen[place]:
+                seen[place] = True
+                waiting[size] = place
+                size += 1
+    return False
+
+
+@kernel
+def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
+    """Centroid of a triangle."""
+    corners = mesh.corners[triangle]
+    return (
+        (corners[0, 0] + corners[1, 0] + corners[2, 0]) / 3,
+        (corners[0, 1] + corners[1, 1] + corners[2, 1]) / 3,
+    )
+
+
+@kernel
+def triangles_of(rows: IntArray, row: int) -> IntArray:
+    """Triangles of a row, from the start's on."""
+    triangles = [rows[row, _TRIANGLE]]
+    while rows[row, _STEM] >= 0:
+        row = rows[row, _STEM]
+        triangles.append(rows[row, _TRIANGLE])
+    return np.array(triangles[::-1], dtype=np.int64)
+
+
+@kernel
+def _appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
+    """Number of the word after a leg that follows a word."""
+    first, last, step = rays_between(rays.x, leg.ax, leg.bx)
+    for i in range(first, last, step):
+        if not is_crossed(rays.x[i], rays.y[i], leg):
+            continue
+        letter = step * rays.island[i]
+        if word and words.letter[word] == -letter:
+            word = words.stem[word]
+            continue
+        pair = word * (2 * len(rays.island) + 1) + letter
+        if pair not in words.longer:
+            words.stem.append(word)
+            words.letter.append(letter)
+            words.longer[pair] = len(words.stem) - 1
+        word = words.longer[pair]
+    return word
+
+
+@kernel
+def may_end(task: Task, rows: IntArray, row: int) -> bool:
+    """Whether the goal may be reached by the last triangle of a row, as that is entered."""
+    return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
+
+
+@kernel
+def number_of_classes(
+    task: Task, words: Words, rows: IntArray, most: int
+) -> tuple[int, IntArray, int]:
+    """Number of rows to the goal, at most `most`: with the last one found the search may end.
+
+    Also all rows made for that, and how many these are. Among many triangles it isn't counted.
+    """
+    found, used, waiting = 0, 1, [0]
+    if len(task.graph.mesh.neighbours) > _MAX_FLOODED:
+        return most, rows, used
+    while waiting and found < most:
+        row = waiting.pop()
+        if rows[row, _TRIANGLE] == task.graph.triangle[GOAL]:
+            found += may_end(task, rows, row)
+            continue
+        for out in range(3):
+            is_edge = task.graph.mesh.neighbours[rows[row, _TRIANGLE], out] >= 0
+            if is_edge and out != rows[row, _ENTRY]:
+                rows = with_room(rows, used + 1)
+                if _lengthened(task, words, rows, 3 * row + out, used):
+                    if rows[used, _ASTRAY] == 0:
+                        waiting.append(used)
+                    used += 1
+    return found, rows, used
