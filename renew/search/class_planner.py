@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -171,14 +171,29 @@ class ClassPlanner:
         speed polar: such paths can't be steered. The crab model's path then can.
         """
         polars = dict.fromkeys((corridor.polar, Polar(corridor.polar.speed, crab=True)))
-        ways = (_near_first, _bulging, path_through_sections)
-        attempts: list[Callable[[], tuple[Corridor, FloatArray]]] = [
-            partial(self._least_fuel_path, replace(corridor, polar=polar), way)
-            for polar, way in itertools.product(polars, ways)
-        ]
+        ways = (_bulging, path_through_sections)
+        attempts: list[Callable[[], tuple[Corridor, FloatArray]]] = []
+        for polar in polars:
+            own = replace(corridor, polar=polar)
+            attempts.append(partial(self._least_fuel_path_near_first, own))
+            attempts += [partial(self._least_fuel_path, own, way) for way in ways]
         if near is not None:
             attempts.insert(0, partial(_refined, corridor, near))
         return attempts
+
+    def _least_fuel_path_near_first(self, corridor: Corridor) -> tuple[Corridor, FloatArray]:
+        """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
+
+        Where that comes so close to land that it needs more padding, which then stays, the path
+        near the best one within the channel is taken if it needs less fuel.
+        """
+        near = self._least_fuel_path(corridor, _near_first)
+        if near[0].padded is corridor.padded:
+            return near
+        with contextlib.suppress(InfeasibleError):
+            bulging = self._least_fuel_path(corridor, _bulging)
+            return min(near, bulging, key=lambda found: self.problem.voyage.fuel(found[1]))
+        return near
 
     def _least_fuel_path(
         self, corridor: Corridor, way: Callable[[Corridor], FloatArray]

@@ -118,8 +118,8 @@ def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> 
         legs = mine.iloc[:-1]
         lon, lat, _ = GEOD.fwd(x[:-1], y[:-1], legs.course_deg, legs.leg_length_m)
         _, _, off = GEOD.inv(lon, lat, x[1:], y[1:])
-        # The planned line is not a geodesic: on 60 km it bends by this much.
-        assert np.max(off) < 0.2
+        # The planned line is not a geodesic: on 80 km it bends by this much.
+        assert np.max(off) < 0.5
         times = mine.time_s.to_numpy()
         assert times[0] == 0
         assert times[-1] == pytest.approx(ranked.metrics.duration_s)
