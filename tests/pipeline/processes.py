@@ -56,6 +56,8 @@ def started(*command: str, cwd: Path | None = None) -> Iterator[subprocess.Popen
         cwd=cwd,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         start_new_session=True,
+        # A shell starts what runs in the background with Ctrl-C ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads
     ) as process:
         try:
             yield process

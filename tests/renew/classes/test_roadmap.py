@@ -131,3 +131,9 @@ def test_a_short_voyage_in_a_large_chart_has_fine_cells_around_it_and_coarse_one
     assert graph.points.min() < 200
     assert graph.points.max() > 9_800
     assert np.isfinite(time_to_go(graph)[START])
+
+
+def test_a_strip_of_a_chart_has_no_more_nodes_than_others() -> None:
+    chart = renew.Chart(box(0, 0, 1e6, 1), [box(4e5, 0.4, 4.1e5, 0.6)])
+    graph = roadmap_of(voyage_on(chart, (1.0, 0.5), (999_999.0, 0.5)))
+    assert len(graph.points) < 10 * CELLS.cells
