@@ -45,7 +45,7 @@ class SeasonProcess:
         self._deadline = time.monotonic() + (task.limit_s or float("inf"))
         # Files, not pipes: nobody needs to read while the process works.
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
         path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH", "")]))
         self._process = subprocess.Popen(  # noqa: S603 - this very module
             [sys.executable, "-P", "-m", _MODULE, str(os.getpid())],

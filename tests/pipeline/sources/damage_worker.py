@@ -87,7 +87,7 @@ def main() -> None:
     LandMask.world()
     for line in sys.stdin:
         kind, path = json.loads(line)
-        print(json.dumps(outcome(kind, Path(path))), flush=True)  # noqa: T201
+        print(json.dumps(outcome(kind, Path(path))), flush=True)  # noqa: T201 - this is how it answers
 
 
 if __name__ == "__main__":

@@ -25,14 +25,14 @@ from renew.kernels.traversal import visits
 from tests.strategies import seeds, voyage_on
 
 
-def task_of(seed: int, clearance: float = 0.0) -> tuple[Task, Triangulation]:
+def task_of(seed: int) -> tuple[Task, Triangulation]:
     """Three random islands, which may touch."""
     rng = np.random.default_rng(seed)
     islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
     chart = renew.Chart(box(0, 0, 100, 100), islands)
     voyage, triangulation = voyage_on(chart, (9.7, 10.3), (90.2, 89.8)), triangulate(chart)
     graph = roadmap(
-        voyage, triangulation, voyage.table, clearance=clearance, resolution=Resolution(400, 2)
+        voyage, triangulation, voyage.table, clearance=0.0, resolution=Resolution(400, 2)
     )
     rays = Rays.of(chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)

@@ -141,7 +141,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
     faults = []
     for path in paths:
         is_pattern = glob.has_magic(path) and not os.path.lexists(path)
-        matches = sorted(glob.glob(path)) if is_pattern else [path]  # noqa: PTH207
+        matches = sorted(glob.glob(path)) if is_pattern else [path]  # noqa: PTH207 - Path.glob takes no absolute pattern
         if not matches:
             faults.append(f"no file matches the pattern {shown(path)!r}; {_REMEDY}")
         for match in matches:
