@@ -33,7 +33,7 @@ from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.harmonic_mean import harmonic_mean
 from renew.search.problem import Problem
-from renew.search.room_to_turn import steered_with_room
+from renew.search.room_to_turn import steered_as_it_is, steered_with_room
 from renew.steering.turning_radius import steerable
 
 # Ratio of a steered path's fuel to that of the path before from which other ways are tried.
@@ -59,11 +59,15 @@ class _Found(NamedTuple):
 
 @dataclass(frozen=True)
 class PathMethod:
-    """How the best path of a class is found; `samples` and `seed` are those of random chains."""
+    """How the best path of a class is found; `samples` and `seed` are those of random chains.
+
+    `makes_room` is whether land is padded more where a path can't be steered.
+    """
 
     method: Method
     samples: int
     seed: int
+    makes_room: bool = True
 
 
 class ClassPlanner:
@@ -151,7 +155,9 @@ class ClassPlanner:
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> _Found:
         """A path (n, 2) of a class that was found in its corridor, or one with more padding."""
         self._check_class(corridor, path)
-        used, path, trajectory = steered_with_room(used, path)
+        makes_room = self._method.makes_room and used.polar == corridor.polar
+        steered = steered_with_room if makes_room else steered_as_it_is
+        used, path, trajectory = steered(used, path)
         self._check_class(corridor, path)
         self._check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
@@ -168,7 +174,8 @@ class ClassPlanner:
         """Ways to find a path that can be steered and stays in its class; the best first.
 
         Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no convex
-        speed polar: such paths can't be steered. The crab model's path then can.
+        speed polar: such paths can't be steered. The crab model's path then can, as it is: making
+        room for it as well would double the time of a class that can't be sailed.
         """
         polars = dict.fromkeys((corridor.polar, Polar(corridor.polar.speed, crab=True)))
         ways = (_bulging, path_through_sections)

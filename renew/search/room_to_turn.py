@@ -12,9 +12,17 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor
 
-# Number of times that edges are padded more where a path can't be steered, by how much at first,
-# and how far around; both as shares of v/ω.
-_MAX_WIDENINGS, _WIDENING, _AROUND = 16, 0.15, 3.0
+# Number of times that edges are padded more where a path can't be steered.
+_MAX_WIDENINGS = 16
+# By how much at first and at most, and how far around; as shares of v/ω.
+_WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
+
+
+def steered_as_it_is(
+    corridor: Corridor, path: FloatArray
+) -> tuple[Corridor, FloatArray, FloatArray]:
+    """The corridor, and path (n, 2) and trajectory (m, 4) that can be steered in it."""
+    return corridor, *steer_in_corridor(path, corridor)
 
 
 def steered_with_room(
@@ -32,7 +40,7 @@ def steered_with_room(
         try:
             if first is not None:
                 path = refined_path(used, path)
-            return used, *steer_in_corridor(path, used)
+            return steered_as_it_is(used, path)
         except InfeasibleError as error:
             first = first or error
             if not error.places:
@@ -40,8 +48,13 @@ def steered_with_room(
             # Each place gets twice the room that it was given before.
             place = error.places[0]
             given = widths[np.linalg.norm(places - place, axis=1) < _AROUND * radius]
-            places = np.vstack([places, place])
-            widths = np.append(widths, max(2 * given.max(initial=0.0), _WIDENING * radius))
+            width = max(2 * given.max(initial=0.0), _WIDENING * radius)
+            if width > _WIDEST * radius:
+                break
+            places, widths = np.vstack([places, place]), np.append(widths, width)
             padded = corridor.padded.widened(places, widths, _AROUND * radius)
+            if len(padded.edge) == len(used.padded.edge):
+                # No edge is near.
+                break
             used = replace(corridor, padded=padded)
     raise first or InfeasibleError("no attempt was made")

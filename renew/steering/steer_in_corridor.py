@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -23,7 +23,7 @@ _ROUNDINGS = (1.1, 1.2, 1.35)
 _CROWDING = 1.5
 # Tolerances, as shares of v/ω, by which a path is thinned; the first is taken with which it can be
 # steered: points crowd where sections meet, and leave a sharp corner no room.
-_TOLERANCES = (0.0, 0.01, 0.03, 0.1, 0.3)
+_TOLERANCES = (0.01, 0.03, 0.1, 0.3)
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
@@ -33,18 +33,24 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
     """
     first: InfeasibleError | None = None
-    for tolerance, rounding in itertools.product(_TOLERANCES, _ROUNDINGS):
-        thinned = path
-        if tolerance:
-            line = shapely.LineString(path).simplify(
-                tolerance * corridor.voyage.vessel.turning_radius
-            )
-            thinned = shapely.get_coordinates(line)
-        try:
-            return _steered(thinned, corridor, rounding)
-        except InfeasibleError as error:
-            first = first or error
+    for thinned in _thinned(path, corridor):
+        for rounding in _ROUNDINGS:
+            try:
+                return _steered(thinned, corridor, rounding)
+            except InfeasibleError as error:
+                first = first or error
     raise first or InfeasibleError("no tolerance to try")
+
+
+def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
+    """A path (n, 2) thinned by growing tolerances, each different from the one before."""
+    yield path
+    count, radius = len(path), corridor.voyage.vessel.turning_radius
+    for tolerance in _TOLERANCES:
+        thinned = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance * radius))
+        if len(thinned) < count:
+            yield thinned
+            count = len(thinned)
 
 
 def _steered(

@@ -37,6 +37,9 @@ def steer(path: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray
         if not fast.any():
             return trajectory
         at = np.unique(np.concatenate([curve.corner[:-1][fast], curve.corner[1:][fast]]))
+        if at[-1] < 0:
+            # It is the current that changes too fast along a leg; no radius helps.
+            break
         radius[at[at >= 0]] *= _RADIUS_GROWTH
     where = trajectory[:-1][fast][0]
     raise InfeasibleError(
