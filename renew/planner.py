@@ -7,6 +7,7 @@ from renew.inputs.arguments import (
     Method,
     Order,
     Padding,
+    RiskAt,
     as_point,
     check_endpoints,
     check_options,
@@ -42,6 +43,7 @@ def plan(
     drift: Drift = "projected",
     seed: int = 0,
     order: Order = "fuel",
+    risk_at: RiskAt = "route",
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -76,6 +78,9 @@ def plan(
     order : {"fuel", "length", "depth-first"}
         Which k classes: the cheapest or the shortest along their midlines, or the first of a
         depth-first search (paper).
+    risk_at : {"route", "point"}
+        Where adaptive padding meets the risk: on the way through each triangle (paper), or from
+        every point of the final route as well, on its own heading.
 
     Returns
     -------
@@ -106,13 +111,14 @@ def plan(
         drift=drift,
         seed=seed,
         order=order,
+        risk_at=risk_at,
     )
     voyage = Voyage(
         chart, as_field(current), vessel, as_point("start", start), as_point("goal", goal), drift
     )
     check_endpoints(voyage)
     problem = Problem(voyage, distinct_by, order)
-    policy = PaddingPolicy(padding, clearance, risk, seed)
+    policy = PaddingPolicy(padding, clearance, risk, seed, risk_at)
     path_method = PathMethod(method, samples, seed)
     found = plan_classes(problem, policy, path_method, classes)
     if not found.routes:

@@ -92,6 +92,11 @@ class PlannerOptions(StrictModel):
         description="Which classes are planned: the cheapest, the shortest, or the first ones of "
         "a depth-first search as in the paper. Give 'fuel', 'length' or 'depth-first'.",
     )
+    risk_at: Literal["route", "point"] = Field(
+        default="route",
+        description="Where adaptive padding meets the risk: on the way through each triangle, as "
+        "in the paper, or from every point of the route as well. Give 'route' or 'point'.",
+    )
 
 
 class OutputOptions(StrictModel):

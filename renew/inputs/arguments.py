@@ -21,6 +21,7 @@ from renew.inputs.voyage import Voyage
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 Method: TypeAlias = Literal["optimal", "sampled"]
+RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 
 MAX_CLASSES, MAX_SAMPLES, MAX_SEED = 10_000, 1_000_000, 2**63 - 1
@@ -42,6 +43,7 @@ def check_options(
     drift: object,
     seed: object,
     order: object,
+    risk_at: object,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -70,9 +72,12 @@ def check_options(
             ("method", method, Method),
             ("drift", drift, Drift),
             ("order", order, Order),
+            ("risk_at", risk_at, RiskAt),
         )
         if value not in get_args(choices)
     ]
+    if risk_at == "point" and padding != "adaptive":
+        faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
     if faults:
         raise ParameterError("; ".join(faults))
 

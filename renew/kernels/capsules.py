@@ -282,8 +282,12 @@ def _touches(xs: FloatArray, ys: FloatArray, axis: Segment, radius: float) -> bo
 
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
     """Distance (...) from points (..., 2) to segments pq (..., 2)."""
+    return np.asarray(np.linalg.norm(points - nearest_on_segments(points, p, q), axis=-1))
+
+
+def nearest_on_segments(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
+    """Points (..., 2) of segments pq (..., 2) that are nearest to points (..., 2)."""
     axis = q - p
     square = (axis * axis).sum(-1)
     place = ((points - p) * axis).sum(-1) / np.where(square > 0, square, 1.0)
-    nearest = p + np.clip(place, 0.0, 1.0)[..., None] * axis
-    return np.asarray(np.linalg.norm(points - nearest, axis=-1))
+    return np.asarray(p + np.clip(place, 0.0, 1.0)[..., None] * axis)

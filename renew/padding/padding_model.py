@@ -50,7 +50,7 @@ class PaddingModel:
         self._policy = policy
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
-        self._sampler = TurnSampler.for_risk(policy.seed, policy.risk)
+        self.sampler = TurnSampler.for_risk(policy.seed, policy.risk)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
         count = len(triangulation.triangles)
@@ -189,6 +189,6 @@ class PaddingModel:
         travel = leave - enter
         heading = np.arctan2(travel[:, 1], travel[:, 0])
         normals = normals_away(edges, ((enter + leave) / 2)[row])
-        return self._sampler.quantile(
+        return self.sampler.quantile(
             statistics, heading, row, normals, self._vessel, self._policy.risk
         )

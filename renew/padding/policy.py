@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from renew.inputs.arguments import Padding
+from renew.inputs.arguments import Padding, RiskAt
 
 
 @dataclass(frozen=True, slots=True)
 class PaddingPolicy:
     """Adaptive padding at some `risk`, none, or a fixed width; never below `clearance`, m.
 
-    `seed` is that of the draws by which adaptive padding is set.
+    `seed` is that of the draws by which adaptive padding is set; `risk_at` is where
+    the risk holds: on the way through each triangle, or from every point of the route as well.
     """
 
     padding: Padding
     clearance: float
     risk: float
     seed: int
+    risk_at: RiskAt = "route"
 
     @property
     def is_adaptive(self) -> bool:

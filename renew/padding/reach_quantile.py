@@ -93,6 +93,13 @@ class TurnSampler:
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
 
+    def upper_quantile(self, values: FloatArray, risk: float) -> FloatArray:
+        """Value (n,) of those of the draws (n, draws) that a share `risk` exceeds, safely."""
+        order = np.argsort(-values, axis=1)
+        beyond = np.cumsum(self._weight[order] / self.count, axis=1)
+        at = np.minimum((beyond <= _SAFETY * risk).sum(axis=1), self.count - 1)
+        return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(at)), at])
+
     def _quantile(
         self,
         statistics: CurrentStatistics,

@@ -80,7 +80,7 @@ class ClassPlanner:
         self._model = PaddingModel(
             problem.triangulation, voyage.quick_current, voyage.vessel, policy
         )
-        self._growth = PaddingGrowth(problem, self._model, policy.is_adaptive)
+        self._growth = PaddingGrowth(problem, self._model, policy)
 
     def route(self, channel: Channel) -> Route:
         """Best route of a class; its padding grows until every hard-over turn is clear.

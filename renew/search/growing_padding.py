@@ -12,8 +12,10 @@ from typing import TypeAlias
 from renew._types import FloatArray, IntArray
 from renew.kernels.traversal import visits
 from renew.padding.padding_model import PaddingModel
+from renew.padding.policy import PaddingPolicy
 from renew.paths.corridor import Corridor
 from renew.search.problem import Problem
+from renew.turns.point_risk import risky_edges
 from renew.turns.verification import colliding_edges
 
 Shortfall: TypeAlias = tuple[IntArray, FloatArray]
@@ -26,20 +28,24 @@ class PaddingGrowth:
 
     problem: Problem
     model: PaddingModel
-    is_adaptive: bool
+    policy: PaddingPolicy
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfall | None:
         """What padding lacks for the triangles that a path (n, 2) crosses, else for its turns."""
-        if not self.is_adaptive:
+        if not self.policy.is_adaptive:
             return None
         problem = self.problem
-        return self.crossed_shortfall(corridor, path) or colliding_edges(
+        short = self.crossed_shortfall(corridor, path) or colliding_edges(
             path, problem.voyage, corridor.padded, problem.reach
         )
+        if short or self.policy.risk_at == "route":
+            return short
+        sampler, risk = self.model.sampler, self.policy.risk
+        return risky_edges(path, problem.voyage, corridor.padded, corridor.corners, sampler, risk)
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfall | None:
         """What padding lacks where a path bulges out of the channel for which it was set."""
-        if not self.is_adaptive:
+        if not self.policy.is_adaptive:
             return None
         inside = visits(path, corridor.corners)
         crossed = inside._replace(triangle=corridor.triangles[inside.triangle])

@@ -55,7 +55,7 @@ def colliding_edges(
     furthest = reach(points)
     first, near = segments_near(points, furthest + margin, padded.start, padded.end)
     close = np.flatnonzero(np.diff(first))
-    close = close[~_in_soft_endpoints(points[close], voyage, padded)]
+    close = close[~in_soft_endpoints(points[close], voyage, padded)]
 
     def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
         turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, steps=_STEPS)
@@ -99,7 +99,7 @@ def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 
-def _in_soft_endpoints(points: FloatArray, voyage: Voyage, padded: PaddedEdges) -> BoolArray:
+def in_soft_endpoints(points: FloatArray, voyage: Voyage, padded: PaddedEdges) -> BoolArray:
     """Whether points (n, 2) lie in the part of V around a start or goal inside V."""
     inside = np.zeros(len(points), dtype=bool)
     for endpoint in (voyage.start, voyage.goal):

@@ -24,7 +24,7 @@ def growth_of(corridor: Corridor, padding: Padding = "adaptive") -> PaddingGrowt
     problem = Problem(voyage, distinct_by=0.0, order="fuel")
     policy = PaddingPolicy(padding, clearance=0.0, risk=0.05, seed=0)
     model = PaddingModel(problem.triangulation, voyage.quick_current, voyage.vessel, policy)
-    return PaddingGrowth(problem, model, policy.is_adaptive)
+    return PaddingGrowth(problem, model, policy)
 
 
 def corridor_and_bulging_path(seed: int) -> tuple[Corridor, np.ndarray]:
