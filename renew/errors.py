@@ -6,7 +6,7 @@ A message names the value, the limit it broke and what to change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -103,14 +103,18 @@ class Strait:
 class InfeasibleError(PlanningError):
     """One class can't be sailed; only inside the planner: a plan lists the class as rejected.
 
-    `strait` is the gap that blocks its channel, where it is just one.
+    `strait` is the narrowest gap that blocks its channel, if any does; `blocked` are the triangles
+    of all such gaps, each with the ones before and after it.
     """
 
     strait: Strait | None = None
+    blocked: frozenset[tuple[int, int, int]] = frozenset()
 
     @classmethod
-    def at_strait(cls, strait: Strait) -> InfeasibleError:
-        """Blame one gap, with what it lacks."""
+    def at_strait(
+        cls, strait: Strait, blocked: Iterable[tuple[int, int, int]] = ()
+    ) -> InfeasibleError:
+        """Blame one gap, with what it lacks, of all that are blocked."""
         error = cls(
             f"blocked at {{0}}, between {{1}} and {{2}}: the gap is {strait.width:.2f} m wide, and "
             f"the padding takes {strait.padding_left:.2f} m on the left and "
@@ -118,5 +122,5 @@ class InfeasibleError(PlanningError):
             strait.gap.mean(axis=0),
             *strait.gap,
         )
-        error.strait = strait
+        error.strait, error.blocked = strait, frozenset((strait.transition, *blocked))
         return error

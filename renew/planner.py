@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from renew._types import FloatArray
 from renew.inputs.arguments import (
+    DistinctBy,
     Method,
     Order,
     Padding,
@@ -37,7 +38,7 @@ def plan(
     risk: float = 0.05,
     padding: Padding = "adaptive",
     clearance: float = 0.0,
-    distinct_by: float = 0.0,
+    distinct_by: DistinctBy = 0.0,
     method: Method = "optimal",
     samples: int = 500,
     drift: Drift = "projected",
@@ -65,8 +66,9 @@ def plan(
         Adaptive padding (paper), none, or the same width (m) on every constrained edge.
     clearance : float
         Floor on the padding (m).
-    distinct_by : float
-        Classes that differ only by islands smaller than this (m) count as one.
+    distinct_by : float or "auto"
+        Classes that differ only by islands smaller than this (m) count as one, with its best path.
+        Automatic: those count that differ by none of the few largest islands on the way.
     method : {"optimal", "sampled"}
         Dynamic programming inside each class, or the paper's random chains.
     samples : int
@@ -117,8 +119,9 @@ def plan(
         chart, as_field(current), vessel, as_point("start", start), as_point("goal", goal), drift
     )
     check_endpoints(voyage)
-    problem = Problem(voyage, distinct_by, order)
     policy = PaddingPolicy(padding, clearance, risk, seed, risk_at)
+    width = policy.likely_width(vessel.turning_radius)
+    problem = Problem(voyage, distinct_by, order, classes, width)
     path_method = PathMethod(method, samples, seed)
     found = plan_classes(problem, policy, path_method, classes)
     if not found.routes:

@@ -1,8 +1,8 @@
 """The k first homotopy classes between two points, each as a channel of triangles.
 
 A channel is a simple path in the dual graph of the triangulation. ``order="fuel"`` gives first the
-class whose quickest chain of points on passing edges needs the least fuel
-(:mod:`renew.classes.k_best_chains`); ``"length"`` the one of the shortest chain; ``"depth-first"``
+class whose quickest path on a roadmap needs the least fuel
+(:mod:`renew.classes.k_best_paths`); ``"length"`` the one of the shortest path; ``"depth-first"``
 takes classes in the order in which the paper's depth-first search meets them.
 
 Where small islands have no ray (see :mod:`renew.classes.h_signature`), one class has many channels,
@@ -12,9 +12,10 @@ enumerator gives the next channel of that class.
 
 from __future__ import annotations
 
+import copy
 import itertools
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,8 +25,15 @@ from renew.classes.channel import Channel, Transition
 from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_paths import k_best_paths, time_to_go
-from renew.classes.reduced_rows import RayColumns, Task
-from renew.classes.roadmap import Roadmap, resolution_for, roadmap
+from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
+from renew.classes.roadmap import (
+    Resolution,
+    Roadmap,
+    Tube,
+    closer_look,
+    resolution_for,
+    roadmap,
+)
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.arguments import Order
@@ -35,8 +43,50 @@ from renew.inputs.voyage import Voyage
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
 _MAX_STEPS = 1_000_000
+# Size of an island by which paths differ that are looked at closer, in cells.
+_WIDE = 2.0
 # The same for the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Roads:
+    """Roadmaps of the water for one order of classes, `clearance` m off land."""
+
+    voyage: Voyage
+    triangulation: Triangulation
+    order: Order
+    clearance: float
+
+    @cached_property
+    def everywhere(self) -> Roadmap:
+        """Nodes over the whole water, and legs."""
+        return self._roadmap(self._resolution)
+
+    @cached_property
+    def time_to_go(self) -> FloatArray:
+        """Least time (n,) in s from each node to the goal."""
+        return np.asarray(time_to_go(self.everywhere))
+
+    def beside(self, path: FloatArray, closer: int) -> tuple[Roadmap, float]:
+        """Nodes beside a path (n, 2), closer together by a factor, and a cell's size (m)."""
+        resolution, tube = closer_look(path, self.voyage, self._resolution, closer)
+        return self._roadmap(resolution, tube), tube.cell
+
+    @property
+    def _resolution(self) -> Resolution:
+        return resolution_for(self.voyage, self.triangulation)
+
+    def _roadmap(self, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
+        """Nodes over the water, or in a tube. Order "length" takes the water as still."""
+        return roadmap(
+            self.voyage,
+            self.triangulation,
+            self.voyage.table if self.order == "fuel" else STILL_WATER,
+            clearance=self.clearance,
+            resolution=resolution,
+            tube=tube,
+        )
 
 
 class ClassEnumerator:
@@ -61,7 +111,7 @@ class ClassEnumerator:
         clearance: float = 0.0,
     ) -> None:
         self._voyage, self._triangulation, self._rays = voyage, triangulation, rays
-        self._order, self._clearance = order, clearance
+        self._roads = _Roads(voyage, triangulation, order, clearance)
         self._first = triangulation.locate(voyage.start)
         self._last = triangulation.locate(voyage.goal)
         if not is_connected(triangulation, self._first, self._last):
@@ -75,19 +125,51 @@ class ClassEnumerator:
     @cached_property
     def sees_all(self) -> bool:
         """Whether each class has one channel, and no passing edge is too narrow for any."""
-        is_narrow = (self._triangulation.free_widths(self._clearance) <= 0).any()
-        return not (self._rays.omits_small_islands or is_narrow)
+        is_narrow = (self._triangulation.free_widths(self._roads.clearance) <= 0).any()
+        return not (self._rays.omits_islands or is_narrow)
+
+    @property
+    def has_many_triangles(self) -> bool:
+        """Whether there are too many to count the classes: the first may not hold the best one."""
+        return len(self._triangulation.triangles) > MAX_FLOODED
+
+    def told_apart_by(self, rays: Rays) -> ClassEnumerator:
+        """The same, for the classes that other rays tell apart."""
+        other = copy.copy(self)
+        vars(other)["_rays"] = rays
+        return other
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
         """The first `count` channels, except those that make a blocked transition."""
-        if self._order == "depth-first":
+        if self._roads.order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
+        graph, to_go = self._roads.everywhere, self._roads.time_to_go
+        return self._quickest(graph, to_go, self._rays, count, blocked)
+
+    def channels_beside(self, path: FloatArray, closer: int, count: int) -> list[Channel]:
+        """The first `count` channels of paths beside one (n, 2), looked at closer by a factor.
+
+        They differ by islands that are wider than a cell: of many islets between them each takes
+        the best sides.
+        """
+        graph, cell = self._roads.beside(path, closer)
+        wide = self._rays.only(self._rays.size >= _WIDE * cell)
+        return self._quickest(graph, np.asarray(time_to_go(graph)), wide, count)
+
+    def _quickest(
+        self,
+        graph: Roadmap,
+        to_go: FloatArray,
+        rays: Rays,
+        count: int,
+        blocked: Collection[Transition] = (),
+    ) -> list[Channel]:
+        """Channels of the quickest paths on a roadmap that rays tell apart."""
         # Without rays all channels are one class, which needn't be looked for everywhere.
-        count = count if len(self._rays.x) else 1
-        rays = RayColumns(self._rays.x, self._rays.y, self._rays.island)
-        rows, paths = k_best_paths(
-            Task(self._roadmap, rays, self._excluded(blocked)), self._time_to_go, count, _MAX_STEPS
-        )
+        count = count if len(rays.x) else 1
+        columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
+        task = Task(graph, columns, self._excluded(blocked))
+        rows, paths = k_best_paths(task, to_go, count, _MAX_STEPS)
         return [self._channel(row, path) for row, path in zip(rows, paths, strict=True)]
 
     def _channel(self, row: IntArray, path: FloatArray | None = None) -> Channel:
@@ -109,22 +191,6 @@ class ClassEnumerator:
             if channel.word not in seen and blocked.isdisjoint(channel.transitions):
                 seen.add(channel.word)
                 yield channel
-
-    @cached_property
-    def _roadmap(self) -> Roadmap:
-        """Nodes over the water, and legs."""
-        return roadmap(
-            self._voyage,
-            self._triangulation,
-            self._voyage.table if self._order == "fuel" else STILL_WATER,
-            clearance=self._clearance,
-            resolution=resolution_for(self._voyage, self._triangulation),
-        )
-
-    @cached_property
-    def _time_to_go(self) -> FloatArray:
-        """Least time (n,) in s from each node to the goal."""
-        return np.asarray(time_to_go(self._roadmap))
 
     def _excluded(self, blocked: Collection[Transition]) -> BoolArray:
         """Transitions as the compiled search takes them: (t, 4, 4)."""

@@ -19,7 +19,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import kernel
-from renew._types import FloatArray, IntArray
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
 
@@ -37,30 +37,49 @@ _MAX_LENGTH = 60
 class Rays:
     """Rays of the islands from west to east: origins `x`, `y` (i,) in m, and their `island` (i,).
 
-    Islands are numbered from 1, the largest first. Where some islands have no ray
-    (`omits_small_islands`), one class has many channels.
+    Islands are numbered from 1, the largest first; `size` (i,) is their extent along the wider
+    axis, m. Where some islands have no ray (`omits_islands`), one class has many channels.
     """
 
     x: FloatArray
     y: FloatArray
     island: IntArray
-    omits_small_islands: bool
+    size: FloatArray
+    omits_islands: bool = False
 
     @classmethod
-    def of(
-        cls, chart: Chart, min_size: float = 0.0, overpowered: BaseGeometry | None = None
-    ) -> Rays:
-        """Rays of the islands whose extent along the wider axis is at least `min_size` metres.
-
-        Overpowered water has rays as well, numbered after the islands'.
-        """
+    def of(cls, chart: Chart, overpowered: BaseGeometry | None = None) -> Rays:
+        """Rays of all islands; overpowered water has some as well, numbered after the islands'."""
         kinds = [np.array(chart.no_go, dtype=object)]
         if overpowered is not None:
             kinds.append(shapely.get_parts(overpowered))
-        origins = np.concatenate([_origins(polygons, chart, min_size) for polygons in kinds])
-        order = np.argsort(origins[:, 0], kind="stable")
-        x, y = np.ascontiguousarray(origins[order].T)
-        return cls(x, y, order + 1, min_size > 0 and len(origins) < sum(map(len, kinds)))
+        islands = np.concatenate([_islands(polygons, chart) for polygons in kinds])
+        x, y = shapely.get_coordinates(shapely.point_on_surface(islands)).reshape(-1, 2).T
+        order = np.argsort(x, kind="stable")
+        return cls(x[order], y[order], order + 1, _sizes(islands)[order])
+
+    def only(self, chosen: BoolArray) -> Rays:
+        """Some of the rays (i,), under their numbers."""
+        return Rays(
+            self.x[chosen],
+            self.y[chosen],
+            self.island[chosen],
+            self.size[chosen],
+            omits_islands=self.omits_islands or not bool(chosen.all()),
+        )
+
+    def of_word(self, word: Word) -> Word:
+        """The word, by these rays alone, of paths that have a word by more of them."""
+        reduced: list[int] = []
+        known = set(self.island.tolist())
+        for letter in word:
+            if abs(letter) not in known:
+                continue
+            if reduced and reduced[-1] == -letter:
+                reduced.pop()
+            else:
+                reduced.append(letter)
+        return tuple(reduced)
 
     def word(self, path: FloatArray) -> Word:
         """Reduced word of a path (n, 2)."""
@@ -68,18 +87,20 @@ class Rays:
         return tuple(letters.tolist())
 
 
-def _origins(polygons: npt.NDArray[np.object_], chart: Chart, min_size: float) -> FloatArray:
-    """One point (i, 2) in each polygon of at least that size, the largest polygon first."""
+def _islands(polygons: npt.NDArray[np.object_], chart: Chart) -> npt.NDArray[np.object_]:
+    """Return those of some polygons that can be passed on either side, the largest first."""
     # Land that touches the extent's edge belongs to the outside; what touches such land too,
     # and the chart's union has already merged what overlaps.
     outside = shapely.dwithin(polygons, chart.extent.exterior, 4 * chart.precision)
     islands = polygons[~np.asarray(outside, dtype=bool)]
     bounds = shapely.bounds(islands).reshape(-1, 4)
-    large = (bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0) >= min_size
-    islands, bounds = islands[large], bounds[large]
-    largest_first = np.lexsort((*bounds.T[::-1], -shapely.area(islands)))
-    points = shapely.point_on_surface(islands[largest_first])
-    return np.asarray(shapely.get_coordinates(points).reshape(-1, 2))
+    return np.asarray(islands[np.lexsort((*bounds.T[::-1], -shapely.area(islands)))])
+
+
+def _sizes(islands: npt.NDArray[np.object_]) -> FloatArray:
+    """Extent (i,) of islands along the wider axis, m."""
+    bounds = shapely.bounds(islands).reshape(-1, 4)
+    return np.asarray((bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0))
 
 
 @kernel

@@ -17,6 +17,7 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import FloatArray, IntArray
 from renew.classes.reduced_rows import (
+    MAX_FLOODED,
     TO_BE_MADE,
     UNKNOWN,
     WORD,
@@ -41,6 +42,9 @@ _CAPACITY = 1024
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
 
 
+# Times of the paths that are looked for, as shares of the best: at most. Among many triangles most
+# of the dearer ones wind about islands that no better path has to pass.
+_DEAREST, _ANY = 1.6, 1e300
 # Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
 # that the node had before, and whether it is settled. A node has one label for each word.
 _NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
@@ -84,6 +88,7 @@ def k_best_paths(
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used = 1
+    latest = to_go[START] * (_DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     found.clear()
@@ -111,7 +116,7 @@ def k_best_paths(
             onwards = row if within else followed(graph, rows, row, node, leg)
             if onwards <= TO_BE_MADE:
                 onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, node, leg)
-            if onwards < 0 or to_go[other] == np.inf:
+            if onwards < 0 or time + to_go[other] > latest:
                 continue
             word = rows[onwards, WORD]
             noted = _known(labels, times, newest[other], word, time, count)

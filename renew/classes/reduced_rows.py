@@ -34,7 +34,7 @@ TO_BE_MADE = -3
 _MAX_ASTRAY = 2
 # Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
 # classes are found long before such rows are looked at.
-_MAX_FLOODED = 1000
+MAX_FLOODED = 1000
 # Number of rows that there is room for at first.
 _CAPACITY = 1024
 
@@ -54,6 +54,7 @@ class RayColumns(NamedTuple):
     x: FloatArray
     y: FloatArray
     island: IntArray
+    largest_letter: int
 
 
 class Task(NamedTuple):
@@ -179,7 +180,7 @@ def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
     """Whether the goal can be reached across an edge of a row without the row's triangles."""
     mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
     count = len(mesh.neighbours)
-    if count > _MAX_FLOODED:
+    if count > MAX_FLOODED:
         return True
     # A triangle, and the edge by which it is entered, as 3 t + corner.
     seen = np.zeros(3 * count, dtype=np.bool_)
@@ -238,7 +239,7 @@ def _appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
         if word and words.letter[word] == -letter:
             word = words.stem[word]
             continue
-        pair = word * (2 * len(rays.island) + 1) + letter
+        pair = word * (2 * rays.largest_letter + 1) + letter
         if pair not in words.longer:
             words.stem.append(word)
             words.letter.append(letter)
@@ -262,7 +263,7 @@ def number_of_classes(
     Also all rows made for that, and how many these are. Among many triangles it isn't counted.
     """
     found, used, waiting = 0, 1, [0]
-    if len(task.graph.mesh.neighbours) > _MAX_FLOODED:
+    if len(task.graph.mesh.neighbours) > MAX_FLOODED:
         return most, rows, used
     while waiting and found < most:
         row = waiting.pop()

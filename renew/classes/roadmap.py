@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from renew._compiled import kernel
@@ -55,6 +56,8 @@ _WAY_CELLS, _GROWTH = 16, 1.15
 # Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
 # that the path itself avoids.
 _MIN_SPEED = 0.1
+# Half the width of the water in which a path is looked at closer, in cells.
+_TUBE = 8.0
 # Number of triangles that a leg may cross, and by how much of its length it may miss its end.
 MAX_CROSSED, _ROUNDING = 4096, 1e-9
 
@@ -101,6 +104,32 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
     return Resolution(max(_SMOOTH, islands), 2 if islands < _MANY else 3)
 
 
+class Tube(NamedTuple):
+    """The water beside a path (n, 2), a few cells of so many metres to either side."""
+
+    path: FloatArray
+    cell: float
+
+    def holds(self, points: FloatArray) -> BoolArray:
+        """Whether it holds points (m, 2)."""
+        along = shapely.segmentize(shapely.LineString(self.path), self.cell)
+        tree = cKDTree(shapely.get_coordinates(along))
+        distance, _ = tree.query(points, distance_upper_bound=_TUBE * self.cell)
+        return np.asarray(np.isfinite(distance))
+
+
+def closer_look(
+    path: FloatArray, voyage: Voyage, resolution: Resolution, closer: int
+) -> tuple[Resolution, Tube]:
+    """Resolution and water in which a path (n, 2) that was found at another is looked at closer.
+
+    Nodes stand closer together by a factor.
+    """
+    xmin, ymin, xmax, ymax = voyage.chart.bounds
+    cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / closer
+    return Resolution(closer**2 * resolution.cells, 2), Tube(path, cell)
+
+
 def roadmap(
     voyage: Voyage,
     triangulation: Triangulation,
@@ -108,11 +137,12 @@ def roadmap(
     *,
     clearance: float,
     resolution: Resolution,
+    tube: Tube | None = None,
 ) -> Roadmap:
     """Put nodes over the water and join them; straits narrower than twice `clearance` m are closed.
 
     `table` is the current by which legs are timed. Wherever a row of triangles leads through, legs
-    do.
+    do; but all keep in the tube, if one is given.
     """
     mesh = _mesh(triangulation, clearance)
     x, y = _axes(voyage, resolution.cells)
@@ -120,6 +150,12 @@ def roadmap(
     ends = np.stack([voyage.start, voyage.goal])
     holding = np.array([triangulation.locate(point) for point in ends])
     grid = _triangles_of(x, y, mesh)
+    if tube is not None:
+        inside = tube.holds(gates.points)
+        gates = _Gates(gates.points[inside], gates.triangles[inside])
+        row, column = np.nonzero(grid >= 0)
+        outside = ~tube.holds(np.column_stack([x[column], y[row]]))
+        grid[row[outside], column[outside]] = -1
     row, column = np.nonzero(grid >= 0)
     points = np.concatenate([ends, gates.points, np.column_stack([x[column], y[row]])])
     triangle = np.concatenate([holding, gates.triangles[:, 0], grid[row, column]])

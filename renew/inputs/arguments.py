@@ -20,6 +20,7 @@ from renew.inputs.fuel import Drift
 from renew.inputs.voyage import Voyage
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
+DistinctBy: TypeAlias = Literal["auto"] | float
 Method: TypeAlias = Literal["optimal", "sampled"]
 RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
@@ -59,11 +60,12 @@ def check_options(
         faults.append(
             f'padding = {padding!r} must be "adaptive", "none" or finite metres of at least 0'
         )
-    faults += [
-        f"{name} = {value!r} m must be finite and at least 0"
-        for name, value in (("clearance", clearance), ("distinct_by", distinct_by))
-        if not _is_length(value)
-    ]
+    if not _is_length(clearance):
+        faults.append(f"clearance = {clearance!r} m must be finite and at least 0")
+    if distinct_by != "auto" and not _is_length(distinct_by):
+        faults.append(
+            f'distinct_by = {distinct_by!r} must be "auto" or finite metres of at least 0'
+        )
     if not (_is_number(risk) and MIN_RISK <= risk < 1):
         faults.append(f"risk = {risk!r} must lie between {MIN_RISK:g} and 1, as in 0.05")
     faults += [

@@ -31,3 +31,7 @@ class PaddingPolicy:
         """Width (m) that every padding has at least."""
         fixed = 0.0 if isinstance(self.padding, str) else float(self.padding)
         return max(fixed, self.clearance)
+
+    def likely_width(self, turning_radius: float) -> float:
+        """Width (m) that hardly any padding stays below: a turn is twice as wide as its radius."""
+        return max(self.min_width, turning_radius if self.is_adaptive else 0.0)

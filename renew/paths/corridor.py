@@ -81,7 +81,9 @@ class Corridor:
         keep = _outside_soft_endpoints(sections, free)
         sections, free = sections.select(keep), free.select(keep)
         if free.blocked.any():
-            raise InfeasibleError.at_strait(self._narrowest(sections, free))
+            places = sections.place[free.blocked].astype(int)
+            blocked = (self.channel.transitions[place] for place in places)
+            raise InfeasibleError.at_strait(self._narrowest(sections, free), blocked)
         return sections, free
 
     @cached_property

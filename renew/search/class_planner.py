@@ -61,13 +61,13 @@ class _Found(NamedTuple):
 class PathMethod:
     """How the best path of a class is found; `samples` and `seed` are those of random chains.
 
-    `makes_room` is whether land is padded more where a path can't be steered.
+    With `is_thorough`, land is padded more where a path can't be steered, and variants are tried.
     """
 
     method: Method
     samples: int
     seed: int
-    makes_room: bool = True
+    is_thorough: bool = True
 
 
 class ClassPlanner:
@@ -155,7 +155,7 @@ class ClassPlanner:
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> _Found:
         """A path (n, 2) of a class that was found in its corridor, or one with more padding."""
         self._check_class(corridor, path)
-        makes_room = self._method.makes_room and used.polar == corridor.polar
+        makes_room = self._method.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
         used, path, trajectory = steered(used, path)
         self._check_class(corridor, path)

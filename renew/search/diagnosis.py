@@ -54,7 +54,7 @@ def no_class_error(
 def suggest_relaxations(problem: Problem, policy: PaddingPolicy, method: PathMethod) -> list[str]:
     """What would leave a route, each tried out; the widest way through comes first."""
     # Making room to turn takes long, and less padding leaves more of it.
-    search = _RelaxationSearch(problem, policy, replace(method, makes_room=False))
+    search = _RelaxationSearch(problem, policy, replace(method, is_thorough=False))
     endpoints = (problem.voyage.start, problem.voyage.goal)
     gap = widest_gap(problem.triangulation, *map(problem.triangulation.locate, endpoints))
     found = [f"the widest way through has a gap of {gap:.2f} m"]

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 
 from renew.classes.channel import Channel, Transition
-from renew.classes.h_signature import Word
+from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.h_signature import Word, name
 from renew.errors import InfeasibleError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.problem import Problem
 
+# By what factors the roadmap is finer beside the best route, and number of ways looked for there.
+_CLOSER, _BESIDE = (2, 4), 4
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
@@ -38,23 +42,20 @@ def plan_classes(
     themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
     """
     results = _Results(ClassPlanner(problem, policy, method))
-    # Hardly any padding is less than v/ω: a turn is twice as wide.
-    likely = problem.voyage.vessel.turning_radius if policy.is_adaptive else 0.0
-    enumerator = problem.enumerator(max(policy.min_width, likely))
-    blocked: set[Transition] = set()
-    seen_all = False
-    for _ in range(_MAX_ROUNDS):
-        known = len(blocked)
-        channels = enumerator.channels(classes, blocked)
-        for channel in channels:
-            blocked |= results.add(channel)
-        seen_all = known == 0 and enumerator.sees_all and len(channels) < classes
-        if len(blocked) == known or seen_all:
-            break
-    if len(results.routes) < classes and not seen_all:
+    clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
+    scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
+    is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
+    if is_free and problem.rays.omits_islands:
+        # The best of all channels is the best of its class, whichever islands tell classes apart.
+        results.plan_in_rounds(scout, classes, results.add_variant)
+    seen_all = results.plan_in_rounds(enumerator, classes, results.add)
+    is_enough = len(results.routes) >= classes or (results.routes and enumerator.has_many_triangles)
+    if not (is_enough or seen_all):
         for channel in problem.enumerator(0.0).channels(classes):
             if channel.word not in results.rejected:
                 results.add(channel)
+    if is_free and scout.has_many_triangles:
+        results.look_closer(scout)
     routes = sorted(results.routes.values(), key=lambda route: route.fuel)
     rejected = (
         rejected for word, rejected in results.rejected.items() if word not in results.routes
@@ -67,28 +68,66 @@ class _Results:
 
     def __init__(self, planner: ClassPlanner) -> None:
         self._planner = planner
+        self._rays = planner.problem.rays
         self.routes: dict[Word, Route] = {}
         self.rejected: dict[Word, Rejected] = {}
-        self._given_up: set[Word] = set()
+        self._done: set[Word] = set()
 
-    def add(self, channel: Channel) -> set[Transition]:
-        """Plan a class in one more channel; return the transition that blocks it, if one does."""
-        word = channel.word
-        if word in self.routes or word in self._given_up:
-            return set()
+    def plan_in_rounds(
+        self,
+        enumerator: ClassEnumerator,
+        classes: int,
+        add: Callable[[Channel], frozenset[Transition]],
+    ) -> bool:
+        """Plan the first k classes around what is blocked; say whether these are all there are."""
+        blocked: set[Transition] = set()
+        for _ in range(_MAX_ROUNDS):
+            known = len(blocked)
+            channels = enumerator.channels(classes, blocked)
+            for channel in channels:
+                blocked |= add(channel)
+            if known == 0 and enumerator.sees_all and len(channels) < classes:
+                return True
+            if len(blocked) == known:
+                break
+        return False
+
+    def add(self, channel: Channel) -> frozenset[Transition]:
+        """Plan a class in one more channel; return the transitions that block it."""
+        return frozenset() if channel.word in self.routes else self._add(channel, channel.word)
+
+    def add_variant(self, channel: Channel) -> frozenset[Transition]:
+        """The same for a channel that more islands tell apart: a class takes its best."""
+        return self._add(channel, self._rays.of_word(channel.word))
+
+    def look_closer(self, scout: ClassEnumerator) -> None:
+        """Look beside the best route, ever closer, for better ways on other sides of islands."""
+        for closer in _CLOSER if self.routes else ():
+            best = min(self.routes.values(), key=lambda route: route.fuel)
+            for channel in scout.channels_beside(best.path, closer, _BESIDE):
+                self._done.discard(channel.word)
+                self.add_variant(channel)
+
+    def _add(self, channel: Channel, word: Word) -> frozenset[Transition]:
+        """Plan a channel as one of the class with a word."""
+        if channel.word in self._done:
+            return frozenset()
         try:
-            self.routes[word] = self._planner.route(channel)
+            route = self._planner.route(replace(channel, word=word))
         except InfeasibleError as error:
             rejected = Rejected(
-                homotopy=channel.name,
+                homotopy=name(word),
                 reason=str(error),
                 channel=self._planner.problem.triangulation.corners[channel.triangles],
                 strait=error.strait,
                 cause=error,
-                _compute_fuel=partial(self._planner.unpadded_fuel, channel),
+                _compute_fuel=partial(self._planner.unpadded_fuel, replace(channel, word=word)),
             )
             self.rejected.setdefault(word, rejected)
-            if error.strait is not None:
-                return {error.strait.transition}
-            self._given_up.add(word)
-        return set()
+            if error.strait is None:
+                self._done.add(channel.word)
+            return error.blocked
+        self._done.add(channel.word)
+        if word not in self.routes or route.fuel < self.routes[word].fuel:
+            self.routes[word] = route
+        return frozenset()

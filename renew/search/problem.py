@@ -7,11 +7,12 @@ from functools import cached_property
 
 from shapely.geometry.base import BaseGeometry
 
+from renew.classes.choices import rays_that_matter
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.overpowered_water import overpowered_water
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.inputs.arguments import Order
+from renew.inputs.arguments import DistinctBy, Order
 from renew.inputs.voyage import Voyage
 from renew.paths.corridor import SLACK
 from renew.route import FuelBound
@@ -20,11 +21,17 @@ from renew.turns.reach_bound import TurnReach
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A voyage; classes that differ only by islands under `distinct_by` m count as one."""
+    """A voyage, and which of its classes are looked for: `classes` of them, in an order.
+
+    Those that differ only by islands under `distinct_by` m count as one; with "auto", those that
+    differ by none of the few islands that matter. Most land is padded by `width` m at least.
+    """
 
     voyage: Voyage
-    distinct_by: float
+    distinct_by: DistinctBy
     order: Order
+    classes: int = 16
+    width: float = 0.0
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -39,7 +46,19 @@ class Problem:
     @cached_property
     def rays(self) -> Rays:
         """Rays by which classes are told apart."""
-        return Rays.of(self.voyage.chart, self.distinct_by, self.overpowered_water)
+        rays = self.all_rays
+        if self.distinct_by != "auto":
+            return rays.only(rays.size >= self.distinct_by)
+        best = self.scout(self.voyage.vessel.turning_radius).channels(1)[0]
+        path = best.midline(self.voyage.start, self.voyage.goal)
+        return rays_that_matter(
+            rays, path if best.found_by is None else best.found_by, self.classes
+        )
+
+    @cached_property
+    def all_rays(self) -> Rays:
+        """Rays of all islands."""
+        return Rays.of(self.voyage.chart, self.overpowered_water)
 
     @cached_property
     def reach(self) -> TurnReach:
@@ -53,7 +72,22 @@ class Problem:
 
     def enumerator(self, clearance: float) -> ClassEnumerator:
         """Enumerate classes by paths that keep about `clearance` m off land."""
-        slack = SLACK * self.voyage.vessel.turning_radius
-        return ClassEnumerator(
-            self.voyage, self.triangulation, self.rays, self.order, clearance=clearance + slack
-        )
+        return self.scout(clearance).told_apart_by(self.rays)
+
+    def scout(self, clearance: float) -> ClassEnumerator:
+        """Enumerate the classes that all islands tell apart."""
+        if clearance not in self._scouts:
+            slack = SLACK * self.voyage.vessel.turning_radius
+            self._scouts[clearance] = ClassEnumerator(
+                self.voyage,
+                self.triangulation,
+                self.all_rays,
+                self.order,
+                clearance=clearance + slack,
+            )
+        return self._scouts[clearance]
+
+    @cached_property
+    def _scouts(self) -> dict[float, ClassEnumerator]:
+        """Enumerators by their clearance: each has a roadmap of its own."""
+        return {}

@@ -30,7 +30,8 @@ def enumerator_on(
     chart: renew.Chart, *, min_size: float = 0.0, order: Order = "length"
 ) -> tuple[Triangulation, ClassEnumerator]:
     triangulation = triangulate(chart)
-    rays = Rays.of(chart, min_size)
+    rays = Rays.of(chart)
+    rays = rays.only(rays.size >= min_size)
     return triangulation, ClassEnumerator(voyage_on(chart), triangulation, rays, order)
 
 

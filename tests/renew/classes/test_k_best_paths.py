@@ -44,7 +44,7 @@ def found_in(
 ) -> tuple[list[IntArray], list[FloatArray]]:
     rays = Rays.of(voyage.chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    columns = RayColumns(rays.x, rays.y, rays.island)
+    columns = RayColumns(rays.x, rays.y, rays.island, len(rays.island))
     task = Task(graph, columns, none)
     return k_best_paths(task, time_to_go(graph), count, 1_000_000)
 

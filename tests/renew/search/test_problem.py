@@ -39,5 +39,5 @@ def test_parts_are_computed_once_and_triangles_leave_overpowered_water_out() -> 
 def test_islands_below_the_least_size_name_no_class() -> None:
     problem = Problem(voyage_on(CHART), distinct_by=5.0, order="fuel")
     assert len(problem.rays.island) == 1
-    assert problem.rays.omits_small_islands
+    assert problem.rays.omits_islands
     assert len(problem.enumerator(0.0).channels(20)) == 2
