@@ -162,13 +162,17 @@ def season_notes(notes: Mapping[str, Iterable[str]]) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Simplified:
-    """The hard no-go zone of the planner (lon/lat degrees); it covers all of the land."""
+    """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
+
+    `inner_polygons` lie inside the land: what a route that stays off the land must stay off at
+    least.
+    """
 
     polygons: tuple[Polygon, ...]
+    inner_polygons: tuple[Polygon, ...]
     original_vertices: int
     vertices: int
     tolerance_m: float
-    closed_gap_m: float
     margin_m: float
 
 
@@ -176,12 +180,14 @@ class Simplified:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land; `currents` is keyed by season; `start` and `goal`
-    have shape (2,). A scene `is_planar` where it was given in metres, and not on a chart.
+    `land` is the original, unsimplified land and `inner_land` simplified land inside of it, for
+    bounds; `currents` is keyed by season; `start` and `goal` have shape (2,). A scene `is_planar`
+    where it was given in metres, and not on a chart.
     """
 
     chart: renew.Chart
     land: tuple[Polygon, ...]
+    inner_land: tuple[Polygon, ...]
     currents: Mapping[str, Current]
     start: FloatArray
     goal: FloatArray

@@ -234,12 +234,12 @@ class _StagedRun:
 
     def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
         """Second stage: return its artefact's key, and the artefact."""
-        names = {"region", "plane", "scale", "chart", "start", "goal"}
+        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
         inputs = self.scenario.model_dump(mode="json", include=names)
         key = artefact_key("simplify", parts.land_key, inputs)
         land = parts.fetched.land
         if self.scenario.region is None:
-            return key, SimplifiedLand(planar.unsimplified(land), 0.0, ())
+            return key, SimplifiedLand(planar.unsimplified(land), ())
         region, chart = self.scenario.region, self.scenario.chart
 
         def make() -> SimplifiedLand:
@@ -248,9 +248,8 @@ class _StagedRun:
                 region.shape,
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
-                close_gaps_m=chart.close_gaps_m,
                 tolerance_m=chart.tolerance_m,
-                vertex_budget=chart.vertex_budget,
+                turning_radius_m=self.scenario.vessel.vessel().turning_radius * self.scenario.scale,
                 endpoints=(self.scenario.start, self.scenario.goal),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )

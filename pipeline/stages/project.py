@@ -55,14 +55,16 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         return planar.plane_scene(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
-    chart = renew.Chart(
-        extent_polygon(region, projection),
-        [projection.geometry_to_plane(polygon) for polygon in simplified.polygons],
+    no_go, inner_land, land = (
+        tuple(projection.geometry_to_plane(np.array(polygons, dtype=object)))
+        for polygons in (simplified.polygons, simplified.inner_polygons, fetched.land.polygons)
     )
+    chart = renew.Chart(extent_polygon(region, projection), no_go)
     check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
-        land=tuple(projection.geometry_to_plane(np.array(fetched.land.polygons, dtype=object))),
+        land=land,
+        inner_land=inner_land,
         currents={
             grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
         },
