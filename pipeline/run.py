@@ -19,6 +19,7 @@ from pipeline.stages import planar
 from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
+from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
@@ -203,10 +204,13 @@ class _StagedRun:
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
-            unsafe = _unsafe_notes(evaluation, self.scenario)
-            for note in unsafe:
+            notes = (
+                *_unsafe_notes(evaluation, self.scenario),
+                *crossing_notes(evaluation.shore_crossings),
+            )
+            for note in notes:
                 self.on_event(Event("plan", "note", detail=note))
-            fetched = replace(fetched, notes=(*fetched.notes, *unsafe))
+            fetched = replace(fetched, notes=(*fetched.notes, *notes))
         result = RunResult(
             self.scenario,
             fetched,

@@ -55,9 +55,15 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         return planar.plane_scene(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
-    no_go, inner_land, land = (
+    charted = fetched.land
+    no_go, inner_land, land, second_shore = (
         tuple(projection.geometry_to_plane(np.array(polygons, dtype=object)))
-        for polygons in (simplified.polygons, simplified.inner_polygons, fetched.land.polygons)
+        for polygons in (
+            simplified.polygons,
+            simplified.inner_polygons,
+            charted.polygons,
+            charted.second_shore,
+        )
     )
     chart = renew.Chart(extent_polygon(region, projection), no_go)
     check_endpoints(scenario, chart, projection)
@@ -72,6 +78,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         goal=projection.to_plane(scenario.goal),
         projection=projection,
         vessel=scenario.vessel.vessel(),
+        second_shore=second_shore,
     )
 
 

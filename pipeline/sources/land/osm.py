@@ -1,5 +1,7 @@
 """OpenStreetMap land for any region, offline, from the package `roaring-landmask`.
 
+The package has GSHHG, an older shoreline of other origin, too: land to compare routes with.
+
 It is simplified by the package's makers to 0.0005 degrees, and cut at 180 degrees.
 """
 
@@ -21,7 +23,7 @@ from pipeline.sources.land.polygons import (
     repair_note,
     repaired,
 )
-from pipeline.sources.land.world import NAME, polygons_near
+from pipeline.sources.land.world import NAME, Shoreline, polygons_near
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -51,9 +53,14 @@ class LandPolygons:
 
 def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
-    found = land_polygons(region, beyond_m)
-    notes = repair_note("OpenStreetMap land", found.repaired)
-    return Land(found.polygons, (credit(),), ACCURACY_M, notes=(*found.notes, *notes))
+    found, second = (land_polygons(region, beyond_m, shoreline) for shoreline in ("Osm", "Gshhg"))
+    return Land(
+        found.polygons,
+        (credit(),),
+        ACCURACY_M,
+        notes=(*found.notes, *repair_note("OpenStreetMap land", found.repaired)),
+        second_shore=second.polygons,
+    )
 
 
 def credit() -> Credit:
@@ -68,8 +75,10 @@ def credit() -> Credit:
     )
 
 
-def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
-    """Return OpenStreetMap's land near a region.
+def land_polygons(
+    region: Polygon, beyond_m: float = BEYOND_M, shoreline: Shoreline = "Osm"
+) -> LandPolygons:
+    """Return OpenStreetMap's land near a region, or that of another shoreline.
 
     Parameters
     ----------
@@ -86,7 +95,7 @@ def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
         source cuts at 180 degrees are joined again.
     """
     box = box_around(region, beyond_m)
-    polygons, notes = polygons_near("Osm", box)
+    polygons, notes = polygons_near(shoreline, box)
     return replace(clean(polygons, box), notes=notes)
 
 

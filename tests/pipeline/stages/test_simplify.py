@@ -407,6 +407,27 @@ def test_real_islands(busuanga: Land) -> None:
     assert not shapely.intersects(no_go, endpoints).any()
 
 
+def test_straits_of_the_cyclades_are_water() -> None:
+    """Naxos–Donousa and Amorgos–Kinaros, 16 and 17 km wide, which became land once."""
+    region = shapely.box(22.5, 35.0, 29.0, 38.5)
+    ends = [(23.6, 37.85), (28.3, 36.5)]
+    land = osm_land(region)
+    result = simplify_land(
+        land.polygons, region, accuracy_m=land.accuracy_m, turning_radius_m=17.0, endpoints=ends
+    )
+    plane = Projection.for_region(region)
+    polygons = plane.geometry_to_plane(np.array(result.simplified.polygons, dtype=object))
+    water = shapely.get_parts(
+        plane.geometry_to_plane(region).difference(shapely.union_all(polygons))
+    )
+    straits = [(25.69, 37.15), (26.18, 36.96)]
+    places = shapely.points(plane.to_plane([*ends, *straits]))
+    assert shapely.intersects(water[:, None], places).all(axis=1).sum() == 1
+    # As wide as they are, less margin and tolerance.
+    assert shapely.distance(polygons[:, None], places[2:]).min() > 4_000
+    assert len(result.simplified.inner_polygons) > 100
+
+
 def test_the_work_grows_no_faster_than_n_log_n() -> None:
     """Of coasts with 16 times the vertices and islands: 16 times the time, and a share for log n.
 
