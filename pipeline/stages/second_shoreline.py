@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 # Least length of a crossing, true metres: below it a route only grazes the shore.
 _LEAST_M = 1.0
-# Maximum number of places that a note lists, the longest crossings first.
+# Decimals of a degree to which crossings are at the same place: some 100 m.
+_SAME_PLACE = 3
+# Maximum number of places that a note lists.
 _MAX_PLACES = 8
 
 
@@ -52,11 +54,11 @@ class SecondShoreline:
 
 
 def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[str, ...]:
-    """Write a note for each season with the places where its routes cross that land."""
-    listed: dict[str, list[str]] = {}
-    for one in sorted(crossings, key=lambda one: -one.length_m):
-        place = f"route {one.rank}: {one.length_m:.0f} m at {one.lon:.4f} E {one.lat:.4f} N"
-        listed.setdefault(one.season, []).append(place)
+    """Write a note for each season with the places where its routes cross that land.
+
+    Those of the best route come first, and then the longest ones.
+    """
+    seasons = {one.season: _places(crossings, one.season) for one in crossings}
     return tuple(
         season_notes(
             {
@@ -65,12 +67,30 @@ def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[str, ...]:
                     "routes cross water of this chart; look there at an official one: "
                     + "; ".join(places[:_MAX_PLACES])
                     + (
-                        f"; and {len(places) - _MAX_PLACES} places of shorter ones"
-                        if len(places) > _MAX_PLACES
+                        f"; and {more} shorter places"
+                        if (more := len(places) - _MAX_PLACES) > 0
                         else ""
                     )
                 ]
-                for season, places in listed.items()
+                for season, places in seasons.items()
             }
         )
     )
+
+
+def _places(crossings: Sequence[ShoreCrossing], season: str) -> list[str]:
+    """Name the places of a season, each with all routes that cross there."""
+    there: dict[tuple[float, float], list[ShoreCrossing]] = {}
+    for one in crossings:
+        if one.season == season:
+            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
+            there.setdefault(place, []).append(one)
+    found = [
+        (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
+        for group in there.values()
+    ]
+    return [
+        f"{longest.length_m:.0f} m at {longest.lon:.4f} E {longest.lat:.4f} N on "
+        + ", ".join(f"route {rank}" for rank in sorted({one.rank for one in group}))
+        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
+    ]

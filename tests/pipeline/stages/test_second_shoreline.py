@@ -52,14 +52,16 @@ def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
     assert SecondShoreline(plain).crossings(path, "summer", 1) == ()
 
 
-def test_notes_list_the_longest_crossings_of_each_season() -> None:
-    summer = [ShoreCrossing("summer", i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(1, 11)]
+def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> None:
+    best = ShoreCrossing("summer", 1, 24.0, 37.1, 100.0)
+    same = ShoreCrossing("summer", 4, 24.0001, 37.1001, 105.0)
+    others = [ShoreCrossing("summer", i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
     winter = ShoreCrossing("winter", 1, -5.25, -36.5, 60.4)
-    one, other = crossing_notes([*summer, winter])
-    assert one.startswith("summer: a second, independent shoreline (GSHHG")
-    assert one.index("route 10: 1000 m at 24.0000 E 38.0000 N") < one.index("route 9: 900 m")
-    assert "route 3: " in one
-    assert "route 2: " not in one
-    assert one.endswith("; and 2 places of shorter ones")
-    assert other.endswith("route 1: 60 m at -5.2500 E -36.5000 N")
+    one, other = crossing_notes([*others, same, best, winter])
+    places = one.split("; look there at an official one: ")[1].split("; ")
+    assert places[0] == "105 m at 24.0001 E 37.1001 N on route 1, route 4"
+    assert places[1] == "1000 m at 24.0000 E 38.0000 N on route 10"
+    assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
+    assert places[8] == "and 2 shorter places"
+    assert other.endswith(": 60 m at -5.2500 E -36.5000 N on route 1")
     assert crossing_notes([]) == ()
