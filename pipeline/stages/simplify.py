@@ -47,7 +47,7 @@ _ROUNDING = 1e-6
 # The tolerance as shares of the turning radius and of the region's diagonal; see
 # `chosen_tolerance_m`.
 _OF_RADIUS = 1 / 8
-_OF_DIAGONAL = 1e-4
+_OF_DIAGONAL = 5e-5
 # Area that may seem uncovered by rounding where two polygons share an edge, m².
 _UNCOVERED_M2 = 1.0
 
@@ -132,8 +132,8 @@ def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: f
 
     It is the largest of three lengths (true metres). Below the chart's accuracy the coast is not
     known. A vessel can't follow bends of the coast much tighter than its turning radius: an eighth
-    of that. And a tolerance of 0.1 per mille of the region's diagonal makes a route longer by some
-    0.02 %, as a route turns by one to two radians in all round the capes that it passes.
+    of that. And a tolerance of 0.05 per mille of the region's diagonal makes a route longer by some
+    0.01 %, as a route turns by one to two radians in all round the capes that it passes.
     """
     return max(accuracy_m, _OF_RADIUS * turning_radius_m, _OF_DIAGONAL * diagonal_m)
 
