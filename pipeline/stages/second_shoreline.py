@@ -41,7 +41,8 @@ class SecondShoreline:
     def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
         """Return where a path (n, 2), planar metres, crosses that land."""
         line = shapely.LineString(path)
-        crossed = self._shore[self._tree.query(line, predicate="intersects")]
+        # What is valid in degrees need not be in the plane.
+        crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
         over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
         found = []
         for part in over:
