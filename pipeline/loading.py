@@ -18,8 +18,8 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.old_keys import with_current_keys
 from pipeline.scenario.region import ChartSpec, Plane, Region
-from pipeline.scenario.renamed_keys import with_current_names
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point, looks_like_path
 
@@ -50,7 +50,7 @@ def load_scenario(
     currents
         Files that belong together and replace every season's currents.
     on_note
-        Called with a note for each key that is given by an old name.
+        Called with a note for each key of an earlier version.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def parse_scenario(
 ) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
     folder = folder or working_directory()
-    data, notes, faults = with_current_names(data)
+    data, notes, faults = with_current_keys(data)
     if on_note is not None:
         for note in notes:
             on_note(note)

@@ -57,6 +57,8 @@ class Land:
     Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
     how far the source's coast may lie from the true one, in metres. `credits` has one entry per
     source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
+    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
+    it, but a route that crosses it does so where the two disagree.
     """
 
     polygons: tuple[Polygon, ...]
@@ -64,6 +66,7 @@ class Land:
     accuracy_m: float
     notes: tuple[str, ...] = ()
     zones: tuple[Zone, ...] = ()
+    second_shore: tuple[Polygon, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,13 +165,17 @@ def season_notes(notes: Mapping[str, Iterable[str]]) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Simplified:
-    """The hard no-go zone of the planner (lon/lat degrees); it covers all of the land."""
+    """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
+
+    `inner_polygons` lie inside the land: what a route that stays off the land must stay off at
+    least.
+    """
 
     polygons: tuple[Polygon, ...]
+    inner_polygons: tuple[Polygon, ...]
     original_vertices: int
     vertices: int
     tolerance_m: float
-    closed_gap_m: float
     margin_m: float
 
 
@@ -176,18 +183,21 @@ class Simplified:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land; `currents` is keyed by season; `start` and `goal`
-    have shape (2,). A scene `is_planar` where it was given in metres, and not on a chart.
+    `land` is the original, unsimplified land and `inner_land` simplified land inside of it, for
+    bounds; `second_shore` is as in Land; `currents` is keyed by season; `start` and `goal` have
+    shape (2,). A scene `is_planar` where it was given in metres, and not on a chart.
     """
 
     chart: renew.Chart
     land: tuple[Polygon, ...]
+    inner_land: tuple[Polygon, ...]
     currents: Mapping[str, Current]
     start: FloatArray
     goal: FloatArray
     projection: Projection
     vessel: renew.Vessel
     is_planar: bool = False
+    second_shore: tuple[Polygon, ...] = ()
 
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: as a scenario would give it."""
@@ -251,12 +261,24 @@ class RouteMetrics:
 
 
 @dataclass(frozen=True, slots=True)
+class ShoreCrossing:
+    """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
+
+    season: str
+    rank: int
+    lon: float
+    lat: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where none touches land, about a thousand per route are
-    stored.
+    stored. `shore_crossings` are those of all routes.
     """
 
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
+    shore_crossings: tuple[ShoreCrossing, ...] = ()

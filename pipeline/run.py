@@ -19,6 +19,7 @@ from pipeline.stages import planar
 from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
+from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
@@ -203,10 +204,13 @@ class _StagedRun:
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
-            unsafe = _unsafe_notes(evaluation, self.scenario)
-            for note in unsafe:
+            notes = (
+                *_unsafe_notes(evaluation, self.scenario),
+                *crossing_notes(evaluation.shore_crossings),
+            )
+            for note in notes:
                 self.on_event(Event("plan", "note", detail=note))
-            fetched = replace(fetched, notes=(*fetched.notes, *unsafe))
+            fetched = replace(fetched, notes=(*fetched.notes, *notes))
         result = RunResult(
             self.scenario,
             fetched,
@@ -234,12 +238,12 @@ class _StagedRun:
 
     def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
         """Second stage: return its artefact's key, and the artefact."""
-        names = {"region", "plane", "scale", "chart", "start", "goal"}
+        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
         inputs = self.scenario.model_dump(mode="json", include=names)
         key = artefact_key("simplify", parts.land_key, inputs)
         land = parts.fetched.land
         if self.scenario.region is None:
-            return key, SimplifiedLand(planar.unsimplified(land), 0.0, ())
+            return key, SimplifiedLand(planar.unsimplified(land), ())
         region, chart = self.scenario.region, self.scenario.chart
 
         def make() -> SimplifiedLand:
@@ -248,9 +252,8 @@ class _StagedRun:
                 region.shape,
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
-                close_gaps_m=chart.close_gaps_m,
                 tolerance_m=chart.tolerance_m,
-                vertex_budget=chart.vertex_budget,
+                turning_radius_m=self.scenario.vessel.vessel().turning_radius * self.scenario.scale,
                 endpoints=(self.scenario.start, self.scenario.goal),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )

@@ -72,10 +72,16 @@ def _lasting_folders() -> tuple[Path, ...]:
     asked = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR; set when Numba is imported
     if asked:
         folders.insert(0, Path(asked) / _name())
-    with contextlib.suppress(RuntimeError):  # no home
-        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        folders.append(Path(home) / "renew" / _name())
+    if (user := user_cache()) is not None:
+        folders.append(user / _name())
     return tuple(folders)
+
+
+def user_cache() -> Path | None:
+    """Folder of RENEW in the user's cache, whether it exists or not; None without a home."""
+    with contextlib.suppress(RuntimeError):  # no home
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "renew"
+    return None
 
 
 def _temporary_folder() -> Path:

@@ -18,6 +18,7 @@ from pathlib import Path
 from pipeline.cli.finding import Finding
 from pipeline.paths import folder_to_write
 from pipeline.sources.currents.subprocess_deadline import run_with_deadline
+from pipeline.sources.land.world import cache_file
 
 _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)
@@ -123,9 +124,7 @@ def _home_remedy() -> str:
 
 def output(output: Path) -> Finding:
     """The folder of results: whether it can be written, and the room on its disk."""
-    what, there = "output folder", folder_to_write(output, "--output")
-    while not os.path.lexists(there) and there != there.parent:
-        there = there.parent
+    what, there = "output folder", _existing(folder_to_write(output, "--output"))
     if not _can_write(there):
         remedy = "give this user the right to, or name another with --output"
         return Finding("fault", what, f"{there} can't be written", remedy)
@@ -136,6 +135,13 @@ def output(output: Path) -> Finding:
     if free < _GOOD_DISK:
         return Finding("warning", what, text, "free some disk: a run writes up to 0.2 GB")
     return Finding("ok", what, text)
+
+
+def _existing(folder: Path) -> Path:
+    """The folder, or the nearest one above that exists."""
+    while not os.path.lexists(folder) and folder != folder.parent:
+        folder = folder.parent
+    return folder
 
 
 def _can_write(folder: Path) -> bool:
@@ -158,6 +164,20 @@ def compiler_cache() -> Finding:
         )
         return Finding("warning", what, f"{folder} is temporary", remedy)
     return Finding("ok", what, str(folder))
+
+
+def land_cache() -> Finding:
+    """Where the world's land is kept, so that it need not be unpacked for each region."""
+    what, path = "land's cache", cache_file("Osm")
+    if path is not None and path.is_file():
+        return Finding("ok", what, f"{path} ({path.stat().st_size / 1e6:.0f} MB)")
+    if path is not None and _can_write(_existing(path.parent)):
+        return Finding("ok", what, f"{path}, made by the first run")
+    where = "this user has no home" if path is None else f"{path.parent} can't be written"
+    remedy = (
+        "set XDG_CACHE_HOME to a folder that lasts, or land takes some seconds more for each region"
+    )
+    return Finding("warning", what, where, remedy)
 
 
 # --- the installation -------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
 from pipeline.session import clean as clean_store
+from pipeline.sources.land.world import remove_cached
 from pipeline.storage.pruning import MAX_STORE_BYTES, seconds_ago
 
 if TYPE_CHECKING:
@@ -37,7 +38,10 @@ def clean(output: Path, *, older: str, everything: bool) -> str:
         max_bytes=0 if everything else MAX_STORE_BYTES,
         used_before=seconds_ago(days),
     )
-    return (
+    text = (
         f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "
         f"MB remain in {output / '.artefacts'}"
     )
+    if everything and (land := remove_cached()):
+        text += f". The world's land went from the user's cache, too ({land / _MB:,.1f} MB)"
+    return text

@@ -57,6 +57,7 @@ def examine(
         ("home", check_machine.home),
         ("output folder", partial(check_machine.output, output)),
         ("compiler's cache", check_machine.compiler_cache),
+        ("land's cache", check_machine.land_cache),
         ("libraries", check_machine.libraries),
         ("projections", check_machine.projections),
         ("triangulator", check_machine.triangulator),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.scenario.messages import limit_text, model_in
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.renamed_keys import RENAMED_KEYS
+from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,6 +74,10 @@ def schema() -> dict[str, Any]:
         for old, new in names.items():
             description = f"Old name of `{new}`."
             properties[old] = {**properties[new], "deprecated": True, "description": description}
+    for path, removed in REMOVED_KEYS.items():
+        properties = generated["$defs"][models[path]]["properties"]
+        for key, instead in removed.items():
+            properties[key] = {"deprecated": True, "description": f"Has no effect: {instead}."}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **generated}
 
 

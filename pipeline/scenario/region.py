@@ -8,7 +8,6 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scenario.strict import (
     Corners,
-    Integer,
     Latitude,
     Longitude,
     LonLat,
@@ -232,20 +231,10 @@ class ChartSpec(StrictModel):
         "never less than that. Give metres, 0 or more.",
         examples=[60],
     )
-    close_gaps_m: NonNegative = Field(
-        default=0.0,
-        description="Width below which gaps between land become land, metres; the widest passage "
-        "between start and goal stays open. Give metres, or 0 to close none.",
-        examples=[4000],
-    )
-    tolerance_m: NonNegative = Field(
-        default=100.0,
-        description="How far the simplified coast may lie off the land, metres, always on the "
-        "water's side; grows if the vertex budget requires it. Give metres, 0 or more.",
-    )
-    vertex_budget: Integer = Field(
-        default=250,
-        ge=8,
-        description="Maximum number of vertices of the simplified land: more follow the coast "
-        "more closely and take longer. Give a whole number, 8 or more, usually some hundred.",
+    tolerance_m: NonNegative | None = Field(
+        default=None,
+        description="How far the simplified coast may lie off the land and its margin, metres, "
+        "always on the water's side; left out, chosen by the chart's accuracy, the vessel's "
+        "turning radius and the size of the region. Give metres, 0 or more.",
+        examples=[100],
     )

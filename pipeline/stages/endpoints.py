@@ -61,7 +61,7 @@ def _not_connected(scenario: Scenario, body: shapely.Geometry, projection: Proje
         f"goal = {list(scenario.goal)} lies in another body of water than "
         f"start = {list(scenario.start)}: no water connects them in this chart. The start's body "
         f"of water comes within {distance} of the goal, at {place}; move the goal there"
-        + ("" if scenario.is_planar else ", widen the region, or lower chart.close_gaps_m")
+        + ("" if scenario.is_planar else ", or widen the region")
     )
 
 

@@ -11,8 +11,9 @@ import shapely
 
 import renew
 from pipeline.geo.projection import densified
-from pipeline.model import Evaluation, RouteMetrics
+from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
 from pipeline.stages.passing_side import PassingSide
+from pipeline.stages.second_shoreline import SecondShoreline
 from renew.turns.reach_bound import TurnReach
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class SeasonEvaluation:
 
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
+    shore_crossings: tuple[ShoreCrossing, ...] = ()
 
 
 def evaluate_season(scene: Scene, plan: SeasonPlan, scale: float, seed: int) -> SeasonEvaluation:
@@ -60,12 +62,14 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, scale: float, seed: int) -> 
     if not routes:
         return SeasonEvaluation((), {})
     evaluator = _RouteEvaluator(scene, scene.currents[plan.season], routes, scale, seed)
-    rows, flown = [], {}
+    second_shoreline = SecondShoreline(scene)
+    rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route)
         flown[plan.season, rank] = _thinned(turns)
         rows.append(evaluator.metrics(route, turns, plan.season, rank))
-    return SeasonEvaluation(tuple(rows), flown)
+        crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
+    return SeasonEvaluation(tuple(rows), flown, tuple(crossings))
 
 
 def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
@@ -74,6 +78,7 @@ def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
     return Evaluation(
         routes=tuple(row for part in parts for row in part.routes),
         contingency={key: turns for part in parts for key, turns in part.contingency.items()},
+        shore_crossings=tuple(one for part in parts for one in part.shore_crossings),
     )
 
 

@@ -40,10 +40,10 @@ def unsimplified(land: Land) -> Simplified:
     vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
     return Simplified(
         polygons=land.polygons,
+        inner_polygons=land.polygons,
         original_vertices=vertices,
         vertices=vertices,
         tolerance_m=0.0,
-        closed_gap_m=0.0,
         margin_m=0.0,
     )
 
@@ -57,6 +57,7 @@ def plane_scene(scenario: Scenario) -> Scene:
     return Scene(
         chart=chart,
         land=obstacles,
+        inner_land=obstacles,
         currents={season.name: _current(season, scenario.area) for season in scenario.seasons},
         start=np.asarray(scenario.start, dtype=float),
         goal=np.asarray(scenario.goal, dtype=float),

@@ -55,14 +55,22 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         return planar.plane_scene(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
-    chart = renew.Chart(
-        extent_polygon(region, projection),
-        [projection.geometry_to_plane(polygon) for polygon in simplified.polygons],
+    charted = fetched.land
+    no_go, inner_land, land, second_shore = (
+        tuple(projection.geometry_to_plane(np.array(polygons, dtype=object)))
+        for polygons in (
+            simplified.polygons,
+            simplified.inner_polygons,
+            charted.polygons,
+            charted.second_shore,
+        )
     )
+    chart = renew.Chart(extent_polygon(region, projection), no_go)
     check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
-        land=tuple(projection.geometry_to_plane(np.array(fetched.land.polygons, dtype=object))),
+        land=land,
+        inner_land=inner_land,
         currents={
             grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
         },
@@ -70,6 +78,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         goal=projection.to_plane(scenario.goal),
         projection=projection,
         vessel=scenario.vessel.vessel(),
+        second_shore=second_shore,
     )
 
 

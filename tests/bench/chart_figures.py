@@ -177,7 +177,6 @@ def _scenario(
             "schema_version": 1,
             "name": "pair",
             "region": {"bbox": bounds},
-            "chart": {"close_gaps_m": 300.0, "tolerance_m": 150.0, "vertex_budget": 250},
             "vessel": {"length_m": 7.0, "speed_m_s": 5.0, "turn_rate_deg_s": 16.5},
             "start": start,
             "goal": goal,
@@ -204,9 +203,7 @@ def _scene(scenario: Scenario, land: Land) -> Scene:
         region,
         margin_m=chart.margin_m,
         accuracy_m=land.accuracy_m,
-        close_gaps_m=chart.close_gaps_m,
         tolerance_m=chart.tolerance_m,
-        vertex_budget=chart.vertex_budget,
         endpoints=(scenario.start, scenario.goal),
     )
     return project(scenario, Fetched(land, (current,)), simplified.simplified)

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 NAUTICAL_MILE = 1852.0
 CLEARANCES_NM = (1, 3, 5)
-VERTICES = 1000
-"""Budget of the planner's charts."""
-TOLERANCE_M = 1000.0
 PALAWAN = (118.6, 9.75)
 """A point in the middle of the island, lon/lat degrees."""
 SIDES = {1: "east", -1: "west"}
@@ -44,9 +41,9 @@ def figures() -> Iterator[Figure]:
     """Yield fuel and time beside the grid's, for each clearance and season."""
     scenario = load_scenario("palawan-usv")
     fetched = _fetched(scenario)
+    scene = _scene(scenario, fetched)
     for miles in CLEARANCES_NM:
         clearance = miles * NAUTICAL_MILE
-        scene = _scene(scenario, fetched, clearance)
         barred = yardstick.keep_out(scene.land, clearance)
         for season in scene.currents:
             yield from _Case(scenario, scene, season, barred, clearance).figures()
@@ -144,8 +141,8 @@ def _fetched(scenario: Scenario) -> Fetched:
         return fetch(scenario, Store(Path(folder)), offline=True).fetched
 
 
-def _scene(scenario: Scenario, fetched: Fetched, clearance: float) -> Scene:
-    """The planner's world; gaps that a route at this clearance (m) could not pass are land."""
+def _scene(scenario: Scenario, fetched: Fetched) -> Scene:
+    """The planner's world, as a run makes it."""
     if scenario.region is None:
         raise ValueError(f"{scenario.name} has no region")
     region = scenario.region
@@ -153,9 +150,7 @@ def _scene(scenario: Scenario, fetched: Fetched, clearance: float) -> Scene:
         fetched.land.polygons,
         region.shape,
         margin_m=scenario.chart.margin_m,
-        close_gaps_m=2 * clearance,
-        tolerance_m=TOLERANCE_M,
-        vertex_budget=VERTICES,
+        accuracy_m=fetched.land.accuracy_m,
         endpoints=(scenario.start, scenario.goal),
         projection=Projection.for_region(region.shape, 1.0, region.crs),
     ).simplified

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
-import roaring_landmask
 
 from pipeline.loading import load_scenario
 from pipeline.scenario.model import Scenario
@@ -14,29 +12,12 @@ from pipeline.stages.fetch import fetch
 from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _land_unpacked_once() -> Iterator[None]:
-    """Keep the world's land, which its package takes 5 s to unpack each time it is asked."""
-    unpack, world = roaring_landmask.Shapes.wkb, dict[str, bytes]()
-
-    def wkb(provider: roaring_landmask.LandmaskProvider) -> bytes:
-        name = str(provider)
-        if name not in world:
-            world[name] = unpack(provider)
-        return world[name]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(roaring_landmask, "Shapes", SimpleNamespace(wkb=wkb))
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 ACROSS = (
     small_region("across")
     + """[chart]
-close_gaps_m = 0
 tolerance_m = 500
 [[seasons]]
 name = "summer"

@@ -17,11 +17,14 @@ if TYPE_CHECKING:
     from pipeline.formats.exchange.tracks import Tracks
 
     FloatArray = npt.NDArray[np.float64]
+    IntArray = npt.NDArray[np.intp]
     ObjectArray = npt.NDArray[np.object_]
 
 # Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
 # other half.
 _MAX_LEG_SHARE = 0.5
+# Number of edges of an area whose parts inside it are found at once.
+_AT_ONCE = 4
 # Maximum number of times that a turning radius is halved before the turn is given up.
 _MAX_HALVINGS = 12
 
@@ -44,8 +47,7 @@ def cross_track_limits(
     soft = shapely.linestrings(_edges_near(edges_of([soft_no_go]), areas))
     for edges, tree in (obstacles.edges, (soft, shapely.STRtree(soft))):
         area, edge = tree.query(areas, predicate="intersects")
-        parts = shapely.intersection(areas[area], edges[edge])
-        np.minimum.at(limits, area, shapely.distance(parts, both[area]))
+        _lower_to(limits, areas, both, area, edges[edge])
     limits[shapely.intersects(soft_no_go, both)] = 0.0
     return limits[: len(lines)], limits[len(lines) :]
 
@@ -114,6 +116,27 @@ def _side_areas(legs: Tracks, width: float) -> ObjectArray:
     ]
     of_leg = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
     return np.asarray(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=of_leg)))
+
+
+def _lower_to(
+    limits: FloatArray, areas: ObjectArray, legs: ObjectArray, area: IntArray, edges: ObjectArray
+) -> None:
+    """Lower the limit of an area to its leg's distance from the parts inside it of some edges.
+
+    Edge i (n,) meets the area with index `area[i]`. What of an edge lies inside takes long to find,
+    and is no nearer than the edge: the nearest edges come first, a few of each area at once, until
+    no other can be nearer.
+    """
+    whole = shapely.distance(edges, legs[area])
+    order = np.lexsort((whole, area))
+    area, edges, whole = area[order], edges[order], whole[order]
+    rank = np.arange(len(area)) - np.searchsorted(area, area)
+    for first in range(0, int(rank.max(initial=-1)) + 1, _AT_ONCE):
+        tried = (rank >= first) & (rank < first + _AT_ONCE) & (whole < limits[area])
+        if not tried.any():
+            break
+        parts = shapely.intersection(areas[area[tried]], edges[tried])
+        np.minimum.at(limits, area[tried], shapely.distance(parts, legs[area[tried]]))
 
 
 def _edges_near(edges: FloatArray, areas: ObjectArray) -> FloatArray:

@@ -127,7 +127,6 @@ def _inputs(result: RunResult) -> dict[str, object]:
             "original_vertices": result.simplified.original_vertices,
             "vertices": result.simplified.vertices,
             "tolerance_m": result.simplified.tolerance_m,
-            "joined_gap_m": result.simplified.closed_gap_m,
             "margin_m": result.simplified.margin_m,
         },
         "currents": {

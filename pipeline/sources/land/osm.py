@@ -1,14 +1,13 @@
 """OpenStreetMap land for any region, offline, from the package `roaring-landmask`.
 
-The package carries the world as one WKB MultiPolygon: 745,676 whole polygons (cut at 180 degrees
-only), 9.6 million vertices, 154 MB, simplified by its makers to 0.0005 degrees. Building them all
-takes 1.1 GB, so they are built a few thousand at a time and only those near the region are kept.
+The package has GSHHG, an older shoreline of other origin, too: land to compare routes with.
+
+It is simplified by the package's makers to 0.0005 degrees, and cut at 180 degrees.
 """
 
 from __future__ import annotations
 
-import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -21,33 +20,19 @@ from pipeline.sources.land.polygons import (
     box_around,
     clipped,
     extract_polygons,
-    near_box,
     repair_note,
     repaired,
 )
+from pipeline.sources.land.world import NAME, Shoreline, polygons_near
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
     Polygons = npt.NDArray[np.object_]
 
-NAME = "roaring-landmask"
 # Accuracy of the coast, m: it is simplified by 0.0005 degrees, 55.7 m along a meridian.
 ACCURACY_M = 60.0
-
-# Number of polygons built at a time: 20,000 are 250,000 vertices on average, some 30 MB.
-_CHUNK = 20_000
-
-# WKB (OGC 06-103r4, 8.2), little endian: byte order 1, type 6 MultiPolygon, number of polygons;
-# then for each of them byte order, type 3, number of rings; for each ring its number of points,
-# and the points as two float64 each.
-_MULTIPOLYGON = b"\x01" + struct.pack("<I", 6)
-_COUNT = struct.Struct("<I")
-_HEADER = len(_MULTIPOLYGON)
-_POINT = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,20 +40,27 @@ class LandPolygons:
     """Valid polygons in lon/lat degrees near a region, and what was done to them.
 
     `repaired` counts invalid polygons made valid, `duplicates` those dropped because they came
-    twice, and `seam_pieces` the pieces cut at 180 degrees that were joined.
+    twice, and `seam_pieces` the pieces cut at 180 degrees that were joined. `notes` are those on
+    reading.
     """
 
     polygons: tuple[Polygon, ...]
     repaired: int
     duplicates: int
     seam_pieces: int
+    notes: tuple[str, ...] = ()
 
 
 def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
-    found = land_polygons(region, beyond_m)
-    notes = repair_note("OpenStreetMap land", found.repaired)
-    return Land(found.polygons, (credit(),), ACCURACY_M, notes=notes)
+    found, second = (land_polygons(region, beyond_m, shoreline) for shoreline in ("Osm", "Gshhg"))
+    return Land(
+        found.polygons,
+        (credit(),),
+        ACCURACY_M,
+        notes=(*found.notes, *repair_note("OpenStreetMap land", found.repaired)),
+        second_shore=second.polygons,
+    )
 
 
 def credit() -> Credit:
@@ -83,8 +75,10 @@ def credit() -> Credit:
     )
 
 
-def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
-    """Return OpenStreetMap's land near a region.
+def land_polygons(
+    region: Polygon, beyond_m: float = BEYOND_M, shoreline: Shoreline = "Osm"
+) -> LandPolygons:
+    """Return OpenStreetMap's land near a region, or that of another shoreline.
 
     Parameters
     ----------
@@ -100,22 +94,9 @@ def land_polygons(region: Polygon, beyond_m: float = BEYOND_M) -> LandPolygons:
         Valid, in the region's own longitudes, and whole unless they cross the box: pieces that the
         source cuts at 180 degrees are joined again.
     """
-    # Imported late: loading its library of 110 MB takes a moment that `renew --help` must not.
-    from roaring_landmask import LandmaskProvider, Shapes
-
     box = box_around(region, beyond_m)
-    return clean(read_near(Shapes.wkb(LandmaskProvider.Osm), box), box)
-
-
-def read_near(wkb: bytes, box: Polygon) -> Polygons:
-    """Return the polygons of a WKB MultiPolygon whose bounds meet a box (degrees), unchanged.
-
-    They are moved by whole turns into the box's longitudes; one that meets the box both ways round
-    comes twice.
-    """
-    return np.concatenate(
-        [np.empty(0, dtype=object), *(near_box(polygons, box)[0] for polygons in _chunks(wkb))]
-    )
+    polygons, notes = polygons_near(shoreline, box)
+    return replace(clean(polygons, box), notes=notes)
 
 
 def clean(polygons: Polygons, box: Polygon) -> LandPolygons:
@@ -130,22 +111,6 @@ def clean(polygons: Polygons, box: Polygon) -> LandPolygons:
         duplicates=len(parts) - len(distinct),
         seam_pieces=seam_pieces,
     )
-
-
-def _chunks(wkb: bytes) -> Iterator[Polygons]:
-    """Yield a MultiPolygon's polygons, a few at a time to save memory."""
-    total: int = _COUNT.unpack_from(wkb, _HEADER)[0]
-    position = begin = _HEADER + _COUNT.size
-    for first in range(0, total, _CHUNK):
-        count = min(_CHUNK, total - first)
-        for _ in range(count):
-            rings = _COUNT.unpack_from(wkb, position + _HEADER)[0]
-            position += _HEADER + _COUNT.size
-            for _ring in range(rings):
-                position += _COUNT.size + _POINT * _COUNT.unpack_from(wkb, position)[0]
-        chunk = _MULTIPOLYGON + _COUNT.pack(count) + wkb[begin:position]
-        yield shapely.get_parts(shapely.from_wkb(chunk))
-        begin = position
 
 
 def _joined_at_180(polygons: Polygons) -> tuple[Polygons, int]:

@@ -53,6 +53,7 @@ def overlay(lands: Sequence[Land]) -> Land:
         accuracy_m=max(land.accuracy_m for land in lands),
         notes=tuple(dict.fromkeys(note for land in lands for note in land.notes)),
         zones=tuple(zones),
+        second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
     )
 
 

@@ -26,6 +26,8 @@ BEYOND_M = 20_000.0
 
 # Dimension of areas, as of polygons.
 _AREA = 2
+# Whole turns, degrees, by which longitudes may differ.
+_TURNS = (-360.0, 0.0, 360.0)
 # Segments per quarter circle: the buffer around a point has 16 corners.
 _QUADRANT_SEGMENTS = 4
 # Grid on which areas are merged and subtracted, degrees (1 cm): an overlap or gap that is narrower
@@ -44,17 +46,31 @@ def box_around(region: Polygon, beyond_m: float = BEYOND_M) -> Polygon:
     return shapely.box(west - lon_deg, south, east + lon_deg, north)
 
 
+def meets_box(bounds: FloatArray, box: Polygon) -> npt.NDArray[np.bool_]:
+    """Say which bounds (n, 4), degrees, meet a box in any whole turn."""
+    return np.asarray(np.any([_meets(bounds, box, turn) for turn in _TURNS], axis=0))
+
+
+def _meets(bounds: FloatArray, box: Polygon, turn: float) -> npt.NDArray[np.bool_]:
+    """Say which bounds (n, 4), moved east by some degrees, meet a box."""
+    west, south, east, north = box.bounds
+    xmin, ymin, xmax, ymax = bounds.T
+    meets: npt.NDArray[np.bool_] = (
+        (xmin + turn <= east) & (xmax + turn >= west) & (ymin <= north) & (ymax >= south)
+    )
+    return meets
+
+
 def near_box(geometries: Geometries, box: Polygon) -> tuple[Geometries, npt.NDArray[np.int64]]:
     """Return the geometries whose bounds meet a box, in its longitudes, and their indices.
 
     They are moved by whole turns; one that meets the box both ways round comes twice.
     """
-    west, south, east, north = box.bounds
-    xmin, ymin, xmax, ymax = shapely.bounds(geometries).T
+    bounds = shapely.bounds(geometries)
     found: list[Geometries] = [np.empty(0, dtype=object)]
     index: list[npt.NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
-    for turn in (-360.0, 0.0, 360.0):
-        meets = (xmin + turn <= east) & (xmax + turn >= west) & (ymin <= north) & (ymax >= south)
+    for turn in _TURNS:
+        meets = _meets(bounds, box, turn)
         chosen = geometries[meets]
         found.append(chosen if turn == 0 else _moved_east(chosen, turn))
         index.append(np.flatnonzero(meets))

@@ -22,6 +22,7 @@ from pipeline.cli import check_machine, check_network, doctor
 from pipeline.cli.finding import Finding
 from pipeline.cli.main import app
 from pipeline.sources.currents.copernicus.login import login_fault
+from pipeline.sources.land.world import cache_file
 from tests.loopback_store import world
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 
@@ -32,8 +33,8 @@ DATASET = "copernicus-glorys-monthly"
 # The path at which the loopback store takes user name and password.
 TOKEN = "*/token"  # noqa: S105 - an address
 CHECKED = [
-    "Python", "clock", "memory", "home", "output folder", "compiler's cache", "libraries",
-    "projections", "triangulator", "account", "land data", "login", "scheduler",
+    "Python", "clock", "memory", "home", "output folder", "compiler's cache", "land's cache",
+    "libraries", "projections", "triangulator", "account", "land data", "login", "scheduler",
 ]  # fmt: skip
 
 
@@ -131,6 +132,25 @@ def test_folders_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monk
     assert check_machine.home().state == "warning"
     monkeypatch.setattr("pathlib.Path.home", _no_home)
     assert "none" in check_machine.home().detail
+
+
+def test_the_land_s_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    found = check_machine.land_cache()
+    assert (found.state, "made by the first run" in found.detail) == ("ok", True)
+    path = cache_file("Osm")
+    assert path is not None
+    path.parent.mkdir(parents=True)
+    path.write_bytes(bytes(3_000_000))
+    assert "3 MB" in check_machine.land_cache().detail
+    path.unlink()
+    monkeypatch.setattr(check_machine, "_can_write", lambda _: False)
+    found = check_machine.land_cache()
+    assert found.state == "warning"
+    assert "set XDG_CACHE_HOME" in found.remedy
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr("pathlib.Path.home", _no_home)
+    assert "no home" in check_machine.land_cache().detail
 
 
 def _no_home() -> Path:

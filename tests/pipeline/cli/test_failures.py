@@ -237,13 +237,22 @@ def test_a_refusal_says_from_when_the_files_are(quick: str, tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("plain_report")
-def test_clean_says_what_it_freed(quick: str, tmp_path: Path) -> None:
+def test_clean_says_what_it_freed(
+    quick: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     output = str(tmp_path / "outputs")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    land = tmp_path / "renew" / "osm-0.1-1.shoreline"
+    land.parent.mkdir()
+    land.write_bytes(bytes(2_000_000))
     assert CliRunner().invoke(app, ["run", quick, "--output", output]).exit_code == 0
     kept = CliRunner().invoke(app, ["clean", "--output", output])
     assert kept.stdout.startswith("Freed 0.0 MB (0 files); ")
+    assert land.exists()
     cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all"])
     assert "; 0.0 MB remain in" in cleaned.stdout
+    assert "The world's land went from the user's cache, too (2.0 MB)" in cleaned.stdout
+    assert not land.exists()
     assert not list((tmp_path / "outputs" / ".artefacts").rglob("*.artefact"))
     assert (tmp_path / "outputs" / "quick" / "report.html").exists()
     assert refusal("clean", "--output", output, "--older", "soon")[0] == 2

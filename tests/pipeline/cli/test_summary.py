@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 TEXT = (
     small_region("stand-in")
     + """[chart]
-close_gaps_m = 0
 tolerance_m = 500
 [[seasons]]
 name = "summer"

@@ -157,10 +157,10 @@ def parts(*, planar: bool = False) -> RunResult:
     got = fetched(asked)
     simplified = Simplified(
         polygons=tuple(polygon.buffer(0.002, quad_segs=1) for polygon in got.land.polygons),
+        inner_polygons=got.land.polygons,
         original_vertices=sum(len(shapely.get_coordinates(p)) for p in got.land.polygons),
         vertices=24,
         tolerance_m=100.0,
-        closed_gap_m=500.0,
         margin_m=60.0,
     )
     scene = project(asked, got, simplified)

@@ -12,7 +12,7 @@ import pytest
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
 from pipeline.scenario import catalogue, reference
-from pipeline.scenario.renamed_keys import RENAMED_KEYS
+from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -135,7 +135,7 @@ def test_the_schema_accepts_every_scenario_of_the_catalogue(name: str) -> None:
         {"planner": {"risk": 1}},
         {"planner": {"method": "guess"}},
         {"planner": {"padding": -1}},
-        {"chart": {"vertex_budget": 3}},
+        {"chart": {"tolerance_m": -3}},
         {"chart": {"source": [{"nme": "osm-land"}]}},
         {"vessel": {"length_m": 2}},
     ],
@@ -177,6 +177,13 @@ def test_old_keys_are_deprecated_in_the_schema() -> None:
             assert entry["description"] == f"Old name of `{new}`."
             assert f"| `{new}` |" in text
             assert f"| `{old}` |" not in text
+    for path, removed in REMOVED_KEYS.items():
+        models = {table.path: table.model.__name__ for table in reference.tables()}
+        for key in removed:
+            entry = schema["$defs"][models[path]]["properties"][key]
+            assert entry["deprecated"]
+            assert entry["description"].startswith("Has no effect: ")
+            assert f"| `{key}` |" not in text
 
 
 def test_every_key_has_a_row_with_type_default_and_example() -> None:

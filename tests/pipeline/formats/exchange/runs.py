@@ -44,7 +44,7 @@ def planned(
         **changes,
     )
     got = Fetched(Land(tuple(islands), (small_run.LAND,), 60.0), (_stream(bbox),))
-    simplified = Simplified(tuple(islands), 0, 0, 0.0, 0.0, 0.0)
+    simplified = Simplified(tuple(islands), (), 0, 0, 0.0, 0.0)
     return _finished(asked, got, simplified)
 
 

@@ -1,4 +1,4 @@
-"""OpenStreetMap's land: reading its WKB, cleaning polygons, and the real land."""
+"""OpenStreetMap's land: cleaning polygons, and the real land."""
 
 from __future__ import annotations
 
@@ -10,22 +10,14 @@ import numpy as np
 import pytest
 import roaring_landmask
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pipeline.sources.land import osm
+from pipeline.sources.land import world as world_land
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
 FIJI = shapely.box(177.0, -17.5, 182.0, -16.0)
 EQUATOR = shapely.box(0.0, 0.0, 10.0, 10.0)
-
-
-@pytest.fixture(scope="module")
-def world() -> bytes:
-    """Give the package's whole WKB, once: unpacking takes some seconds."""
-    wkb: bytes = roaring_landmask.Shapes.wkb(roaring_landmask.LandmaskProvider.Osm)
-    return wkb
 
 
 def _wkb(*polygons: shapely.Polygon) -> bytes:
@@ -34,37 +26,15 @@ def _wkb(*polygons: shapely.Polygon) -> bytes:
 
 
 def _near(wkb: bytes, box: shapely.Polygon) -> osm.LandPolygons:
-    return osm.clean(osm.read_near(wkb, box), box)
+    return osm.clean(world_land.read_near(wkb, box), box)
+
+
+def _real(box: shapely.Polygon) -> osm.LandPolygons:
+    return osm.clean(world_land.polygons_near("Osm", box)[0], box)
 
 
 def _square(x: float, y: float, size: float = 1.0) -> shapely.Polygon:
     return shapely.box(x, y, x + size, y + size)
-
-
-@given(
-    corners=st.lists(st.tuples(st.integers(-170, 160), st.integers(-80, 70)), max_size=12),
-    chunk=st.integers(1, 5),
-    lakes=st.sampled_from([(), (0,), (0, 2)]),
-    west=st.integers(-180, 170),
-    south=st.integers(-85, 75),
-)
-def test_reading_in_chunks_finds_what_a_plain_reader_finds(
-    corners: list[tuple[int, int]], chunk: int, lakes: tuple[int, ...], west: int, south: int
-) -> None:
-    holes = [[(x, x), (x + 1, x), (x, x + 1)] for x in lakes]
-    polygons = [
-        shapely.Polygon(
-            np.add([(-1, -1), (8, -1), (8, 8), (-1, 8)], corner),
-            [np.add(ring, corner) for ring in holes],
-        )
-        for corner in corners
-    ]
-    box = shapely.box(west, south, west + 9.5, south + 9.5)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(osm, "_CHUNK", chunk)
-        found = osm.read_near(_wkb(*polygons), box)
-    expected = [p for p in polygons if p.intersects(box)]
-    assert sorted(p.wkt for p in found) == sorted(p.wkt for p in expected)
 
 
 def test_land_is_cut_along_the_box_and_islands_stay_whole() -> None:
@@ -111,8 +81,8 @@ def test_far_land_is_not_returned() -> None:
     assert _near(_wkb(_square(50, 50)), EQUATOR).polygons == ()
 
 
-def test_real_land_around_puerto_princesa(world: bytes) -> None:
-    found = _near(world, PALAWAN)
+def test_real_land_around_puerto_princesa() -> None:
+    found = _real(PALAWAN)
     land = shapely.union_all(found.polygons)
     for lon, lat, is_land in [
         (118.74, 9.74, True),  # the town
@@ -126,10 +96,8 @@ def test_real_land_around_puerto_princesa(world: bytes) -> None:
 
 
 @pytest.mark.parametrize(("region", "pieces"), [(WRANGEL, 2), (FIJI, 8)])
-def test_real_islands_across_180_degrees_are_whole(
-    world: bytes, region: shapely.Polygon, pieces: int
-) -> None:
-    found = _near(world, region)
+def test_real_islands_across_180_degrees_are_whole(region: shapely.Polygon, pieces: int) -> None:
+    found = _real(region)
     assert found.seam_pieces >= pieces
     across = [p for p in found.polygons if p.bounds[0] < 180 < p.bounds[2]]
     assert across
@@ -142,7 +110,7 @@ def test_real_islands_across_180_degrees_are_whole(
     )
     assert on == pytest.approx(beside, rel=1e-2)
     assert on > 0
-    west = osm.read_near(world, shapely.box(-182.5, south, -177.0, north))
+    west = _real(shapely.box(-182.5, south, -177.0, north)).polygons
     assert len(west) > 0, "the same islands, with longitudes below -180"
 
 
@@ -155,7 +123,7 @@ def test_credit_names_the_licence_and_the_release() -> None:
 
 
 @pytest.mark.slow
-def test_the_package_s_own_mask_agrees(world: bytes) -> None:
+def test_the_package_s_own_mask_agrees() -> None:
     oracle = roaring_landmask.RoaringLandmask.new_with_provider(
         roaring_landmask.LandmaskProvider.Osm
     )
@@ -163,7 +131,7 @@ def test_the_package_s_own_mask_agrees(world: bytes) -> None:
         west, south, east, north = region.bounds
         rng = np.random.default_rng(1)
         lon, lat = rng.uniform((west, south), (east, north), (20_000, 2)).T
-        land = shapely.union_all(_near(world, region).polygons)
+        land = shapely.union_all(_real(region).polygons)
         shapely.prepare(land)
         expected = oracle.contains_many((lon + 180) % 360 - 180, lat)
         ours = shapely.intersects_xy(land, lon, lat)

@@ -1,4 +1,4 @@
-"""Old names of keys are accepted with a note, alone and not beside the current name."""
+"""Old keys are accepted with a note: renamed ones alone, removed ones without effect."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS, with_current_keys
 from pipeline.scenario.reference import tables
-from pipeline.scenario.renamed_keys import RENAMED_KEYS, with_current_names
 
 CASES = [(table, old, new) for table, names in RENAMED_KEYS.items() for old, new in names.items()]
-VALUES: dict[str, object] = {"join_gap_m": 300, "time": "linear", "rtz": "1.2"}
+REMOVED = [(table, key) for table, keys in REMOVED_KEYS.items() for key in keys]
+VALUES: dict[str, object] = {"time": "linear", "rtz": "1.2"}
 
 
 def with_keys(table: str, keys: dict[str, object]) -> dict[str, Any]:
     """Return a scenario of the catalogue with keys added to one of its tables."""
     data = read_toml(scenario_path("palawan-season"))
-    data["chart"].pop("close_gaps_m")
     place = data["seasons"][1] if table == "seasons" else data.setdefault(table, {})
     place.update(keys)
     return data
@@ -55,8 +55,22 @@ def test_both_names_at_once_are_a_fault(table: str, old: str, new: str) -> None:
 
 
 def test_a_fault_in_an_old_key_names_the_current_one() -> None:
-    with pytest.raises(RequestError, match=r"chart\.close_gaps_m = -1 is below 0"):
-        parse_scenario(with_keys("chart", {"join_gap_m": -1}))
+    with pytest.raises(RequestError, match=r"outputs\.rtz_version = \"9\" is not one of"):
+        parse_scenario(with_keys("outputs", {"rtz": "9"}))
+
+
+@pytest.mark.parametrize(("table", "key"), REMOVED)
+@pytest.mark.parametrize("value", [300, -1, "what was refused once"])
+def test_a_removed_key_changes_nothing_and_gives_a_note(
+    table: str, key: str, value: object
+) -> None:
+    notes: list[str] = []
+    found = parse_scenario(with_keys(table, {key: value}), on_note=notes.append)
+    assert found == parse_scenario(with_keys(table, {}))
+    (note,) = notes
+    assert note.startswith(f"{table}.{key} has no effect any more: ")
+    assert note.endswith("; remove it")
+    assert key not in {name for one in tables() for name in one.model.model_fields}
 
 
 def test_the_current_names_exist_and_the_old_ones_do_not() -> None:
@@ -70,4 +84,4 @@ def test_the_current_names_exist_and_the_old_ones_do_not() -> None:
 @pytest.mark.parametrize("value", [None, 3, "text", [1, "two"]])
 def test_tables_of_another_type_are_left_to_the_model(value: object) -> None:
     data = {"chart": value, "seasons": value, "outputs": value}
-    assert with_current_names(data) == (data, [], [])
+    assert with_current_keys(data) == (data, [], [])

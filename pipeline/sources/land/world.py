@@ -1,0 +1,212 @@
+"""The world's polygons of the package `roaring-landmask`, by region, offline.
+
+The package carries each of its shorelines as one WKB MultiPolygon: OpenStreetMap's has 745,676
+whole polygons (cut at 180 degrees only), 9.6 million vertices, 154 MB. To unpack and walk through
+it takes seconds and a gigabyte. So it is done once: the polygons go, as they are, into a file in
+the user's cache, behind a table of their bounds. From it a region is read in some 50 ms.
+
+The file is named by the package's release and the format's version, written under a temporary name
+and renamed, so that several processes may make it at once. The table and each polygon have a
+checksum: a damaged file is made again. Where the cache can't be written the package is read each
+time, and a note says so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import struct
+import time
+import zlib
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import shapely
+
+from pipeline.sources.land.polygons import meets_box, near_box
+from renew._compiled import user_cache
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+
+    Polygons = npt.NDArray[np.object_]
+
+Shoreline = Literal["Osm", "Gshhg"]
+"""The package's shorelines, by its own names: of OpenStreetMap, and the older GSHHG."""
+
+NAME = "roaring-landmask"
+_FORMAT = 1
+_HEAD = struct.Struct("<16sQI")
+_MAGIC = b"RENEW shoreline\n"
+# Bounds of a polygon, degrees; the end of its WKB after the table, bytes; the checksum of its WKB.
+_ENTRY = np.dtype([("bounds", "<f8", 4), ("end", "<u8"), ("crc", "<u4")])
+# Age after which an unfinished file is that of a killed process, s.
+_ABANDONED_S = 3600.0
+
+# Number of polygons built at a time: 20,000 are 250,000 vertices on average, some 30 MB.
+_CHUNK = 20_000
+
+# WKB (OGC 06-103r4, 8.2), little endian: byte order 1, type 6 MultiPolygon, number of polygons;
+# then for each of them byte order, type 3, number of rings; for each ring its number of points,
+# and the points as two float64 each.
+_MULTIPOLYGON = b"\x01" + struct.pack("<I", 6)
+_COUNT = struct.Struct("<I")
+_HEADER = len(_MULTIPOLYGON)
+_POINT = 16
+
+
+def polygons_near(shoreline: Shoreline, box: Polygon) -> tuple[Polygons, tuple[str, ...]]:
+    """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
+
+    They are moved by whole turns into the box's longitudes; one that meets the box both ways round
+    comes twice.
+    """
+    path, problem = cache_file(shoreline), "there is no home"
+    if path is not None:
+        if (found := read_cached(path, box)) is not None:
+            return found, ()
+        try:
+            write_cached(path, unpacked(shoreline))
+        except OSError as error:
+            problem = f"{path.parent}: {error.strerror or error}"
+        else:
+            found = read_cached(path, box)
+            if found is not None:
+                return found, ()
+            problem = f"{path} is damaged as soon as it is written"
+    note = (
+        f"the world's land could not be kept in the user's cache ({problem}): it is unpacked "
+        "anew for each region, which takes some seconds; set XDG_CACHE_HOME to a folder that can "
+        "be written"
+    )
+    return read_near(unpacked(shoreline), box), (note,)
+
+
+def cache_file(shoreline: Shoreline) -> Path | None:
+    """Return the path of a shoreline's file, whether it exists or not; None without a home."""
+    folder = user_cache()
+    if folder is None:
+        return None
+    return folder / f"{shoreline.lower()}-{version(NAME)}-{_FORMAT}.shoreline"
+
+
+def remove_cached() -> int:
+    """Remove the files of all shorelines and releases; return their size in bytes."""
+    folder, freed = user_cache(), 0
+    for path in folder.glob("*.shoreline*") if folder is not None else ():
+        with contextlib.suppress(OSError):
+            size = path.stat().st_size
+            path.unlink()
+            freed += size
+    return freed
+
+
+def unpacked(shoreline: Shoreline) -> bytes:
+    """Return a shoreline as the package has it."""
+    # Imported late: loading its library of 110 MB takes a moment that `renew --help` must not.
+    from roaring_landmask import LandmaskProvider, Shapes
+
+    wkb: bytes = Shapes.wkb(getattr(LandmaskProvider, shoreline))
+    return wkb
+
+
+def read_near(wkb: bytes, box: Polygon) -> Polygons:
+    """Return what `polygons_near` does from a WKB MultiPolygon, without a file."""
+    near = [polygons[meets_box(shapely.bounds(polygons), box)] for polygons, _, _ in _chunks(wkb)]
+    return near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)[0]
+
+
+def write_cached(path: Path, wkb: bytes) -> None:
+    """Write the polygons of a WKB MultiPolygon, with a table of their bounds.
+
+    Raises
+    ------
+    OSError
+        The file can't be written; nothing is left of it.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _remove_abandoned(path.parent)
+    fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}")
+    table = np.zeros(_COUNT.unpack_from(wkb, _HEADER)[0], dtype=_ENTRY)
+    first = 0
+    try:
+        with fresh.open("xb") as file:
+            file.seek(_HEAD.size + table.nbytes)
+            for polygons, begins, end in _chunks(wkb):
+                ends = np.append(begins[1:], end)
+                entries = table[first : first + len(begins)]
+                entries["bounds"] = shapely.bounds(polygons)
+                entries["end"] = ends - (_HEADER + _COUNT.size)
+                spans = zip(begins.tolist(), ends.tolist(), strict=True)
+                entries["crc"] = [zlib.crc32(wkb[a:b]) for a, b in spans]
+                file.write(wkb[begins[0] : end])
+                first += len(begins)
+            file.seek(0)
+            content = table.tobytes()
+            file.write(_HEAD.pack(_MAGIC, len(table), zlib.crc32(content)) + content)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def read_cached(path: Path, box: Polygon) -> Polygons | None:
+    """Return what `polygons_near` does from a file; None where it is absent or damaged."""
+    try:
+        with path.open("rb") as file:
+            magic, count, crc = _HEAD.unpack(file.read(_HEAD.size).ljust(_HEAD.size, b"\0"))
+            size = os.fstat(file.fileno()).st_size - _HEAD.size
+            if magic != _MAGIC or count * _ENTRY.itemsize > size:
+                return None
+            table = np.fromfile(file, dtype=_ENTRY, count=count)
+            size -= table.nbytes
+            if zlib.crc32(table.tobytes()) != crc or (count and int(table["end"][-1]) != size):
+                return None
+            content = np.memmap(file, dtype=np.uint8, mode="r", offset=_HEAD.size + table.nbytes)
+    except (OSError, ValueError):  # absent; a map of an empty file
+        return None
+    near = np.flatnonzero(meets_box(table["bounds"], box))
+    ends = table["end"][near].astype(np.int64)
+    begins = np.where(near > 0, table["end"][near - 1], 0).astype(np.int64)
+    texts = [content[a:b].tobytes() for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]
+    if any(
+        zlib.crc32(text) != crc
+        for text, crc in zip(texts, table["crc"][near].tolist(), strict=True)
+    ):
+        return None
+    return near_box(np.asarray(shapely.from_wkb(texts), dtype=object), box)[0]
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what killed processes left unfinished."""
+    for path in folder.glob("*.shoreline.*"):
+        with contextlib.suppress(OSError):
+            if path.stat().st_mtime < time.time() - _ABANDONED_S:
+                path.unlink()
+
+
+def _chunks(wkb: bytes) -> Iterator[tuple[Polygons, npt.NDArray[np.int64], int]]:
+    """Yield a MultiPolygon's polygons, a few at a time to save memory.
+
+    With them come the bytes at which they begin, and at which the last one ends.
+    """
+    total: int = _COUNT.unpack_from(wkb, _HEADER)[0]
+    position = _HEADER + _COUNT.size
+    for first in range(0, total, _CHUNK):
+        begins = []
+        for _ in range(min(_CHUNK, total - first)):
+            begins.append(position)
+            rings = _COUNT.unpack_from(wkb, position + _HEADER)[0]
+            position += _HEADER + _COUNT.size
+            for _ring in range(rings):
+                position += _COUNT.size + _POINT * _COUNT.unpack_from(wkb, position)[0]
+        head = _MULTIPOLYGON + _COUNT.pack(len(begins))
+        polygons = shapely.get_parts(shapely.from_wkb(head + wkb[begins[0] : position]))
+        yield polygons, np.array(begins), position

@@ -1,0 +1,97 @@
+"""Where routes cross land of a second shoreline: the two disagree there, and one is wrong.
+
+The second one, GSHHG, is older and coarser in places; that a route crosses its land is no fault of
+the route, but a reason to look at an official chart.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.model import ShoreCrossing, season_notes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    from pipeline.model import Scene
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Least length of a crossing, true metres: below it a route only grazes the shore.
+_LEAST_M = 1.0
+# Decimals of a degree to which crossings are at the same place: some 100 m.
+_SAME_PLACE = 3
+# Maximum number of places that a note lists.
+_MAX_PLACES = 8
+
+
+class SecondShoreline:
+    """The land of a scene's second shoreline, searchable."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._projection = scene.projection
+        self._shore = np.array(scene.second_shore, dtype=object)
+        self._tree = shapely.STRtree(self._shore)
+
+    def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
+        """Return where a path (n, 2), planar metres, crosses that land."""
+        line = shapely.LineString(path)
+        # What is valid in degrees need not be in the plane.
+        crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
+        over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
+        found = []
+        for part in over:
+            length_m = self._projection.geodesic_length_m(shapely.get_coordinates(part))
+            if length_m >= _LEAST_M:
+                middle = shapely.line_interpolate_point(part, 0.5, normalized=True)
+                lon, lat = self._projection.to_lonlat(shapely.get_coordinates(middle)[0])
+                found.append(ShoreCrossing(season, rank, float(lon), float(lat), length_m))
+        return tuple(found)
+
+
+def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[str, ...]:
+    """Write a note for each season with the places where its routes cross that land.
+
+    Those of the best route come first, and then the longest ones.
+    """
+    seasons = {one.season: _places(crossings, one.season) for one in crossings}
+    return tuple(
+        season_notes(
+            {
+                season: [
+                    "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land where "
+                    "routes cross water of this chart; look there at an official one: "
+                    + "; ".join(places[:_MAX_PLACES])
+                    + (
+                        f"; and {more} shorter places"
+                        if (more := len(places) - _MAX_PLACES) > 0
+                        else ""
+                    )
+                ]
+                for season, places in seasons.items()
+            }
+        )
+    )
+
+
+def _places(crossings: Sequence[ShoreCrossing], season: str) -> list[str]:
+    """Name the places of a season, each with all routes that cross there."""
+    there: dict[tuple[float, float], list[ShoreCrossing]] = {}
+    for one in crossings:
+        if one.season == season:
+            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
+            there.setdefault(place, []).append(one)
+    found = [
+        (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
+        for group in there.values()
+    ]
+    return [
+        f"{longest.length_m:.0f} m at {longest.lon:.4f} E {longest.lat:.4f} N on "
+        + ", ".join(f"route {rank}" for rank in sorted({one.rank for one in group}))
+        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
+    ]

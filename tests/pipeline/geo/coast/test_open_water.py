@@ -1,0 +1,72 @@
+"""Start and goal stay in water, and connected, as the land alone would have them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from pipeline.geo.coast.covering_land import covering_land
+from pipeline.geo.coast.open_water import are_connected, opened
+from tests.pipeline.archipelagos import EXTENT, PLANE, archipelagos
+from tests.pipeline.geo.coast.shapes import planar
+
+WEST, EAST = (-20e3, 0.0), (20e3, 0.0)
+WALL = shapely.box(-1e3, -40e3, 1e3, 40e3)
+
+
+@settings(max_examples=30)
+@given(land=archipelagos, where=st.tuples(st.floats(0.01, 0.49), st.floats(0.01, 0.49)))
+def test_an_endpoint_keeps_half_of_its_distance_from_land(
+    land: list[shapely.Polygon], where: tuple[float, float]
+) -> None:
+    polygons = planar(land)
+    endpoint = PLANE.to_plane([where])
+    point = shapely.points(endpoint)[0]
+    distance = shapely.distance(shapely.union_all(polygons), point)
+    assume(distance > 1.0)
+    grown = covering_land(polygons, 0.0, 300.0, endpoint)
+    free = opened(grown, polygons, EXTENT, endpoint, 300.0)
+    assert shapely.distance(free.land, point).min(initial=np.inf) >= min(
+        distance / 2 * 0.99, distance - 320
+    )
+    assert shapely.union_all(polygons).difference(shapely.union_all(free.land)).area < 1e-3
+
+
+@pytest.mark.parametrize("width", [10.0, 400.0])
+def test_the_widest_strait_is_opened_where_the_margin_shuts_all(width: float) -> None:
+    wide = shapely.box(-2e3, 10e3, 2e3, 10e3 + width)
+    narrow = shapely.box(-2e3, 0.0, 2e3, width / 2)
+    wall = shapely.get_parts(WALL.difference(wide).difference(narrow))
+    endpoints = np.array([WEST, EAST])
+    grown = covering_land(wall, 100.0, 300.0, endpoints)
+    assert not are_connected(grown, EXTENT, endpoints)
+    free = opened(grown, wall, EXTENT, endpoints, 400.0)
+    assert are_connected(free.land, EXTENT, endpoints)
+    assert shapely.union_all(wall).difference(shapely.union_all(free.land)).area < 1e-3
+    assert free.width_m == pytest.approx(width, rel=0.02)
+    assert free.narrowest is not None
+    x, y = free.narrowest
+    # Anywhere in the strait, or in its mouth.
+    assert abs(x) <= 1.3e3
+    assert 9.9e3 < y < 10.1e3 + width
+
+
+def test_what_land_parts_stays_apart() -> None:
+    endpoints = np.array([WEST, EAST])
+    wall = np.array([WALL])
+    grown = covering_land(wall, 100.0, 300.0, endpoints)
+    free = opened(grown, wall, EXTENT, endpoints, 400.0)
+    assert free.narrowest is None
+    assert not are_connected(free.land, EXTENT, endpoints)
+
+
+def test_bodies_of_water_are_distinguished() -> None:
+    wall = np.array([WALL])
+    assert not are_connected(wall, EXTENT, np.array([WEST, EAST]))
+    assert are_connected(wall, EXTENT, np.array([WEST, (-20e3, 100.0)]))
+    assert are_connected(wall, EXTENT, np.array([WEST]))
+    gate = shapely.get_parts(WALL.difference(shapely.box(-2e3, -5, 2e3, 5)))
+    assert are_connected(gate, EXTENT, np.array([WEST, EAST]))
