@@ -49,11 +49,9 @@ class Problem:
         rays = self.all_rays
         if self.distinct_by != "auto":
             return rays.only(rays.size >= self.distinct_by)
-        best = self.scout(self.voyage.vessel.turning_radius).channels(1)[0]
+        best = self.scout(self.width).channels(1)[0]
         path = best.midline(self.voyage.start, self.voyage.goal)
-        return rays_that_matter(
-            rays, path if best.found_by is None else best.found_by, self.classes
-        )
+        return rays_that_matter(rays, path, self.classes)
 
     @cached_property
     def all_rays(self) -> Rays:
