@@ -44,7 +44,10 @@ class RankedRoute:
 
 @dataclass(frozen=True)
 class RunResult:
-    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds."""
+    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds.
+
+    The scenario is complete: what it left out was chosen, the region too if `region_was_chosen`.
+    """
 
     scenario: Scenario
     fetched: Fetched
@@ -54,6 +57,7 @@ class RunResult:
     evaluation: Evaluation
     timings: Mapping[str, float]
     created: datetime
+    region_was_chosen: bool = False
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
