@@ -184,6 +184,7 @@ class _StagedRun:
             result.fetched,
             fresh,
             time.perf_counter() - started,
+            result.choices,
         )
 
     def run_stages(self) -> tuple[RunResult, list[str]]:
@@ -212,12 +213,13 @@ class _StagedRun:
             for note in land.notes:
                 self.on_event(Event("simplify", "note", detail=note))
             simplified = land.simplified
-            notes = (*region_notes, *parts.fetched.notes, *land.notes)
         with self._stage("project"):
             scene_key, scene = self._project(parts, simplified_key, simplified)
-            for note in self._choose_offing(scene_key, scene, parts.fetched.land.accuracy_m):
-                notes = (*notes, note)
+            offing_notes = self._choose_offing(scene_key, scene, parts.fetched.land.accuracy_m)
+            for note in offing_notes:
                 self.on_event(Event("project", "note", detail=note))
+            choices = (*region_notes, *offing_notes)
+            notes = (*choices, *parts.fetched.notes, *land.notes)
             fetched = replace(parts.fetched, notes=notes)
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
@@ -235,6 +237,7 @@ class _StagedRun:
             evaluation,
             dict(self.timings),
             datetime.now(UTC),
+            choices,
         )
         return result, [task.evaluation_path.name for task in tasks]
 

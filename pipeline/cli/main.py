@@ -1,4 +1,4 @@
-"""The command line: `renew run|plot|list|show|check|clean|doctor`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor`.
 
 Exit codes:
 
@@ -24,11 +24,13 @@ import typer
 from pipeline.cli.earlier_results import dating_earlier_results
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.positional import NegativeFigures
 from pipeline.formats.figures.kinds import Form, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pipeline.outcome import Outcome
     from pipeline.scenario.model import Scenario
     from pipeline.session import Origin
 
@@ -60,6 +62,15 @@ CurrentsOption = Annotated[
     typer.Option(
         help="A NetCDF file or Zarr store of currents, in place of the scenario's; may be repeated "
         "for files that belong together, or given as a quoted pattern: 'daily/*.nc'."
+    ),
+]
+
+
+StrictOption = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
     ),
 ]
 
@@ -114,13 +125,7 @@ def run(
     offline: OfflineOption = False,
     charts: ChartsOption = None,
     currents: CurrentsOption = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
-        ),
-    ] = False,
+    strict: StrictOption = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -152,11 +157,99 @@ def run(
                 on_event=on_event,
             )
         typer.echo(season_table(outcome))
-        verb = "Written to" if outcome.fresh else "Unchanged in"
-        typer.echo(f"\n{verb} {_short(outcome.directory)} ({outcome.seconds:.1f} s)")
-        for failure in outcome.failures:
-            typer.echo(f"error: {failure}", err=True)
-        raise typer.Exit(outcome.exit_code)
+        _end(outcome)
+
+
+def _end(outcome: Outcome) -> None:
+    """Say where the results are and what failed, and exit."""
+    verb = "Written to" if outcome.fresh else "Unchanged in"
+    typer.echo(f"\n{verb} {_short(outcome.directory)} ({outcome.seconds:.1f} s)")
+    for failure in outcome.failures:
+        typer.echo(f"error: {failure}", err=True)
+    raise typer.Exit(outcome.exit_code)
+
+
+@app.command(cls=NegativeFigures)
+def go(
+    positions: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="START GOAL",
+            help="Two positions: '120.30,12.80' (longitude first), '12.80N 120.30E', "
+            "'12°48'N 120°18'E'.",
+        ),
+    ],
+    *,
+    vessel: Annotated[
+        str, typer.Option(help="A vessel of the catalogue, or the path of a TOML file.")
+    ] = "",
+    speed: Annotated[
+        str, typer.Option(help="Speed through water, as 12kn, 6m/s; in place of --vessel.")
+    ] = "",
+    length: Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")] = "",
+    turning_circle: Annotated[
+        str, typer.Option(help="Diameter of the turning circle, helm hard over, as 400m.")
+    ] = "",
+    draught: Annotated[str, typer.Option(help="Draught, needed on charts with depths.")] = "",
+    month: Annotated[
+        list[str] | None,
+        typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
+    ] = None,
+    currents: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Files of currents that belong together, or sources of the catalogue in order of "
+            "preference; 'still' plans without any. May be repeated; chosen if left out."
+        ),
+    ] = None,
+    clearance: Annotated[
+        str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
+    ] = "",
+    name: Annotated[str, typer.Option(help="Name of the folder of results.")] = "",
+    charts: ChartsOption = None,
+    output: OutputOption = Path("outputs"),
+    offline: OfflineOption = False,
+    strict: StrictOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object in place of the table.")
+    ] = False,
+) -> None:
+    """Plan a voyage from START to GOAL: region, chart and currents are chosen, and said.
+
+    The scenario that is made is written beside the results, for `renew run`.
+    """
+    with reported_errors():
+        from pipeline.paths import folder_to_write
+        from pipeline.voyage.request import VoyageRequest, voyage_scenario
+        from pipeline.voyage.vessel_options import VesselFigures
+
+        figures = VesselFigures(speed, length, turning_circle, draught)
+        request = VoyageRequest(
+            positions=tuple(positions),
+            vessel=vessel,
+            figures=figures,
+            months=tuple(month or ()),
+            currents=tuple(currents or ()),
+            clearance=clearance,
+            charts=charts,
+            name=name,
+        )
+        folder_to_write(output, "--output")
+        scenario, notes = voyage_scenario(request)
+        from pipeline.cli.outcome_json import outcome_json
+        from pipeline.cli.progress import progress
+        from pipeline.cli.summary import season_table
+        from pipeline.one_line import run_voyage
+
+        with progress(scenario, notes) as on_event:
+            outcome = run_voyage(
+                scenario, output, offline=offline, strict=strict, on_event=on_event
+            )
+        if as_json:
+            typer.echo(outcome_json(outcome))
+            raise typer.Exit(outcome.exit_code)
+        typer.echo(season_table(outcome))
+        _end(outcome)
 
 
 @app.command()
@@ -232,11 +325,15 @@ def show(
 def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
-    """List all faults of a scenario's file; only a run also checks it against its chart."""
+    """List all faults of a scenario's file, and whether its start and goal are in water."""
     with reported_errors():
+        from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
+        from pipeline.voyage.endpoint_look import endpoints_on_land
 
         found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
+        if faults := endpoints_on_land(found):
+            raise RequestError(faults)
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(
             f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"

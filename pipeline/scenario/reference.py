@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.scenario.messages import limit_text, model_in
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.renamed_keys import RENAMED_KEYS
+from pipeline.scenario.toml_text import inline
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -165,17 +166,7 @@ def _example_text(key: dict[str, Any]) -> str:
 
 def _toml(value: object) -> str:
     """Spell a value as in TOML, marked as code; "" for None."""
-    return "" if value in (None, "", []) else f"`{_inline(value)}`"
-
-
-def _inline(value: object) -> str:
-    """Spell a value as in TOML."""
-    if isinstance(value, dict):
-        given = {key: one for key, one in value.items() if one not in (None, "")}
-        return f"{{ {', '.join(f'{key} = {_inline(one)}' for key, one in given.items())} }}"
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_inline(one) for one in value)}]"
-    return json.dumps(value, ensure_ascii=False)
+    return "" if value in (None, "", []) else f"`{inline(value)}`"
 
 
 def write_reference(folder: Path) -> tuple[Path, ...]:

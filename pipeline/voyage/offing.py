@@ -56,7 +56,9 @@ class Offing:
         distance_m = scene.projection.geodesic_length_m(np.array([scene.start, scene.goal]))
         wanted_m = wanted_offing_m(scenario.vessel, accuracy_m, distance_m)
         planar = passable_offing(scene.chart, scene.start, scene.goal, wanted_m / scale)
-        return cls(planar * scale, wanted_m, scale)
+        # In whole metres, but for the smallest charts.
+        metres = planar * scale
+        return cls(float(math.floor(metres)) if metres > 1 else metres, wanted_m, scale)
 
     @property
     def planar_m(self) -> float:
@@ -66,12 +68,13 @@ class Offing:
     @property
     def note(self) -> str:
         """What a reader is told."""
-        why = "for this vessel and chart"
-        if self.metres < self.wanted_m:
-            why = f"as {self.wanted_m:.0f} m, {why}, would leave no way"
+        kept = f"an offing of at least {self.metres:.0f} m" if self.metres else "no offing"
+        why = "chosen for this vessel and chart"
+        if self.metres < math.floor(self.wanted_m):
+            why = f"as {self.wanted_m:.0f} m would leave no way"
         return (
-            f"routes keep an offing of at least {self.metres:.0f} m beside the chart's margin, "
-            f"{why}; planner.clearance (--clearance) sets another, 0 none"
+            f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance "
+            "(--clearance) sets another, 0 none"
         )
 
 

@@ -117,6 +117,11 @@ def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
         note = (
             f"{shown!r} was read as latitude, longitude: {second.degrees:g} can only be a longitude"
         )
+    elif not any(axes) and abs(first.degrees) <= 90:
+        note = (
+            f"{shown!r} was read as longitude {first.degrees:g}, latitude {second.degrees:g}; "
+            "write N or S and E or W if it is the other way round"
+        )
     lon, lat = (second, first) if is_swapped else (first, second)
     if abs(lat.degrees) > 90:
         raise ValueError(f"has the latitude {lat.degrees:g}; give one from -90 to 90 degrees")

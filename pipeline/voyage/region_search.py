@@ -57,9 +57,9 @@ def search_region(
         except PipelineError:
             break
         region = wider
-    notes = (*result.fetched.notes, *edge_notes(region, _best_paths(result)))
-    fetched = replace(result.fetched, notes=notes)
-    return replace(result, fetched=fetched, region_was_chosen=True), evaluated
+    limits = edge_notes(region, _best_paths(result))
+    fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
+    return replace(result, fetched=fetched, choices=(*result.choices, *limits)), evaluated
 
 
 def _best_paths(result: RunResult) -> list[FloatArray]:

@@ -46,7 +46,8 @@ class RankedRoute:
 class RunResult:
     """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds.
 
-    The scenario is complete: what it left out was chosen, the region too if `region_was_chosen`.
+    The scenario is complete: `choices` say what was chosen where it left something out. They are
+    among the notes of `fetched`, too.
     """
 
     scenario: Scenario
@@ -57,7 +58,7 @@ class RunResult:
     evaluation: Evaluation
     timings: Mapping[str, float]
     created: datetime
-    region_was_chosen: bool = False
+    choices: tuple[str, ...] = ()
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:

@@ -48,7 +48,9 @@ def test_a_swapped_order_is_noticed_and_said_only_where_it_is_the_only_possible_
     assert "latitude, longitude" in read_position("12.8,120.3").note
     assert read_position("12.8N 120.3E").note == ""
     plain = read_position("37.9,23.6")
-    assert (plain.lon, plain.lat, plain.note) == (37.9, 23.6, "")
+    assert (plain.lon, plain.lat) == (37.9, 23.6)
+    assert "read as longitude 37.9, latitude 23.6" in plain.note
+    assert read_position("120.3,12.8").note == read_position("23.6E 37.9N").note == ""
 
 
 @given(longitudes, latitudes)
