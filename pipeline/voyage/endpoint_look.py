@@ -15,6 +15,8 @@ from pipeline.sources.registry import land_source
 from pipeline.stages.endpoints import endpoints, not_in_water
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pipeline.scenario.model import Scenario
     from pipeline.sources.interfaces import LandSource
 
@@ -37,17 +39,9 @@ def endpoints_on_land(scenario: Scenario) -> list[str]:
 def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat: float) -> str:
     """Say that a position is on land, and where water is, or that its coordinates are swapped."""
     region = box_around(shapely.Point(lon, lat), _LOOK_M)
-    try:
-        land = np.array(source.land(region).polygons, dtype=object)
-    except RequestError:
-        return ""  # the chart has nothing near, which a run judges with its whole region
+    land = _land_near(source, lon, lat)
     if not shapely.intersects_xy(land, lon, lat).any():
         return ""
-    if -90 <= lon <= 90 and abs(lat) <= 180 and not _is_land(source, lat, lon):
-        return (
-            f"{name} = {[lon, lat]} lies on land; did you mean [{lat:g}, {lon:g}]? A place is "
-            "[longitude, latitude]"
-        )
     projection = Projection.for_region(region)
     try:
         chart = renew.Chart(
@@ -56,17 +50,27 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
     except renew.GeometryError:
         return (
             f"{name} = {[lon, lat]} lies on land, more than {_LOOK_M / 1000:.0f} km from the "
-            "nearest water; move it into water"
+            f"nearest water; {_remedy(source, lon, lat)}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
     return not_in_water(scenario, name, here, chart, projection)
 
 
-def _is_land(source: LandSource, lon: float, lat: float) -> bool:
-    """Whether a place is on the chart's land."""
-    here = shapely.Point(lon, lat)
+def _remedy(source: LandSource, lon: float, lat: float) -> str:
+    """Say what to do about a position far inland: with its coordinates swapped it may be at sea."""
+    can_swap = -90 <= lon <= 90
+    if can_swap and not shapely.intersects_xy(_land_near(source, lat, lon), lat, lon).any():
+        return f"did you mean [{lat:g}, {lon:g}]? A place is [longitude, latitude]"
+    return "move it into water"
+
+
+def _land_near(source: LandSource, lon: float, lat: float) -> npt.NDArray[np.object_]:
+    """Return the chart's land around a place; none where the chart has nothing near.
+
+    A run judges that with its whole region.
+    """
     try:
-        land = np.array(source.land(box_around(here, _LOOK_M)).polygons, dtype=object)
+        found = source.land(box_around(shapely.Point(lon, lat), _LOOK_M)).polygons
     except RequestError:
-        return False
-    return bool(shapely.intersects_xy(land, lon, lat).any())
+        found = ()
+    return np.array(found, dtype=object)
