@@ -36,7 +36,7 @@ def load_scenario(
     asked: str,
     *,
     charts: Path | None = None,
-    currents: Sequence[Path] = (),
+    currents: Sequence[str | Path] = (),
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
     """Load a scenario by its name in the catalogue or its path.
@@ -48,7 +48,8 @@ def load_scenario(
     charts
         A vector file or a folder of S-57 cells that replaces the scenario's chart.
     currents
-        Files that belong together and replace every season's currents.
+        Files that belong together, and sources of the catalogue in order of preference: they
+        replace every season's currents.
     on_note
         Called with a note for each key that is given by an old name.
 
@@ -161,18 +162,36 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
-def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any]:
-    """Replace the currents of a scenario's seasons by the user's files."""
+def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
+    """Return the sources that --currents names, in their order of preference.
+
+    Names of the catalogue stay as they are; files are one source, in the place of the first.
+    """
+    known = catalogue.names("sources")
+    found: list[str | list[str]] = []
+    files: list[str] = []
+    for one in map(str, asked):
+        if one in known:
+            found.append(one)
+            continue
+        if not files:
+            found.append(files)
+        files.append(str(resolved(one, "--currents")))
+    return found
+
+
+def _with_currents(data: dict[str, Any], asked: Sequence[str | Path]) -> dict[str, Any]:
+    """Replace the currents of a scenario's seasons by the sources that --currents names."""
     if "plane" in data:
         raise RequestError(
             ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
         )
     seasons = data.get("seasons")
-    paths = [str(resolved(file, "--currents")) for file in files]
+    currents = asked_currents(asked)
     return {
         **data,
         "seasons": [
-            {**season, "currents": [paths]} if isinstance(season, dict) else season
+            {**season, "currents": currents} if isinstance(season, dict) else season
             for season in (seasons if isinstance(seasons, list) else [])
         ],
     }

@@ -22,15 +22,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.earlier_results import dating_earlier_results
+from pipeline.cli.ending import end, short_path
 from pipeline.cli.failures import reported_errors
+from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
-from pipeline.cli.positional import NegativeFigures
+from pipeline.cli.options import (
+    ChartsOption,
+    CurrentsOption,
+    OfflineOption,
+    OutputOption,
+    ScenarioArgument,
+    StrictOption,
+)
 from pipeline.formats.figures.kinds import Form, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.outcome import Outcome
     from pipeline.scenario.model import Scenario
     from pipeline.session import Origin
 
@@ -42,37 +50,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-ScenarioArgument = Annotated[
-    str, typer.Argument(help="A name in the catalogue (`renew list`) or the path of a TOML file.")
-]
-
-OutputOption = Annotated[
-    Path, typer.Option(help="Folder of all results; each scenario has its own folder in it.")
-]
-OfflineOption = Annotated[
-    bool, typer.Option("--offline", help="Use no source that needs the network.")
-]
-ChartsOption = Annotated[
-    Path | None,
-    typer.Option(help="A vector file or a folder of S-57 cells, in place of the scenario's chart."),
-]
-CurrentsOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        help="A NetCDF file or Zarr store of currents, in place of the scenario's; may be repeated "
-        "for files that belong together, or given as a quoted pattern: 'daily/*.nc'."
-    ),
-]
-
-
-StrictOption = Annotated[
-    bool,
-    typer.Option(
-        "--strict",
-        help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
-    ),
-]
 
 
 def main() -> None:
@@ -142,7 +119,6 @@ def run(
     with reported_errors(), dating_earlier_results(output, scenario):
         wanted = _wanted(scenario, output, charts, currents)
         from pipeline.cli.progress import progress
-        from pipeline.cli.summary import season_table
         from pipeline.run import run as run_scenario
 
         with progress(wanted.scenario, wanted.notes) as on_event:
@@ -156,100 +132,10 @@ def run(
                 origin=wanted.origin,
                 on_event=on_event,
             )
-        typer.echo(season_table(outcome))
-        _end(outcome)
+        end(outcome)
 
 
-def _end(outcome: Outcome) -> None:
-    """Say where the results are and what failed, and exit."""
-    verb = "Written to" if outcome.fresh else "Unchanged in"
-    typer.echo(f"\n{verb} {_short(outcome.directory)} ({outcome.seconds:.1f} s)")
-    for failure in outcome.failures:
-        typer.echo(f"error: {failure}", err=True)
-    raise typer.Exit(outcome.exit_code)
-
-
-@app.command(cls=NegativeFigures)
-def go(
-    positions: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="START GOAL",
-            help="Two positions: '120.30,12.80' (longitude first), '12.80N 120.30E', "
-            "'12°48'N 120°18'E'.",
-        ),
-    ],
-    *,
-    vessel: Annotated[
-        str, typer.Option(help="A vessel of the catalogue, or the path of a TOML file.")
-    ] = "",
-    speed: Annotated[
-        str, typer.Option(help="Speed through water, as 12kn, 6m/s; in place of --vessel.")
-    ] = "",
-    length: Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")] = "",
-    turning_circle: Annotated[
-        str, typer.Option(help="Diameter of the turning circle, helm hard over, as 400m.")
-    ] = "",
-    draught: Annotated[str, typer.Option(help="Draught, needed on charts with depths.")] = "",
-    month: Annotated[
-        list[str] | None,
-        typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
-    ] = None,
-    currents: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Files of currents that belong together, or sources of the catalogue in order of "
-            "preference; 'still' plans without any. May be repeated; chosen if left out."
-        ),
-    ] = None,
-    clearance: Annotated[
-        str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
-    ] = "",
-    name: Annotated[str, typer.Option(help="Name of the folder of results.")] = "",
-    charts: ChartsOption = None,
-    output: OutputOption = Path("outputs"),
-    offline: OfflineOption = False,
-    strict: StrictOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in place of the table.")
-    ] = False,
-) -> None:
-    """Plan a voyage from START to GOAL: region, chart and currents are chosen, and said.
-
-    The scenario that is made is written beside the results, for `renew run`.
-    """
-    with reported_errors():
-        from pipeline.paths import folder_to_write
-        from pipeline.voyage.request import VoyageRequest, voyage_scenario
-        from pipeline.voyage.vessel_options import VesselFigures
-
-        figures = VesselFigures(speed, length, turning_circle, draught)
-        request = VoyageRequest(
-            positions=tuple(positions),
-            vessel=vessel,
-            figures=figures,
-            months=tuple(month or ()),
-            currents=tuple(currents or ()),
-            clearance=clearance,
-            charts=charts,
-            name=name,
-        )
-        folder_to_write(output, "--output")
-        scenario, notes = voyage_scenario(request)
-        from pipeline.cli.outcome_json import outcome_json
-        from pipeline.cli.progress import progress
-        from pipeline.cli.summary import season_table
-        from pipeline.one_line import run_voyage
-
-        with progress(scenario, notes) as on_event:
-            outcome = run_voyage(
-                scenario, output, offline=offline, strict=strict, on_event=on_event
-            )
-        if as_json:
-            typer.echo(outcome_json(outcome))
-            raise typer.Exit(outcome.exit_code)
-        typer.echo(season_table(outcome))
-        _end(outcome)
+app.command(cls=NegativeFigures)(go)
 
 
 @app.command()
@@ -290,7 +176,7 @@ def plot(
                 on_event=on_event,
             )
         for file in drawn.files:
-            typer.echo(_short(file))
+            typer.echo(short_path(file))
         for failure in drawn.failures:
             typer.echo(f"error: {failure}", err=True)
         raise typer.Exit(1 if drawn.failures else 0)
@@ -392,7 +278,7 @@ class _Wanted:
 
 
 def _wanted(
-    asked: str, output: Path, charts: Path | None, currents: Sequence[Path] | None
+    asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
 ) -> _Wanted:
     """Load a scenario, before the heavy imports, so that a wrong request is reported at once."""
     from pipeline.loading import load_scenario
@@ -405,14 +291,6 @@ def _wanted(
     from pipeline.session import Origin
 
     return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
-
-
-def _short(path: Path) -> str:
-    """Return the path as it would be typed in this folder."""
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except ValueError:
-        return str(path)
 
 
 if __name__ == "__main__":

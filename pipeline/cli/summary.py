@@ -47,9 +47,9 @@ def season_table(outcome: Outcome) -> str:
                 seen.add(row.side)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
-    lines = [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
-    lines += [""] * bool(lines)
-    lines += _unused_currents(outcome)
+    lines = [*_unused_currents(outcome)]
+    lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
+    lines += [""] * bool(outcome.choices)
     lines += [
         "  ".join(
             cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.loading import parse_scenario
+from pipeline.loading import asked_currents, parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import STILL, Season
-from pipeline.scenario.strict import looks_like_path
 from pipeline.sources.registry import current_source
 from pipeline.voyage.months import read_months
 from pipeline.voyage.positions import Position, read_positions
@@ -20,7 +19,7 @@ from pipeline.voyage.quantities import length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from pathlib import Path
 
     from pipeline.scenario.model import Scenario
@@ -145,23 +144,8 @@ def _season(
         "name": month,
         "title": title,
         "valid": month,
-        "currents": _given_currents(request.currents) or _known_currents(month, ends),
+        "currents": asked_currents(request.currents) or _known_currents(month, ends),
     }
-
-
-def _given_currents(asked: Sequence[str]) -> list[str | list[str]]:
-    """Return the sources that are asked for; files are one source, in the place of the first."""
-    known = catalogue.names("sources")
-    found: list[str | list[str]] = []
-    files: list[str] = []
-    for one in asked:
-        if one in known and not looks_like_path(one):
-            found.append(one)
-            continue
-        if not files:
-            found.append(files)
-        files.append(str(resolved(one, "--currents")))
-    return found
 
 
 def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:

@@ -153,14 +153,15 @@ def _comparison(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) ->
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
-    clear = f"It keeps at least {distance(best.clearance_m)} from land"
-    if not best.has_land:
-        safe = "There is no land to keep clear of"
-    elif best.collisions:
-        turns = f"{best.collisions:,} of {best.trials:,}"
-        safe = f"{clear}; {turns} simulated hard-over turns met land"
-    else:
-        safe = f"{clear}; none of {best.trials:,} simulated hard-over turns met land"
+    safe = (
+        f"It keeps at least {distance(best.clearance_m)} from land"
+        if best.has_land
+        else "There is no land to keep clear of"
+    )
+    if best.collisions:
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
+    elif best.has_land:
+        safe += f"; none of {best.trials:,} simulated hard-over turns met land"
     gap = ""
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
