@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.scenario.vessel import VesselSpec
@@ -97,3 +99,34 @@ def test_a_bad_name_and_the_same_place_twice_are_refused() -> None:
         voyage_scenario(asked)
     assert any("name" in fault for fault in caught.value.faults)
     assert any("same place" in fault for fault in caught.value.faults)
+
+
+likely = st.sampled_from(
+    ["120.3,12.8", "7.7N 116.8E", "usv-7m", "12kn", "90m", "2024-07", "still", "1e400", "9" * 400]
+)
+words = likely | st.text(max_size=12)
+
+
+@given(
+    st.lists(words, max_size=4), words, st.lists(words, max_size=2), st.lists(words, max_size=2),
+    words, words, st.tuples(words, words, words, words),
+)  # fmt: skip
+@settings(max_examples=200, deadline=None)
+def test_any_words_make_a_scenario_or_are_refused(
+    positions: list[str], vessel: str, months: list[str], currents: list[str], clearance: str,
+    name: str, figures: tuple[str, str, str, str],
+) -> None:  # fmt: skip
+    asked = VoyageRequest(
+        tuple(positions),
+        vessel,
+        VesselFigures(*figures),
+        tuple(months),
+        tuple(currents),
+        clearance,
+        name=name,
+    )
+    try:
+        scenario, _ = voyage_scenario(asked)
+    except RequestError:
+        return
+    assert scenario.region is None
