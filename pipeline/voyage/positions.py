@@ -133,9 +133,8 @@ def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
 def _coordinates(text: str) -> tuple[_Coordinate, _Coordinate]:
     """Split a normalised text into its two coordinates."""
     tokens = list(_TOKENS.finditer(text))
-    rest = _TOKENS.sub("", text).strip()
-    if rest:
-        raise ValueError(f"has {rest!r}, which is no part of a position; write it like {EXAMPLES}")
+    if _TOKENS.sub("", text).strip():
+        raise ValueError(f"is not a position; write it like {EXAMPLES}")
     letters = [token for token in tokens if token.lastgroup == "letter"]
     parts: list[list[re.Match[str]]]
     if letters:

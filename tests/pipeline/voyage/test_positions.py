@@ -95,7 +95,7 @@ def test_minus_before_zero_degrees_counts() -> None:
     [
         ("12.8", "pair of coordinates"),
         ("1,2,3", "pair of coordinates"),
-        ("somewhere", "no part of a position"),
+        ("somewhere", "is not a position"),
         ("12.8N 7.7N", "one of E and W"),
         ("12.8N 120.3", "one of E and W"),
         ("-12.8S 120.3E", "both a sign and S"),
