@@ -27,8 +27,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from shapely.geometry import Polygon
+
 ModelT = TypeVar("ModelT", bound=BaseModel)
 _POINT: TypeAdapter[Point] = TypeAdapter(Point)
+# Room around start and goal that every region has, degrees (100 m).
+_AROUND_DEG = 1e-3
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
 
@@ -288,7 +292,9 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
         yield f"start and goal are the same place, {place}; give two places to sail between"
     if tables.region is not None:
         yield from _endpoints_outside_region(tables.region, tables.endpoints)
-        yield from _uncovered_seasons(tables.region, tables.seasons)
+        yield from _uncovered_seasons(tables.region.shape, tables.seasons)
+    elif not tables.is_planar:
+        yield from _uncovered_voyage(tables.endpoints, tables.seasons)
     elif tables.plane is not None:
         xmin, ymin, xmax, ymax = tables.plane.extent
         for name, (x, y) in tables.endpoints.items():
@@ -345,14 +351,27 @@ def _swapped_hint(region: Region, point: Point) -> str:
     return "move it inside or widen the region"
 
 
-def _uncovered_seasons(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
+def _uncovered_voyage(endpoints: dict[str, Point], seasons: tuple[Season, ...]) -> Iterator[str]:
+    """Find seasons without a source that covers start and goal, whatever region is chosen."""
+    if len(endpoints) == 2 and all(_is_on_earth(*point) for point in endpoints.values()):
+        yield from _uncovered_seasons(least_region(*endpoints.values()), seasons)
+
+
+def least_region(start: Point, goal: Point) -> Polygon:
+    """Return the line from start to goal with little room around: part of any region they get."""
+    import shapely
+
+    return shapely.LineString([start, goal]).buffer(_AROUND_DEG)
+
+
+def _uncovered_seasons(region: Polygon, seasons: tuple[Season, ...]) -> Iterator[str]:
     """Find seasons without a source that covers the region and the period."""
     from pipeline.sources.registry import current_source
 
     lacking: dict[str, list[str]] = {}
     for season in seasons:
         reasons = [
-            current_source(named).uncovered_reason(region.shape, season)
+            current_source(named).uncovered_reason(region, season)
             for named in season.currents
             if not isinstance(named, str) or _gives_currents(named)
         ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.loading import least_region
 from pipeline.sources.quality.coverage import common_bounds
 from pipeline.sources.registry import current_source
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0
-# Room that a source must leave around start and goal, degrees (100 m): a region ends beyond them.
-_ROOM_DEG = 1e-3
 REMEDY = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
     '(--currents still, or currents = ["still"])'
@@ -78,7 +77,7 @@ def _of_season(
     season: Season, world: Bounds, voyage: Voyage, folder: Path, *, offline: bool
 ) -> tuple[Coverage | None, str]:
     """Return what the first usable source of a season covers, or why there is none."""
-    ends = shapely.LineString([voyage.start, voyage.goal]).buffer(_ROOM_DEG)
+    ends = least_region(voyage.start, voyage.goal)
     reasons = []
     for named in season.currents:
         source = current_source(named)

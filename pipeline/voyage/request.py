@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import shapely
-
 from pipeline.errors import RequestError
-from pipeline.loading import asked_currents, parse_scenario
+from pipeline.loading import asked_currents, least_region, parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import STILL, Season
@@ -154,7 +152,8 @@ def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
     The service's is asked for first; a table that comes with the program stands in for it where
     there is no account.
     """
-    between = shapely.LineString([(end.lon, end.lat) for end in ends]).buffer(1e-3)
+    start, goal = ends
+    between = least_region((start.lon, start.lat), (goal.lon, goal.lat))
     tables = [
         name
         for name in catalogue.names("sources")

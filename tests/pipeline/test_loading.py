@@ -69,6 +69,11 @@ def test_places_on_earth_are_asked_for_without_a_region_too() -> None:
     assert "not a place on earth" in faults(region=None, start=[10.2, 118.4])[0]
 
 
+def test_without_a_region_the_currents_must_cover_start_and_goal() -> None:
+    (line,) = faults(region=None, start=[23.5, 37.9], goal=[28.3, 36.5])
+    assert "season 'summer': embedded-palawan has no data west of 114.75" in line
+
+
 def test_sources_and_files_may_be_asked_for_together() -> None:
     asked = asked_currents(["/a.nc", "still", "/b.nc"])
     assert asked == [["/a.nc", "/b.nc"], "still"]
