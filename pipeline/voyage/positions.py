@@ -23,6 +23,9 @@ _SPELLINGS = str.maketrans(
 )
 # Two commas between digits, parted by something else: decimal commas, as in "120,30 12,80".
 _DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
+# Longitude west of which positions are given eastward, degrees: a scenario's longitudes begin at
+# -180, and the region must have room west of start and goal.
+_WESTERNMOST = -160.0
 _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
 
 
@@ -76,8 +79,7 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
         raise RequestError(faults)
     start, goal = found
     goal = replace(goal, lon=goal.lon + 360 * round((start.lon - goal.lon) / 360))
-    # Longitudes of a scenario begin at -180 degrees.
-    turn = 360 if goal.lon < -180 else 0
+    turn = 360 if min(start.lon, goal.lon) < _WESTERNMOST else 0
     return replace(start, lon=start.lon + turn), replace(goal, lon=goal.lon + turn)
 
 

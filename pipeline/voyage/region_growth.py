@@ -24,6 +24,8 @@ SIDES = ("west", "south", "east", "north")
 # Distance from the edge at which a route counts as near, and by which the region grows, as shares
 # of the margin that was left around start, goal and the ways between.
 _NEAR, _GROWTH = 0.3, 2.0
+# Least growth that is worth another plan, as a share of the growth wanted.
+_LEAST_GAIN = 0.1
 
 
 def sides_near(bounds: Bounds, paths: Sequence[FloatArray], margin_m: float) -> list[int]:
@@ -43,7 +45,10 @@ def sides_near(bounds: Bounds, paths: Sequence[FloatArray], margin_m: float) -> 
 
 
 def grown(bounds: Bounds, sides: Sequence[int], margin_m: float, limits: Bounds) -> Bounds:
-    """Move some sides of bounds outward by a multiple of the margin, as far as limits allow."""
+    """Move some sides of bounds outward by a multiple of the margin, as far as limits allow.
+
+    Bounds that would gain hardly anything stay as they are.
+    """
     up = _GROWTH * margin_m / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))
@@ -52,4 +57,6 @@ def grown(bounds: Bounds, sides: Sequence[int], margin_m: float, limits: Bounds)
         round(bound + move, 3) if side in sides else bound
         for side, (bound, move) in enumerate(zip(bounds, moves, strict=True))
     )
-    return common_bounds((west, south, east, north), limits) or bounds
+    wider = common_bounds((west, south, east, north), limits) or bounds
+    gained = max(abs(new - old) for new, old in zip(wider, bounds, strict=True))
+    return wider if gained > _LEAST_GAIN * up else bounds

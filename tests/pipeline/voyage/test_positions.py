@@ -129,6 +129,9 @@ def test_words_without_quotes_make_two_positions() -> None:
 def test_the_goal_continues_across_180_degrees() -> None:
     start, goal = read_positions(["179E 17S", "179W 18S"])
     assert (start.lon, goal.lon) == (179, 181)
+    # Samoa to Tonga: a region may need room beyond 180 degrees.
+    start, goal = read_positions(["171.75W 13.83S", "175.2W 21.13S"])
+    assert (start.lon, goal.lon) == pytest.approx((188.25, 184.8))
     start, goal = read_positions(["-179,-18", "179,-17"])
     assert (start.lon, goal.lon) == (181, 179)
 

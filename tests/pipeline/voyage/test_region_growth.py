@@ -38,4 +38,5 @@ def test_sides_move_outward_as_far_as_the_limits_allow() -> None:
     assert GEOD.inv(west, 51, 10, 51)[2] == pytest.approx(2 * MARGIN_M, rel=0.02)
     assert GEOD.inv(11, 51, 11, north)[2] == pytest.approx(2 * MARGIN_M, rel=0.02)
     assert grown(BOUNDS, [0, 3], MARGIN_M, (9.9, 40, 20, 51.0)) == (9.9, 50.0, 12.0, 51.0)
+    assert grown(BOUNDS, [0], MARGIN_M, (9.99, 40, 20, 51.0)) == BOUNDS
     assert grown(BOUNDS, [], MARGIN_M, WORLD) == BOUNDS
