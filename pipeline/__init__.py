@@ -2,3 +2,23 @@
 
 The only package that deals with files, coordinate reference systems, the network and Dask.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.one_line import go
+
+__all__ = ["go"]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+    """Import `go` when it is first used: it takes seconds, and each module here is imported by all.
+
+    By its name, as every module below would depend on what is imported here.
+    """
+    if name == "go":
+        return import_module("pipeline.one_line").go
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

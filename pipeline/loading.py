@@ -27,8 +27,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from shapely.geometry import Polygon
+
 ModelT = TypeVar("ModelT", bound=BaseModel)
 _POINT: TypeAdapter[Point] = TypeAdapter(Point)
+# Room around start and goal that every region has, degrees (100 m).
+_AROUND_DEG = 1e-3
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
 
@@ -36,7 +40,7 @@ def load_scenario(
     asked: str,
     *,
     charts: Path | None = None,
-    currents: Sequence[Path] = (),
+    currents: Sequence[str | Path] = (),
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
     """Load a scenario by its name in the catalogue or its path.
@@ -48,7 +52,8 @@ def load_scenario(
     charts
         A vector file or a folder of S-57 cells that replaces the scenario's chart.
     currents
-        Files that belong together and replace every season's currents.
+        Files that belong together, and sources of the catalogue in order of preference: they
+        replace every season's currents.
     on_note
         Called with a note for each key of an earlier version.
 
@@ -83,18 +88,23 @@ def parse_scenario(
         for note in notes:
             on_note(note)
     faults += _unknown_names(data)
-    resolved = _with_vessel(data)
+    scenario, found = _checked(_with_vessel(data))
+    faults += [*found, *_cross_faults(_ValidTables.of(data, folder))]
+    if scenario is None or faults:
+        raise RequestError(faults)
+    return _with_paths(scenario, folder)
+
+
+def _checked(data: dict[str, Any]) -> tuple[Scenario | None, list[str]]:
+    """Validate a scenario's table; return it or None, and its faults."""
     try:
-        scenario = _with_paths(Scenario.model_validate(resolved), folder)
+        return Scenario.model_validate(data), []
     except ValidationError as error:
-        faults += model_faults(error, Scenario, resolved)
-    else:
-        if not faults:
-            faults += [*_missing_paths(scenario), *_cross_faults(_ValidTables.of(data, folder))]
-            if not faults:
-                return scenario
-            raise RequestError(faults)
-    raise RequestError(faults + list(_cross_faults(_ValidTables.of(data, folder))))
+        faults = model_faults(error, Scenario, data)
+    if data.get("schema_version") != 1:
+        # Faults between tables are searched only where every key by itself is valid.
+        faults += _checked({**data, "schema_version": 1})[1]
+    return None, list(dict.fromkeys(faults))
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,8 @@ class _ValidTables:
 
     region: Region | None
     plane: Plane | None
+    is_planar: bool
+    chart: ChartSpec | None
     endpoints: dict[str, Point]
     seasons: tuple[Season, ...]
 
@@ -111,6 +123,7 @@ class _ValidTables:
         """Select them from a scenario's table; relative paths start at `folder`."""
         seasons = data.get("seasons")
         found = [_validated(Season, item) for item in seasons] if isinstance(seasons, list) else []
+        chart = _validated(ChartSpec, data.get("chart"))
         endpoints = {}
         for name in ("start", "goal"):
             try:
@@ -120,6 +133,8 @@ class _ValidTables:
         return cls(
             region=_validated(Region, data.get("region")),
             plane=_validated(Plane, data.get("plane")),
+            is_planar="plane" in data,
+            chart=None if chart is None else _with_chart_paths(chart, folder),
             endpoints=endpoints,
             seasons=tuple(_with_files(season, folder) for season in found if season is not None),
         )
@@ -151,18 +166,36 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
-def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any]:
-    """Replace the currents of a scenario's seasons by the user's files."""
+def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
+    """Return the sources that --currents names, in their order of preference.
+
+    Names of the catalogue stay as they are; files are one source, in the place of the first.
+    """
+    known = catalogue.names("sources")
+    found: list[str | list[str]] = []
+    files: list[str] = []
+    for one in map(str, asked):
+        if one in known:
+            found.append(one)
+            continue
+        if not files:
+            found.append(files)
+        files.append(str(resolved(one, "--currents")))
+    return found
+
+
+def _with_currents(data: dict[str, Any], asked: Sequence[str | Path]) -> dict[str, Any]:
+    """Replace the currents of a scenario's seasons by the sources that --currents names."""
     if "plane" in data:
         raise RequestError(
             ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
         )
     seasons = data.get("seasons")
-    paths = [str(resolved(file, "--currents")) for file in files]
+    currents = asked_currents(asked)
     return {
         **data,
         "seasons": [
-            {**season, "currents": [paths]} if isinstance(season, dict) else season
+            {**season, "currents": currents} if isinstance(season, dict) else season
             for season in (seasons if isinstance(seasons, list) else [])
         ],
     }
@@ -170,17 +203,21 @@ def _with_currents(data: dict[str, Any], files: Sequence[Path]) -> dict[str, Any
 
 def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
     """Make the paths of charts and of currents absolute."""
-    chart = scenario.chart
+    return scenario.model_copy(
+        update={
+            "chart": _with_chart_paths(scenario.chart, folder),
+            "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
+        }
+    )
+
+
+def _with_chart_paths(chart: ChartSpec, folder: Path) -> ChartSpec:
+    """Make the paths of a chart's sources absolute."""
     source = tuple(
         one.model_copy(update={"path": _absolute(one.path, folder)}) if one.path else one
         for one in chart.source
     )
-    return scenario.model_copy(
-        update={
-            "chart": chart.model_copy(update={"source": source}),
-            "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
-        }
-    )
+    return chart.model_copy(update={"source": source})
 
 
 def _with_files(season: Season, folder: Path) -> Season:
@@ -198,9 +235,9 @@ def _absolute(path: str, folder: Path) -> str:
     return str(resolved(folder / path if is_relative else path, "scenario"))
 
 
-def _missing_paths(scenario: Scenario) -> Iterator[str]:
+def _missing_paths(chart: ChartSpec) -> Iterator[str]:
     """Find charts that do not exist or can't be read."""
-    for one in scenario.chart.source:
+    for one in chart.source:
         if one.path and (reason := unreadable_reason(one.path)):
             remedy = "; give a vector file, or a folder of S-57 cells"
             remedy = remedy if reason == NOT_THERE else ""
@@ -245,10 +282,19 @@ def _chart_names(chart: object) -> Iterator[tuple[str, str]]:
 
 
 def _cross_faults(tables: _ValidTables) -> Iterator[str]:
-    """Find faults between tables: endpoints outside the area, currents that do not cover it."""
+    """Find what one table alone does not show: charts that are missing, endpoints in vain."""
+    if tables.chart is not None:
+        yield from _missing_paths(tables.chart)
+    if not tables.is_planar:
+        yield from _endpoints_off_earth(tables.endpoints)
+    if len(set(tables.endpoints.values())) == 1 and len(tables.endpoints) == 2:
+        place = list(tables.endpoints["start"])
+        yield f"start and goal are the same place, {place}; give two places to sail between"
     if tables.region is not None:
         yield from _endpoints_outside_region(tables.region, tables.endpoints)
-        yield from _uncovered_seasons(tables.region, tables.seasons)
+        yield from _uncovered_seasons(tables.region.shape, tables.seasons)
+    elif not tables.is_planar:
+        yield from _uncovered_voyage(tables.endpoints, tables.seasons)
     elif tables.plane is not None:
         xmin, ymin, xmax, ymax = tables.plane.extent
         for name, (x, y) in tables.endpoints.items():
@@ -260,6 +306,19 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
                 )
 
 
+def _is_on_earth(lon: float, lat: float) -> bool:
+    """Whether two figures are a longitude and a latitude, degrees."""
+    return -180 <= lon <= 360 and -90 <= lat <= 90
+
+
+def _endpoints_off_earth(endpoints: dict[str, Point]) -> Iterator[str]:
+    """Find a start or goal that is no longitude and latitude; they may be swapped."""
+    for name, (x, y) in endpoints.items():
+        if not _is_on_earth(x, y):
+            hint = f"; did you mean [{y:g}, {x:g}]?" if _is_on_earth(y, x) else ""
+            yield f"{name} = {[x, y]} is not a place on earth: give [longitude, latitude]{hint}"
+
+
 def _endpoints_outside_region(region: Region, endpoints: dict[str, Point]) -> Iterator[str]:
     """Find a start or goal outside the region, and its distance."""
     import shapely
@@ -269,9 +328,8 @@ def _endpoints_outside_region(region: Region, endpoints: dict[str, Point]) -> It
         if region.shape.covers(here):
             continue
         lon, lat = point
-        if not (-180 <= lon <= 360 and -90 <= lat <= 90):
-            yield f"{name} = {list(point)} is not a place on earth: give [longitude, latitude]"
-            continue
+        if not _is_on_earth(lon, lat):
+            continue  # it has a fault already
         import pyproj
 
         nearest = shapely.get_coordinates(shapely.shortest_line(here, region.shape))[-1]
@@ -279,18 +337,41 @@ def _endpoints_outside_region(region: Region, endpoints: dict[str, Point]) -> It
         bounds = ", ".join(f"{bound:g}" for bound in region.shape.bounds)
         yield (
             f"{name} = {list(point)} lies {distance_km:.0f} km outside the region (its bounds: "
-            f"{bounds}); move it inside or widen the region"
+            f"{bounds}); {_swapped_hint(region, point)}"
         )
 
 
-def _uncovered_seasons(region: Region, seasons: tuple[Season, ...]) -> Iterator[str]:
+def _swapped_hint(region: Region, point: Point) -> str:
+    """Say what to do about a point outside the region: its coordinates may be swapped."""
+    lon, lat = point
+    import shapely
+
+    if region.shape.covers(shapely.Point(lat, lon)):
+        return f"did you mean [{lat:g}, {lon:g}]? A place is [longitude, latitude]"
+    return "move it inside or widen the region"
+
+
+def _uncovered_voyage(endpoints: dict[str, Point], seasons: tuple[Season, ...]) -> Iterator[str]:
+    """Find seasons without a source that covers start and goal, whatever region is chosen."""
+    if len(endpoints) == 2 and all(_is_on_earth(*point) for point in endpoints.values()):
+        yield from _uncovered_seasons(least_region(*endpoints.values()), seasons)
+
+
+def least_region(start: Point, goal: Point) -> Polygon:
+    """Return the line from start to goal with little room around: part of any region they get."""
+    import shapely
+
+    return shapely.LineString([start, goal]).buffer(_AROUND_DEG)
+
+
+def _uncovered_seasons(region: Polygon, seasons: tuple[Season, ...]) -> Iterator[str]:
     """Find seasons without a source that covers the region and the period."""
     from pipeline.sources.registry import current_source
 
     lacking: dict[str, list[str]] = {}
     for season in seasons:
         reasons = [
-            current_source(named).uncovered_reason(region.shape, season)
+            current_source(named).uncovered_reason(region, season)
             for named in season.currents
             if not isinstance(named, str) or _gives_currents(named)
         ]

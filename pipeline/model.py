@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -258,6 +259,11 @@ class RouteMetrics:
     collisions: int
     land_m: float
     side: str
+
+    @property
+    def has_land(self) -> bool:
+        """Whether there is land at all, to keep clear of and to turn away from."""
+        return math.isfinite(self.clearance_m)
 
 
 @dataclass(frozen=True, slots=True)

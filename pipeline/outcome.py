@@ -38,7 +38,10 @@ def ignore(event: Event) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a run; `fresh` is False where the results existed already."""
+    """The outcome of a run; `fresh` is False where the results existed already.
+
+    The scenario is complete: `choices` say what was chosen where it left something out.
+    """
 
     scenario: Scenario
     directory: Path
@@ -47,6 +50,7 @@ class Outcome:
     fetched: Fetched
     fresh: bool
     seconds: float
+    choices: tuple[str, ...] = ()
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
+from pipeline.voyage.offing import Offing
+from pipeline.voyage.region_search import search_region
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -183,11 +185,25 @@ class _StagedRun:
             result.fetched,
             fresh,
             time.perf_counter() - started,
+            result.choices,
         )
 
     def run_stages(self) -> tuple[RunResult, list[str]]:
         """Run all stages but the last; return the result, and the evaluations' file names."""
+        if self.scenario.region is not None or self.scenario.is_planar:
+            return self._run_in_region(self.scenario, ())
+        return search_region(
+            self.scenario, self.store, self._run_in_region, offline=self.options.offline
+        )
+
+    def _run_in_region(
+        self, scenario: Scenario, region_notes: tuple[str, ...]
+    ) -> tuple[RunResult, list[str]]:
+        """Run all stages but the last for a scenario with a region, and notes on how it came by."""
+        self.scenario = scenario
         with self._stage("fetch"):
+            for note in region_notes[-1:]:
+                self.on_event(Event("fetch", "note", detail=note))
             parts = fetch(self.scenario, self.store, offline=self.options.offline)
             if self.options.strict:
                 _refuse_stand_ins(parts)
@@ -198,9 +214,14 @@ class _StagedRun:
             for note in land.notes:
                 self.on_event(Event("simplify", "note", detail=note))
             simplified = land.simplified
-            fetched = replace(parts.fetched, notes=(*parts.fetched.notes, *land.notes))
         with self._stage("project"):
             scene_key, scene = self._project(parts, simplified_key, simplified)
+            offing_notes = self._choose_offing(scene_key, scene, parts.fetched.land.accuracy_m)
+            for note in offing_notes:
+                self.on_event(Event("project", "note", detail=note))
+            choices = (*region_notes, *offing_notes)
+            notes = (*choices, *parts.fetched.notes, *land.notes)
+            fetched = replace(parts.fetched, notes=notes)
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
@@ -220,6 +241,7 @@ class _StagedRun:
             evaluation,
             dict(self.timings),
             datetime.now(UTC),
+            choices,
         )
         return result, [task.evaluation_path.name for task in tasks]
 
@@ -278,6 +300,19 @@ class _StagedRun:
                 raise RequestError([str(error)]) from error
 
         return key, self.store.load_or_make("project", key, Scene, make)
+
+    def _choose_offing(self, scene_key: str, scene: Scene, accuracy_m: float) -> tuple[str, ...]:
+        """Complete the planner's options by a clearance where it is left out; return a note."""
+        scenario = self.scenario
+        if scenario.planner.clearance is not None or scenario.is_planar:
+            return ()
+        key = artefact_key("offing", scene_key, accuracy_m, scenario.vessel.model_dump())
+        offing = self.store.load_or_make(
+            "offing", key, Offing, lambda: Offing.of(scene, scenario, accuracy_m)
+        )
+        options = scenario.planner.model_copy(update={"clearance": offing.planar_m})
+        self.scenario = scenario.model_copy(update={"planner": options})
+        return (offing.note,)
 
     def _scene_inputs(self) -> dict[str, object]:
         """Return the parts of the scenario, other than chart and currents, that a scene uses."""

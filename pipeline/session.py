@@ -56,7 +56,7 @@ class Session:
 
     def record_origin(self) -> None:
         """Note which file made the results that were just written."""
-        if self.origin is not None:
+        if self.origin is not None and not _is_own(self.directory, self.origin):
             note = {"path": str(self.origin.path), "sha256": self.origin.sha256}
             path = _origin_note(self.store)
             fresh = path.with_suffix(".new")
@@ -167,6 +167,11 @@ def _remove_leftovers(directory: Path, store: Store) -> None:
         remove_leftovers(directory)
 
 
+def _is_own(directory: Path, origin: Origin) -> bool:
+    """Whether a scenario's file is one that an earlier run wrote among its results."""
+    return origin.path.parent == directory.resolve()
+
+
 def _origin_note(store: Store) -> Path:
     """Where a store notes which file made the results of its owner."""
     return store.root / f"{store.owner}.origin.json"
@@ -174,7 +179,7 @@ def _origin_note(store: Store) -> Path:
 
 def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -> None:
     """Refuse to replace results that another scenario's file of the same name made."""
-    if origin is None or not directory.exists():
+    if origin is None or not directory.exists() or _is_own(directory, origin):
         return
     try:
         note = json.loads(_origin_note(store).read_text(encoding="utf-8"))

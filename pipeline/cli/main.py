@@ -1,4 +1,4 @@
-"""The command line: `renew run|plot|list|show|check|clean|doctor`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor`.
 
 Exit codes:
 
@@ -22,8 +22,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.earlier_results import dating_earlier_results
+from pipeline.cli.ending import end, short_path
 from pipeline.cli.failures import reported_errors
+from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.options import (
+    ChartsOption,
+    CurrentsOption,
+    OfflineOption,
+    OutputOption,
+    ScenarioArgument,
+    StrictOption,
+)
 from pipeline.formats.figures.kinds import Form, Kind
 
 if TYPE_CHECKING:
@@ -40,28 +50,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-ScenarioArgument = Annotated[
-    str, typer.Argument(help="A name in the catalogue (`renew list`) or the path of a TOML file.")
-]
-
-OutputOption = Annotated[
-    Path, typer.Option(help="Folder of all results; each scenario has its own folder in it.")
-]
-OfflineOption = Annotated[
-    bool, typer.Option("--offline", help="Use no source that needs the network.")
-]
-ChartsOption = Annotated[
-    Path | None,
-    typer.Option(help="A vector file or a folder of S-57 cells, in place of the scenario's chart."),
-]
-CurrentsOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        help="A NetCDF file or Zarr store of currents, in place of the scenario's; may be repeated "
-        "for files that belong together, or given as a quoted pattern: 'daily/*.nc'."
-    ),
-]
 
 
 def main() -> None:
@@ -114,13 +102,7 @@ def run(
     offline: OfflineOption = False,
     charts: ChartsOption = None,
     currents: CurrentsOption = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
-        ),
-    ] = False,
+    strict: StrictOption = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -137,7 +119,6 @@ def run(
     with reported_errors(), dating_earlier_results(output, scenario):
         wanted = _wanted(scenario, output, charts, currents)
         from pipeline.cli.progress import progress
-        from pipeline.cli.summary import season_table
         from pipeline.run import run as run_scenario
 
         with progress(wanted.scenario, wanted.notes) as on_event:
@@ -151,12 +132,10 @@ def run(
                 origin=wanted.origin,
                 on_event=on_event,
             )
-        typer.echo(season_table(outcome))
-        verb = "Written to" if outcome.fresh else "Unchanged in"
-        typer.echo(f"\n{verb} {_short(outcome.directory)} ({outcome.seconds:.1f} s)")
-        for failure in outcome.failures:
-            typer.echo(f"error: {failure}", err=True)
-        raise typer.Exit(outcome.exit_code)
+        end(outcome)
+
+
+app.command(cls=NegativeFigures)(go)
 
 
 @app.command()
@@ -197,7 +176,7 @@ def plot(
                 on_event=on_event,
             )
         for file in drawn.files:
-            typer.echo(_short(file))
+            typer.echo(short_path(file))
         for failure in drawn.failures:
             typer.echo(f"error: {failure}", err=True)
         raise typer.Exit(1 if drawn.failures else 0)
@@ -232,11 +211,15 @@ def show(
 def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
-    """List all faults of a scenario's file; only a run also checks it against its chart."""
+    """List all faults of a scenario's file, and whether its start and goal are in water."""
     with reported_errors():
+        from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
+        from pipeline.voyage.endpoint_look import endpoints_on_land
 
         found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
+        if faults := endpoints_on_land(found):
+            raise RequestError(faults)
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(
             f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"
@@ -295,7 +278,7 @@ class _Wanted:
 
 
 def _wanted(
-    asked: str, output: Path, charts: Path | None, currents: Sequence[Path] | None
+    asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
 ) -> _Wanted:
     """Load a scenario, before the heavy imports, so that a wrong request is reported at once."""
     from pipeline.loading import load_scenario
@@ -308,14 +291,6 @@ def _wanted(
     from pipeline.session import Origin
 
     return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
-
-
-def _short(path: Path) -> str:
-    """Return the path as it would be typed in this folder."""
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except ValueError:
-        return str(path)
 
 
 if __name__ == "__main__":

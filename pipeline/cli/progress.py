@@ -71,6 +71,8 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 
         def on_event(event: Event) -> None:
             if event.status == "begun":
+                if event.stage == STAGES[0]:
+                    bar.reset(task)  # it begins anew where the region is widened
                 bar.update(task, description=_DESCRIPTIONS[event.stage])
             elif event.status == "note":
                 console.print(f"note: {event.detail}", markup=False, highlight=False)

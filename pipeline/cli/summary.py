@@ -48,6 +48,8 @@ def season_table(outcome: Outcome) -> str:
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = [*_unused_currents(outcome)]
+    lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
+    lines += [""] * bool(outcome.choices)
     lines += [
         "  ".join(
             cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)
@@ -77,7 +79,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
     """Return one route's figures; `turns` are hard-over turns that met land, of all simulated."""
-    clearance = "-" if math.isinf(row.clearance_m) else f"{row.clearance_m / unit_m:.2f}"
+    clearance = f"{row.clearance_m / unit_m:.2f}" if row.has_land else "-"
     return (
         row.season,
         str(row.rank),
@@ -88,5 +90,5 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
         f"{row.fuel:.5g}",
         f"{row.fuel_per_distance:.3f}",
         f"{row.optimality_gap:.1%}" if math.isfinite(row.optimality_gap) else "-",
-        f"{row.collisions}/{row.trials}",
+        f"{row.collisions}/{row.trials}" if row.has_land else "-",
     )

@@ -64,9 +64,13 @@ class VectorSpec(SourceBase, Licence):
 
 
 class TableSeason(Licence):
-    """A season of an embedded table: the credit, and the time that it is valid for."""
+    """A season of an embedded table: the credit, the time that it is valid for, and its months.
+
+    It stands for the months (1 to 12) of any year for which no better current is at hand.
+    """
 
     valid: str
+    months: tuple[Annotated[int, Field(ge=1, le=12)], ...] = ()
 
 
 class EmbeddedTableSpec(SourceBase):
@@ -75,6 +79,12 @@ class EmbeddedTableSpec(SourceBase):
     adapter: Literal["embedded-table"]
     table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
     seasons: dict[str, TableSeason]
+
+
+class StillSpec(SourceBase):
+    """No current at all: routes are planned as in still water."""
+
+    adapter: Literal["still"]
 
 
 StepLength = Literal["month", "day", "6 hours", "hour"]
@@ -114,7 +124,7 @@ class CopernicusSpec(SourceBase, Licence):
 
 
 ChartEntry = OsmLandSpec | S57Spec | VectorSpec
-CurrentEntry = EmbeddedTableSpec | CopernicusSpec
+CurrentEntry = EmbeddedTableSpec | CopernicusSpec | StillSpec
 SourceSpec = Annotated[ChartEntry | CurrentEntry, Field(discriminator="adapter")]
 _SOURCE: TypeAdapter[ChartEntry | CurrentEntry] = TypeAdapter(SourceSpec)
 

@@ -1,8 +1,8 @@
 """The scenario: one frozen model of everything that a run can be asked for.
 
-There are two kinds. A *chart* scenario has a `region` in lon/lat, takes land and currents from
-sources, and is planned at a `scale`. A *plane* scenario gives extent, obstacles and current as
-numbers in metres and m/s.
+There are two kinds. A *plane* scenario has a `plane`: extent, obstacles and current as numbers in
+metres and m/s. Any other is a *chart* scenario: it takes land and currents from sources, in a
+`region` in lon/lat that a run chooses where it is left out, and is planned at a `scale`.
 """
 
 from __future__ import annotations
@@ -52,9 +52,11 @@ class PlannerOptions(StrictModel):
         "the same number of planar metres everywhere. Give 'adaptive', 'none' or metres.",
         json_schema_extra={"unit": "planar m"},
     )
-    clearance: NonNegative = Field(
-        default=0.0,
-        description="Minimum padding, planar metres. Give metres, 0 or more.",
+    clearance: NonNegative | None = Field(
+        default=None,
+        description="Minimum padding, planar metres; left out, an offing for the vessel and the "
+        "chart, which the notes of a run state, and 0 in a plane. Give metres, 0 or more.",
+        examples=[500],
         json_schema_extra={"unit": "planar m"},
     )
     distinct_by: NonNegative = Field(
@@ -189,11 +191,12 @@ class Scenario(StrictModel):
     )
     region: Region | None = Field(
         default=None,
-        description="The region of a chart scenario. Add a [region] table, or a [plane].",
+        description="The region of a chart scenario; left out, one that has the ways round the "
+        "islands between start and goal. Add a [region] table, or leave it out.",
     )
     plane: Plane | None = Field(
         default=None,
-        description="The area of a plane scenario. Add a [plane] table, or a [region].",
+        description="The area of a plane scenario. Add a [plane] table, or leave it out.",
     )
     chart: ChartSpec = Field(
         default=ChartSpec(),
@@ -247,8 +250,8 @@ class Scenario(StrictModel):
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         faults = []
-        if (self.region is None) == (self.plane is None):
-            faults.append("must have either [region] or [plane]; give one of the two")
+        if self.region is not None and self.plane is not None:
+            faults.append("has both [region] and [plane]; leave one of the two out")
         names = [season.name for season in self.seasons]
         faults += [
             f"has {names.count(name)} seasons called {name!r}; rename all but one"
@@ -261,15 +264,15 @@ class Scenario(StrictModel):
                 f"{self.scale:g}; {MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
             )
         for season in self.seasons:
-            if self.region is not None and not season.currents:
+            if self.plane is None and not season.currents:
                 faults.append(
                     f"season {season.name!r} gives its current as numbers, which need a [plane]; "
                     "name sources in 'currents'"
                 )
             if self.plane is not None and season.currents:
                 faults.append(
-                    f"season {season.name!r} names sources, which need a [region]; give its "
-                    "current as 'gyre' or 'uniform'"
+                    f"season {season.name!r} names sources, which a [plane] does not have; give "
+                    "its current as 'gyre' or 'uniform'"
                 )
             if self.plane is not None and season.gyre and self.plane.extent[:2] != (0, 0):
                 faults.append(
@@ -289,6 +292,6 @@ class Scenario(StrictModel):
     def area(self) -> Polygon:
         """The region in lon/lat degrees, or the plane's extent in metres."""
         place = self.region if self.region is not None else self.plane
-        if place is None:  # the validator has refused it
-            raise ValueError("scenario without region and plane")
+        if place is None:
+            raise ValueError("the scenario's region is yet to be chosen")
         return place.shape

@@ -17,6 +17,8 @@ from pipeline.scenario.strict import (
 )
 
 TimeMethod = Literal["mean", "nearest", "linear"]
+STILL = "still"
+"""The source of the catalogue that has no current at all, at any time."""
 
 
 # Speed that no current on earth reaches, m/s: a larger figure has a slip of the pen in it.
@@ -102,7 +104,8 @@ class Season(StrictModel):
     valid: Valid = Field(
         default="",
         description="Time that the current is valid for, in UTC: a month 'YYYY-MM', a day "
-        "'YYYY-MM-DD' or an instant 'YYYY-MM-DDTHH:MMZ'; needed with 'currents'. Give a month as "
+        "'YYYY-MM-DD' or an instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still'. "
+        "Give a month as "
         "'YYYY-MM', or a day.",
         examples=["2024-07"],
     )
@@ -116,7 +119,8 @@ class Season(StrictModel):
     currents: tuple[Currents, ...] = Field(
         default=(),
         description="Sources of the current in order of preference; files that belong together "
-        "form a list of their own. Give sources' names (`renew list`), and paths of files.",
+        "form a list of their own; 'still' is no current at all. Give sources' names (`renew "
+        "list`), and paths of files.",
         examples=[["daily/*.nc", "copernicus-glorys-monthly"]],
     )
     gyre: Gyre | None = Field(
@@ -144,7 +148,7 @@ class Season(StrictModel):
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
-        if self.currents and not self.valid:
+        if not self.valid and any(named != STILL for named in self.currents):
             raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
         return self
 

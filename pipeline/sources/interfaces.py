@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from pipeline.model import CurrentGrid, Land
     from pipeline.scenario.season import Season
+    from pipeline.sources.quality.coverage import Bounds
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 """How a season's field is made of time steps: the mean of those in its period, the step nearest to
@@ -47,6 +48,13 @@ class CurrentSource(Protocol):
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say for which part of the region or season there are no data, with the remedy, or ""."""
+        ...
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the bounds of the part of a region's bounds for which there are data, or None.
+
+        Where a source can't be read there is no such part; `uncovered_reason` says why.
+        """
         ...
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:

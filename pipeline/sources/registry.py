@@ -77,6 +77,10 @@ def current_source(named: str | tuple[str, ...]) -> CurrentSource:
         from pipeline.sources.currents.copernicus.adapter import Copernicus
 
         return Copernicus(spec)
+    if spec.adapter == "still":
+        from pipeline.sources.currents.still import StillWater
+
+        return StillWater(spec)
     if isinstance(spec, catalogue.ChartEntry):
         raise RequestError([f"source {named!r} gives land, not currents"])
     assert_never(spec)

@@ -26,28 +26,28 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
     water = shapely.get_parts(chart.water)
     faults: list[str] = []
     bodies: list[set[int]] = []
-    for name, given in _endpoints(scenario).items():
+    for name, given in endpoints(scenario).items():
         xy = np.asarray(given, dtype=float) if scenario.is_planar else projection.to_plane(given)
         here = shapely.Point(xy)
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
         if inside:
             bodies.append(inside)
         else:
-            faults.append(_not_in_water(scenario, name, here, chart, projection))
+            faults.append(not_in_water(scenario, name, here, chart, projection))
     if not faults and not set.intersection(*bodies):
         faults.append(_not_connected(scenario, water[min(bodies[0])], projection))
     if faults:
         raise RequestError(faults)
 
 
-def _not_in_water(
+def not_in_water(
     scenario: Scenario, name: str, here: shapely.Point, chart: renew.Chart, projection: Projection
 ) -> str:
     """Say how far an endpoint is from the nearest water, and where that is."""
     distance, place = _nearest_water(scenario, here, chart.water, projection)
     obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
     return (
-        f"{name} = {list(_endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
+        f"{name} = {list(endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
         f"nearest water at {place}; move it there or beyond"
     )
 
@@ -65,7 +65,7 @@ def _not_connected(scenario: Scenario, body: shapely.Geometry, projection: Proje
     )
 
 
-def _endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
+def endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Start and goal as given, by their keys."""
     return {"start": scenario.start, "goal": scenario.goal}
 

@@ -23,7 +23,8 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             scene.vessel,
             scene.start,
             scene.goal,
-            **options.model_dump(),
+            # A run chooses the clearance for a chart before; a plane's is 0 where it is left out.
+            **{**options.model_dump(), "clearance": options.clearance or 0.0},
         )
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())

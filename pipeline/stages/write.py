@@ -120,11 +120,13 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.report.page import write_report
     from pipeline.formats.tables.metrics import write_metrics
     from pipeline.formats.tables.netcdf import has_currents, write_currents
+    from pipeline.formats.tables.scenario_file import write_scenario
 
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
         "metrics.csv": write_metrics,
         "report.html": write_report,
+        "scenario.toml": write_scenario,
     }
     if has_currents(result):
         formats["currents.nc"] = write_currents

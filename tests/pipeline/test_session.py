@@ -186,3 +186,15 @@ def test_a_file_of_the_same_name_does_not_replace_the_results_of_another(tmp_pat
     finish(output, origin(b, "again"))
     (output / "one").rmdir()
     finish(output, origin(a, "new"))
+
+
+def test_the_scenario_among_the_results_may_be_run_and_leaves_the_name_to_its_file(
+    tmp_path: Path,
+) -> None:
+    output, mine = tmp_path / "outputs", tmp_path / "a.toml"
+    finish(output, origin(mine, "first"))
+    written = output / "one" / "scenario.toml"
+    finish(output, origin(written, "as it was planned"))
+    with pytest.raises(RequestError):
+        finish(output, origin(tmp_path / "b.toml", "another"))
+    finish(output, origin(mine, "edited"))

@@ -44,7 +44,11 @@ class RankedRoute:
 
 @dataclass(frozen=True)
 class RunResult:
-    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds."""
+    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds.
+
+    The scenario is complete: `choices` say what was chosen where it left something out. They are
+    among the notes of `fetched`, too.
+    """
 
     scenario: Scenario
     fetched: Fetched
@@ -54,6 +58,7 @@ class RunResult:
     evaluation: Evaluation
     timings: Mapping[str, float]
     created: datetime
+    choices: tuple[str, ...] = ()
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:

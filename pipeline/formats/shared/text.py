@@ -153,15 +153,15 @@ def _comparison(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) ->
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
-    clear = (
+    safe = (
         f"It keeps at least {distance(best.clearance_m)} from land"
-        if math.isfinite(best.clearance_m)
+        if best.has_land
         else "There is no land to keep clear of"
     )
     if best.collisions:
-        turns = f"{best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
-    else:
-        turns = f"none of {best.trials:,} simulated hard-over turns met land"
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
+    elif best.has_land:
+        safe += f"; none of {best.trials:,} simulated hard-over turns met land"
     gap = ""
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
@@ -169,7 +169,7 @@ def _safety(best: RouteMetrics) -> str:
             f". No route of any class, however close to land, can need less fuel than "
             f"{number(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
         )
-    return f"{clear}; {turns}{gap}."
+    return f"{safe}{gap}."
 
 
 def _difference(value: float, than: float) -> str:

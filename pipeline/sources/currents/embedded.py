@@ -14,7 +14,7 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import near_miss
-from pipeline.sources.quality.coverage import cell_bounds, sides_beyond
+from pipeline.sources.quality.coverage import cell_bounds, common_bounds, sides_beyond
 from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pipeline.model import Land
     from pipeline.scenario.catalogue import EmbeddedTableSpec
     from pipeline.scenario.season import Season
+    from pipeline.sources.quality.coverage import Bounds
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -56,7 +57,8 @@ class EmbeddedTable:
     def identity(self, season: Season) -> tuple[str, ...]:
         """Hash of the table, and the season in it."""
         digest = hashlib.sha256(self._bytes).hexdigest()
-        return (self.spec.name, digest, season.name, self.spec.model_dump_json())
+        part = self._part(season) or season.name
+        return (self.spec.name, digest, part, self.spec.model_dump_json())
 
     def unavailable_reason(self) -> str:
         """Always available."""
@@ -64,13 +66,13 @@ class EmbeddedTable:
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
-        if season.name not in self.spec.seasons:
+        part = self._part(season)
+        if part is None:
             return (
                 f"{self.spec.name} has no season {season.name!r}: "
                 f"{near_miss(season.name, self.spec.seasons)}"
             )
-        lon, lat, _, _ = self._grid(season.name)
-        lacking = sides_beyond(region.bounds, cell_bounds(lon, lat))
+        lacking = sides_beyond(region.bounds, self._bounds(part))
         if not lacking:
             return ""
         return (
@@ -78,11 +80,19 @@ class EmbeddedTable:
             "another source in 'currents'"
         )
 
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the part that the table's cells cover."""
+        part = self._part(season)
+        return None if part is None else common_bounds(region.bounds, self._bounds(part))
+
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the season's whole grid, as it is small."""
         del folder
-        entry = self.spec.seasons[season.name]
-        lon, lat, u, v = self._grid(season.name)
+        part = self._part(season)
+        if part is None:
+            raise StageError(self.uncovered_reason(region, season))
+        entry = self.spec.seasons[part]
+        lon, lat, u, v = self._grid(part)
         credit = Credit(
             name=self.spec.title,
             kind="current",
@@ -94,6 +104,23 @@ class EmbeddedTable:
         lacking = water_without_data(Field(lon, lat, u, v), mask, region)
         notes = (lacking.note,) if lacking else ()
         return CurrentGrid(season.name, lon, lat, u, v, entry.valid, credit, notes)
+
+    def _part(self, season: Season) -> str | None:
+        """The table's season for one of a scenario: of the same name, or for the month it is named.
+
+        Any other name is a slip of the pen.
+        """
+        if season.name in self.spec.seasons:
+            return season.name
+        if season.name != season.valid:
+            return None
+        months = {month: name for name, it in self.spec.seasons.items() for month in it.months}
+        return months.get(season.period.begin.month)
+
+    def _bounds(self, part: str) -> Bounds:
+        """Outer edges of the cells of one of the table's seasons."""
+        lon, lat, _, _ = self._grid(part)
+        return cell_bounds(lon, lat)
 
     def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""

@@ -1,4 +1,4 @@
-"""How far a region reaches beyond the cells of a grid of currents."""
+"""How far a region reaches beyond the cells of a grid of currents, and what both cover."""
 
 from __future__ import annotations
 
@@ -46,3 +46,10 @@ def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:
         )
         if is_beyond
     ]
+
+
+def common_bounds(one: Bounds, other: Bounds) -> Bounds | None:
+    """Bounds of what two bounds have in common; None where that is nothing."""
+    west, south = max(one[0], other[0]), max(one[1], other[1])
+    east, north = min(one[2], other[2]), min(one[3], other[3])
+    return (west, south, east, north) if west < east and south < north else None

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
+from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 
 if TYPE_CHECKING:
@@ -44,6 +45,19 @@ def test_the_first_line_names_the_currents_that_were_not_used(
     first = result.stdout.splitlines()[0]
     assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly (")
     assert "needs the network" in first
+    assert "Routes keep an offing of at least" in result.stdout
+
+
+def test_what_was_chosen_is_said_and_no_land_was_missed(tmp_path: Path) -> None:
+    """A plane without obstacles: nothing to choose, and nothing to turn away from."""
+    path = tmp_path / "open.toml"
+    path.write_text(small_plane("open").replace("obstacles", "# obstacles"), encoding="utf-8")
+    arguments = ["run", str(path), "--output", str(tmp_path / "outputs")]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    head, row = result.stdout.splitlines()[:2]
+    assert head.split()[0] == "season"
+    assert row.split()[-1] == "-"
 
 
 def test_strict_plans_nothing_on_a_stand_in(file: str, across_outputs: Path) -> None:

@@ -36,6 +36,9 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     parameters = inspect.signature(renew.plan).parameters.values()
     taken = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
     options = {name: field.default for name, field in PlannerOptions.model_fields.items()}
+    # A clearance that is left out is chosen for the vessel and the chart.
+    assert options.pop("clearance") is None
+    assert taken.pop("clearance") == 0.0
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()

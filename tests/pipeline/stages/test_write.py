@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 FILES = sorted(
-    ["currents.nc", "manifest.json", "metrics.csv", "report.html", "routes.gpkg"]
+    ["currents.nc", "manifest.json", "metrics.csv", "report.html", "routes.gpkg", "scenario.toml"]
     + [f"{season}.{form}" for season in ("summer", "winter") for form in ("geojson", "gpx", "rtz")]
 )
 _WRITE = """

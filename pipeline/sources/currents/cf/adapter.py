@@ -19,7 +19,12 @@ from pipeline.model import Credit, CurrentGrid
 from pipeline.paths import require_readable
 from pipeline.sources.currents.cf.contents import find_files, name_of, read_contents
 from pipeline.sources.currents.cf.dataset import is_zarr
-from pipeline.sources.currents.cf.grid import coverage_faults, find_window, read_field
+from pipeline.sources.currents.cf.grid import (
+    coverage_faults,
+    covered_bounds,
+    find_window,
+    read_field,
+)
 from pipeline.sources.currents.cf.time import select_steps
 from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
 from pipeline.sources.quality.field import Field, LandMask
@@ -102,6 +107,14 @@ class CfFiles:
         except ValueError as error:
             faults.append(str(error))
         return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the part that the files' grid covers."""
+        del season
+        try:
+            return covered_bounds(_read(find_files(self.paths)), region.bounds)
+        except RequestError:
+            return None
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the region's part, checked against the land of the world in a wider window."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.sources.currents.cf.axes import SAME_SHARE
 from pipeline.sources.currents.cf.dataset import reading
-from pipeline.sources.quality.coverage import sides_beyond, widened
+from pipeline.sources.quality.coverage import common_bounds, sides_beyond, widened
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
@@ -99,8 +99,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
         return [fault]
     if lon.size == 0 or lat.size == 0:
         return ["it has no data there at all; give a file of the region"]
-    nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
-    lacking = sides_beyond(region, widened(nodes, lon_step / 2, lat_step / 2))
+    lacking = sides_beyond(region, _outer_edges(around, lon_step, lat_step))
     gaps = np.diff(lon) > _GAP_STEPS * lon_step
     if gaps.any():
         first = int(gaps.argmax())
@@ -110,6 +109,24 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     if not lacking:
         return []
     return [f"it has no data {' nor '.join(lacking)}; shrink the region, or give another file"]
+
+
+def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
+    """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
+    lon_step, lat_step = (
+        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
+    )
+    around = find_window(contents, widened(region, lon_step, lat_step))
+    if around.lon.size < 2 or around.lat.size < 2:
+        return None
+    return common_bounds(region, _outer_edges(around, lon_step, lat_step))
+
+
+def _outer_edges(window: Window, lon_step: float, lat_step: float) -> Bounds:
+    """Bounds of a window's cells: half a step beyond its nodes."""
+    lon, lat = window.lon, window.lat
+    nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
+    return widened(nodes, lon_step / 2, lat_step / 2)
 
 
 def read_field(contents: Contents, weights: Mapping[int, float], window: Window) -> Field:

@@ -23,7 +23,7 @@ from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download
 from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
 from pipeline.sources.quality.acceptance import Expected, accept
-from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
+from pipeline.sources.quality.coverage import MARGIN_CELLS, common_bounds, widened
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pipeline.scenario.catalogue import CopernicusSpec
     from pipeline.scenario.season import Season
     from pipeline.sources.currents.copernicus.steps import SelectedSteps
+    from pipeline.sources.quality.coverage import Bounds
     from pipeline.sources.quality.field import Field
 
 
@@ -116,6 +117,13 @@ class Copernicus:
         if not self._may_cover(steps):
             return f"{spec.name} covers {spec.covers}, not {season.valid}; {remedy}"
         return ""
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the part between the dataset's southern and northern limit."""
+        del season
+        west, south, east, north = region.bounds
+        lowest, highest = self.spec.latitudes
+        return common_bounds((west, south, east, north), (west, lowest, east, highest))
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the file from the cache, or download, check and cache it."""

@@ -112,6 +112,13 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
     assert "saved" not in text
 
 
+def test_where_there_is_no_land_no_turn_is_said_to_have_missed_it() -> None:
+    alone = replace(BEST, collisions=0, clearance_m=math.inf)
+    text = " ".join(texts.verdict([alone], 1.0))
+    assert "There is no land to keep clear of." in text
+    assert "turns" not in text
+
+
 def test_equal_speeds_are_stated_once() -> None:
     slower = replace(OTHER, duration_s=OTHER.length_m / 1.2499)
     first, *_ = texts.verdict([BEST, slower], 1.0)

@@ -77,3 +77,27 @@ def test_the_identity_follows_the_values_and_the_season(
     (copy / "currents" / "palawan.csv").write_text(text.replace("-0.034", "-0.035", 1))
     monkeypatch.setattr(catalogue, "root", lambda: copy)
     assert EmbeddedTable(spec).identity(season("summer")) not in known
+
+
+def test_a_season_that_is_named_by_its_month_has_the_monsoons_currents() -> None:
+    table = palawan()
+    region = shapely.box(116, 8, 121, 13)
+
+    def named(month: str) -> Season:
+        return Season(name=month, valid=month, currents=("embedded-palawan",))
+
+    for month, monsoon in (("2024-07", "summer"), ("2031-12", "winter"), ("2024-01", "winter")):
+        grid = table.current(region, named(month), NO_LAND, Path())
+        same = table.current(region, season(monsoon), NO_LAND, Path())
+        assert grid.season == month
+        assert np.array_equal(grid.u, same.u, equal_nan=True)
+        assert table.identity(named(month)) == table.identity(season(monsoon))
+        assert table.covered_bounds(region, named(month)) == region.bounds
+    assert "has no season '2024-05'" in table.uncovered_reason(region, named("2024-05"))
+    assert table.covered_bounds(region, named("2024-05")) is None
+
+
+def test_it_covers_a_part_of_a_larger_region() -> None:
+    world = shapely.box(0, -80, 360, 80)
+    assert palawan().covered_bounds(world, season("summer")) == (114.75, 6.75, 123.25, 14.25)
+    assert palawan().covered_bounds(shapely.box(0, 0, 10, 10), season("summer")) is None

@@ -1,0 +1,36 @@
+"""What a run says at its end: its table, where its results are, and what failed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from pipeline.outcome import Outcome
+
+
+def end(outcome: Outcome, *, as_json: bool = False) -> NoReturn:
+    """Print an outcome for a reader, or as JSON for a program, and exit with its code."""
+    if as_json:
+        from pipeline.cli.outcome_json import outcome_json
+
+        typer.echo(outcome_json(outcome))
+    else:
+        from pipeline.cli.summary import season_table
+
+        typer.echo(season_table(outcome))
+        verb = "Written to" if outcome.fresh else "Unchanged in"
+        typer.echo(f"\n{verb} {short_path(outcome.directory)} ({outcome.seconds:.1f} s)")
+    for failure in outcome.failures:
+        typer.echo(f"error: {failure}", err=True)
+    raise typer.Exit(outcome.exit_code)
+
+
+def short_path(path: Path) -> str:
+    """Return the path as it would be typed in this folder."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)

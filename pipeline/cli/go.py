@@ -1,0 +1,101 @@
+"""`renew go`: a voyage in one line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from pipeline.cli.ending import end
+from pipeline.cli.failures import reported_errors
+from pipeline.cli.options import (
+    ChartsOption,
+    CurrentsOption,
+    OfflineOption,
+    OutputOption,
+    StrictOption,
+)
+
+# A minus and a figure: no option of ours begins so.
+_NEGATIVE = re.compile(r"-[\d.]")
+
+
+class NegativeFigures(TyperCommand):
+    """Takes words that begin with a minus and a figure as arguments, not as options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - of click, or of typer's own copy of it
+        """Parse the words; a blank before a minus hides it from the parser of options."""
+        return super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
+
+
+def go(
+    positions: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="START GOAL",
+            help="Two positions: '120.30,12.80' (longitude first), '12.80N 120.30E', "
+            "'12°48'N 120°18'E'.",
+        ),
+    ],
+    *,
+    vessel: Annotated[
+        str, typer.Option(help="A vessel of the catalogue, or the path of a TOML file.")
+    ] = "",
+    speed: Annotated[
+        str, typer.Option(help="Speed through water, as 12kn, 6m/s; in place of --vessel.")
+    ] = "",
+    length: Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")] = "",
+    turning_circle: Annotated[
+        str, typer.Option(help="Diameter of the turning circle, helm hard over, as 400m.")
+    ] = "",
+    draught: Annotated[str, typer.Option(help="Draught, needed on charts with depths.")] = "",
+    month: Annotated[
+        list[str] | None,
+        typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
+    ] = None,
+    currents: CurrentsOption = None,
+    clearance: Annotated[
+        str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
+    ] = "",
+    name: Annotated[str, typer.Option(help="Name of the folder of results.")] = "",
+    charts: ChartsOption = None,
+    output: OutputOption = Path("outputs"),
+    offline: OfflineOption = False,
+    strict: StrictOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object in place of the table.")
+    ] = False,
+) -> None:
+    """Plan a voyage from START to GOAL: region, chart and currents are chosen, and said.
+
+    The scenario that is made is written beside the results, for `renew run`.
+    """
+    with reported_errors():
+        from pipeline.paths import folder_to_write
+        from pipeline.voyage.request import VoyageRequest, voyage_scenario
+        from pipeline.voyage.vessel_options import VesselFigures
+
+        figures = VesselFigures(speed, length, turning_circle, draught)
+        request = VoyageRequest(
+            positions=tuple(positions),
+            vessel=vessel,
+            figures=figures,
+            months=tuple(month or ()),
+            currents=tuple(currents or ()),
+            clearance=clearance,
+            charts=charts,
+            name=name,
+        )
+        folder_to_write(output, "--output")
+        scenario, notes = voyage_scenario(request)
+        from pipeline.cli.progress import progress
+        from pipeline.one_line import run_voyage
+
+        with progress(scenario, notes) as on_event:
+            outcome = run_voyage(
+                scenario, output, offline=offline, strict=strict, on_event=on_event
+            )
+        end(outcome, as_json=as_json)

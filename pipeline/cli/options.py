@@ -1,0 +1,40 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(help="A name in the catalogue (`renew list`) or the path of a TOML file.")
+]
+
+OutputOption = Annotated[
+    Path, typer.Option(help="Folder of all results; each scenario has its own folder in it.")
+]
+OfflineOption = Annotated[
+    bool, typer.Option("--offline", help="Use no source that needs the network.")
+]
+ChartsOption = Annotated[
+    Path | None,
+    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart chosen."),
+]
+CurrentsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A NetCDF file or Zarr store of currents, in place of those chosen; may be repeated "
+        "for files that belong together, or given as a quoted pattern: 'daily/*.nc'. Or a source "
+        "of the catalogue; 'still' plans without any."
+    ),
+]
+
+
+StrictOption = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
+    ),
+]

@@ -1,0 +1,55 @@
+"""A run's outcome as one JSON object, for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING
+
+from pipeline.stages.write import safe_name
+
+if TYPE_CHECKING:
+    from pipeline.model import RouteMetrics
+    from pipeline.outcome import Outcome
+
+
+def outcome_json(outcome: Outcome) -> str:
+    """Spell an outcome as JSON on one line; what is not finite is null.
+
+    Lengths are in true metres, durations in seconds. A route's files hold all routes of its season,
+    and the RTZ file the best alone.
+    """
+    files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
+    fields = {
+        "scenario": outcome.scenario.name,
+        "directory": str(outcome.directory),
+        "files": files,
+        "routes": [_route(row, files) for row in outcome.evaluation.routes],
+        "notes": list(outcome.fetched.notes),
+        "failures": list(outcome.failures),
+    }
+    return json.dumps(fields, ensure_ascii=False, allow_nan=False)
+
+
+def _route(row: RouteMetrics, files: list[str]) -> dict[str, object]:
+    """Return one route's figures."""
+    endings = (".rtz", ".gpx", ".geojson") if row.rank == 1 else (".gpx", ".geojson")
+    return {
+        "season": row.season,
+        "rank": row.rank,
+        "side": row.side,
+        "class": row.homotopy,
+        "fuel": row.fuel,
+        "length_m": row.length_m,
+        "clearance_m": _finite(row.clearance_m),
+        "duration_s": row.duration_s,
+        "optimality_gap": _finite(row.optimality_gap),
+        "files": [
+            name for name in (f"{safe_name(row.season)}{e}" for e in endings) if name in files
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Return a figure, or None where there is no such: no land to be clear of, no bound."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,101 @@
+"""From A to B in one line: the scenario is made of what is typed, and run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+from pipeline.outcome import Event, ignore
+from pipeline.run import run
+from pipeline.voyage.endpoint_look import endpoints_on_land
+from pipeline.voyage.request import VoyageRequest, voyage_scenario
+from pipeline.voyage.vessel_options import VesselFigures
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pipeline.outcome import EventHandler, Outcome
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.vessel import VesselSpec
+
+
+def go(
+    start: str | tuple[float, float],
+    goal: str | tuple[float, float],
+    *,
+    vessel: str | VesselSpec | VesselFigures,
+    months: Sequence[str] = (),
+    currents: Sequence[str | Path] = (),
+    clearance_m: float | None = None,
+    charts: Path | None = None,
+    name: str = "",
+    output: Path = Path("outputs"),
+    offline: bool = False,
+    strict: bool = False,
+    on_event: EventHandler | None = None,
+) -> Outcome:
+    """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
+
+    Parameters
+    ----------
+    start, goal
+        (lon, lat) in degrees, or a text such as "12°48'N 120°18'E".
+    vessel
+        A name of the catalogue, the path of a TOML file, a `VesselSpec`, or `VesselFigures`.
+    months
+        'YYYY-MM'; each is a season of its own.
+    currents
+        Sources of the catalogue in order of preference, and files that belong together; ("still",)
+        for none. Chosen where left out.
+    clearance_m
+        Minimum distance kept from the charted coast and its margin, true metres; an offing is
+        chosen where left out.
+    charts
+        A vector file or a folder of S-57 cells in place of OpenStreetMap's land.
+    name
+        Name of the scenario, made of the positions where left out.
+    output, offline, strict, on_event
+        As for `pipeline.run.run`.
+
+    Raises
+    ------
+    RequestError
+        The request is wrong: one line for each fault; nothing was written.
+    StageError
+        It can't be planned for another reason, or nothing can be written.
+    """
+    request = VoyageRequest(
+        positions=tuple(_text(place) for place in (start, goal)),
+        vessel="" if isinstance(vessel, VesselFigures) else vessel,
+        figures=vessel if isinstance(vessel, VesselFigures) else None,
+        months=tuple(months),
+        currents=tuple(map(str, currents)),
+        clearance="" if clearance_m is None else f"{clearance_m!r}",
+        charts=charts,
+        name=name,
+    )
+    scenario, notes = voyage_scenario(request)
+    on_event = on_event or ignore
+    for note in notes:
+        on_event(Event("fetch", "note", detail=note))
+    return run_voyage(scenario, output, offline=offline, strict=strict, on_event=on_event)
+
+
+def run_voyage(
+    scenario: Scenario,
+    output: Path,
+    *,
+    offline: bool,
+    strict: bool,
+    on_event: EventHandler,
+) -> Outcome:
+    """Run a voyage's scenario, after a quick look whether start and goal are in water."""
+    if faults := endpoints_on_land(scenario):
+        raise RequestError(faults)
+    return run(scenario, output, offline=offline, strict=strict, on_event=on_event)
+
+
+def _text(place: str | tuple[float, float]) -> str:
+    """Write a position as a text."""
+    return place if isinstance(place, str) else f"{place[0]!r},{place[1]!r}"

@@ -1,0 +1,108 @@
+"""What the currents of a voyage cover: its region must not reach beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.errors import RequestError
+from pipeline.loading import least_region
+from pipeline.sources.quality.coverage import common_bounds
+from pipeline.sources.registry import current_source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pipeline.scenario.season import Season
+    from pipeline.sources.quality.coverage import Bounds
+    from pipeline.voyage.region_choice import Voyage
+
+# Latitude beyond which no region reaches, degrees.
+_MAX_LATITUDE = 89.0
+REMEDY = (
+    "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
+    '(--currents still, or currents = ["still"])'
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """Bounds that the currents of all seasons cover, and the name of the source on each side.
+
+    The names are in the order of the bounds: west, south, east, north; "" where the world ends.
+    """
+
+    bounds: Bounds
+    sources: tuple[str, str, str, str]
+
+
+def covered_by_currents(
+    seasons: Sequence[Season], voyage: Voyage, folder: Path, *, offline: bool
+) -> Coverage:
+    """Return what the first usable source of every season covers.
+
+    A season without a source that can be used, or that covers start and goal, does not count here:
+    it fails by itself. `folder` is where downloads are cached.
+
+    Raises
+    ------
+    RequestError
+        No season has such a source; one line for each says why.
+    """
+    middle = (voyage.start[0] + voyage.goal[0]) / 2
+    world = (max(middle - 180, -180), -_MAX_LATITUDE, min(middle + 180, 360), _MAX_LATITUDE)
+    found = Coverage(world, ("", "", "", ""))
+    reasons: dict[str, list[str]] = {}
+    for season in seasons:
+        covered, why = _of_season(season, world, voyage, folder, offline=offline)
+        if covered is None:
+            reasons.setdefault(why, []).append(repr(season.name))
+        else:
+            found = _intersection(found, covered)
+    if sum(map(len, reasons.values())) == len(seasons):
+        raise RequestError(
+            [
+                f"season{'s' * (len(names) > 1)} {', '.join(names)}: no currents for this voyage: "
+                f"{why}; {REMEDY}"
+                for why, names in reasons.items()
+            ]
+        )
+    return found
+
+
+def _of_season(
+    season: Season, world: Bounds, voyage: Voyage, folder: Path, *, offline: bool
+) -> tuple[Coverage | None, str]:
+    """Return what the first usable source of a season covers, or why there is none."""
+    ends = least_region(voyage.start, voyage.goal)
+    reasons = []
+    for named in season.currents:
+        source = current_source(named)
+        name = named if isinstance(named, str) else ", ".join(named)
+        reason = source.uncovered_reason(ends, season)
+        if not reason and source.needs_network(ends, season, folder):
+            reason = source.unavailable_reason()
+            if offline:
+                reason = f"{name} needs the network; leave --offline out"
+        bounds = source.covered_bounds(shapely.box(*world), season)
+        if not reason and bounds is not None:
+            return Coverage(bounds, (name, name, name, name)), ""
+        reasons.append(reason or f"{name} has no data there")
+    return None, "; ".join(reasons)
+
+
+def _intersection(one: Coverage, other: Coverage) -> Coverage:
+    """What both cover; both hold start and goal."""
+    bounds = common_bounds(one.bounds, other.bounds)
+    if bounds is None:
+        raise RequestError(["the seasons' currents have no water in common; plan each by itself"])
+    west, south, east, north = (
+        theirs if edge == limit and edge != ours_edge else ours
+        for edge, limit, ours_edge, ours, theirs in zip(
+            bounds, other.bounds, one.bounds, one.sources, other.sources, strict=True
+        )
+    )
+    return Coverage(bounds, (west, south, east, north))

@@ -1,0 +1,40 @@
+"""The months of a voyage, each a season of its scenario."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+from pipeline.scenario.period import period
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+
+
+def read_months(texts: Sequence[str]) -> dict[str, str]:
+    """Return the title of each month 'YYYY-MM', such as "July 2024", in the order given.
+
+    Raises
+    ------
+    RequestError
+        One line for each text that is no month, or that comes twice.
+    """
+    titles: dict[str, str] = {}
+    faults = []
+    for text in texts:
+        if not _MONTH.fullmatch(text):
+            faults.append(f"--month {text} is not a month; give it as 'YYYY-MM', such as 2024-07")
+            continue
+        if text in titles:
+            faults.append(f"--month {text} is given twice; leave one out")
+            continue
+        try:
+            titles[text] = f"{period(text).begin:%B %Y}"
+        except ValueError as error:
+            faults.append(f"--month {error}")
+    if faults:
+        raise RequestError(faults)
+    return titles

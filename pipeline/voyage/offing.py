@@ -1,0 +1,104 @@
+"""The distance that a route keeps off land where nobody asks for another: an offing.
+
+A mariner leaves room for what the chart does not know, for the time until somebody acts, and for
+the turn that follows: the chart's accuracy, the way sailed in two minutes, and the diameter of the
+turning circle or the vessel's length, whichever is larger. For a vessel of 7 m at 9.7 knots on the
+land of OpenStreetMap that is 0.4 nautical miles, for a ship of 200 m at 15 knots 0.9.
+
+On a short voyage, as inside a harbour or among skerries, it is at most a two-hundredth of the
+distance between start and goal; and where it would leave no way at all, it is halved until there is
+one. It is a minimum: the padding for hard-over turns in the current may be wider.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    import renew
+    from pipeline.model import Scene
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.vessel import VesselSpec
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Time until a danger is noticed and the helm is over, s: our choice, as no rule gives one.
+_REACTION_S = 120.0
+# Largest offing as a share of the distance between start and goal.
+_DISTANCE_SHARE = 1 / 200
+# Number of times that an offing is halved before none is kept.
+_HALVINGS = 5
+# Distance of start and goal from the open water, in offings: they may lie in a harbour.
+_HARBOUR = 3.0
+# Segments per quarter circle of the buffers: corners a little short of the offing do no harm here.
+_QUADRANT_SEGMENTS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Offing:
+    """The offing that was chosen, true metres; the wanted one may have been too wide a berth."""
+
+    metres: float
+    wanted_m: float
+    scale: float
+
+    @classmethod
+    def of(cls, scene: Scene, scenario: Scenario, accuracy_m: float) -> Offing:
+        """Choose the offing of a scenario, given its chart's accuracy in metres."""
+        scale = scenario.scale
+        distance_m = scene.projection.geodesic_length_m(np.array([scene.start, scene.goal]))
+        wanted_m = wanted_offing_m(scenario.vessel, accuracy_m, distance_m)
+        planar = passable_offing(scene.chart, scene.start, scene.goal, wanted_m / scale)
+        # In whole metres, but for the smallest charts.
+        metres = planar * scale
+        return cls(float(math.floor(metres)) if metres > 1 else metres, wanted_m, scale)
+
+    @property
+    def planar_m(self) -> float:
+        """The offing in the planner's metres."""
+        return self.metres / self.scale
+
+    @property
+    def note(self) -> str:
+        """What a reader is told."""
+        kept = f"an offing of at least {self.metres:.0f} m" if self.metres else "no offing"
+        why = "chosen for this vessel and chart"
+        if self.metres < math.floor(self.wanted_m):
+            why = f"as {self.wanted_m:.0f} m would leave no way"
+        return (
+            f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance "
+            "(--clearance) sets another, 0 none"
+        )
+
+
+def wanted_offing_m(vessel: VesselSpec, accuracy_m: float, distance_m: float) -> float:
+    """Return the offing, true metres, for a vessel, a chart's accuracy, and a voyage's distance."""
+    circle_m = 2 * vessel.speed_m_s / math.radians(vessel.turn_rate_deg_s)
+    room_m = accuracy_m + _REACTION_S * vessel.speed_m_s + max(circle_m, vessel.length_m)
+    return min(room_m, _DISTANCE_SHARE * distance_m)
+
+
+def passable_offing(
+    chart: renew.Chart, start: FloatArray, goal: FloatArray, wanted: float
+) -> float:
+    """Halve an offing until a way is left from start to goal; 0 where none is (planar metres).
+
+    The way may begin and end within some offings of start and goal, where harbours are.
+    """
+    land = np.array(chart.no_go, dtype=object)
+    for halvings in range(_HALVINGS + 1):
+        offing = wanted / 2**halvings
+        taken = shapely.union_all(shapely.buffer(land, offing, quad_segs=_QUADRANT_SEGMENTS))
+        water = shapely.get_parts(shapely.difference(chart.extent, taken))
+        reach = _HARBOUR * offing
+        near = [shapely.dwithin(water, shapely.Point(end), reach) for end in (start, goal)]
+        if (near[0] & near[1]).any():
+            return float(offing)
+    return 0.0

@@ -1,0 +1,186 @@
+"""Positions as people write them: decimal, degrees and minutes, N/S/E/W before or after."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+EXAMPLES = "'120.30,12.80' (longitude first), '12.80N 120.30E' or '12°48'N 120°18'E'"
+_NUMBER = r"[+-]?\d+(?:\.\d*)?|[+-]?\.\d+"
+_TOKENS = re.compile(rf"(?P<number>{_NUMBER})|(?P<letter>[NSEW])|(?P<comma>[,;])|(?P<unit>[°'\"])")
+# Spellings of minus, and of the signs of degrees, minutes and seconds.
+_SPELLINGS = str.maketrans(
+    dict.fromkeys("−–", "-")
+    | dict.fromkeys("º˚", "°")
+    | dict.fromkeys("′’`\N{LEFT SINGLE QUOTATION MARK}\N{MODIFIER LETTER PRIME}", "'")
+    | dict.fromkeys("″”“ʺ", '"')
+)
+# Two commas between digits, parted by something else: decimal commas, as in "120,30 12,80".
+_DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
+# Longitude west of which positions are given eastward, degrees: a scenario's longitudes begin at
+# -180, and the region must have room west of start and goal.
+_WESTERNMOST = -160.0
+_AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A place in degrees; `note` says how it was read where that may surprise, or is empty."""
+
+    lon: float
+    lat: float
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Coordinate:
+    """One coordinate, degrees, and the hemisphere's letter or ""."""
+
+    degrees: float
+    letter: str
+
+    @property
+    def axis(self) -> str:
+        """`lon` or `lat` where the letter says so, else ""."""
+        return _AXIS.get(self.letter, "")
+
+
+def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
+    """Read start and goal from the words of a command line: half of them make one position.
+
+    The goal's longitude continues across 180 degrees where that is the shorter way.
+
+    Raises
+    ------
+    RequestError
+        One line for each position that can't be read, or both positions are the same.
+    """
+    if len(words) < 2 or len(words) % 2:
+        given = " ".join(word.strip() for word in words)
+        fault = (
+            f"{given!r} is not a start and a goal: give two positions, such as {EXAMPLES}, each in "
+            "quotes where it has spaces"
+        )
+        raise RequestError([fault])
+    half = len(words) // 2
+    found, faults = [], []
+    for key, part in (("start", words[:half]), ("goal", words[half:])):
+        try:
+            found.append(read_position(" ".join(part)))
+        except ValueError as error:
+            faults.append(f"{key} = {error}")
+    if faults:
+        raise RequestError(faults)
+    start, goal = found
+    goal = replace(goal, lon=goal.lon + 360 * round((start.lon - goal.lon) / 360))
+    turn = 360 if min(start.lon, goal.lon) < _WESTERNMOST else 0
+    return replace(start, lon=start.lon + turn), replace(goal, lon=goal.lon + turn)
+
+
+def read_position(text: str) -> Position:
+    """Read one position.
+
+    Without hemispheres, longitude comes first, unless only the other order is possible.
+
+    Raises
+    ------
+    ValueError
+        It can't be read; the message has the text, the reason and the remedy.
+    """
+    shown = text.strip()
+    try:
+        first, second = _coordinates(_normalised(text))
+        return _ordered(first, second, shown)
+    except ValueError as error:
+        raise ValueError(f"{shown!r} {error}") from None
+
+
+def _normalised(text: str) -> str:
+    """Spell signs in one way, letters as capitals and decimal commas as points."""
+    plain = text.strip().translate(_SPELLINGS).replace("''", '"').upper()
+    return _DECIMAL_COMMAS.sub(r"\1.\2.\3", plain)
+
+
+def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
+    """Tell longitude from latitude, by their hemispheres or by their size."""
+    axes = (first.axis, second.axis)
+    if any(axes) and set(axes) != {"lon", "lat"}:
+        raise ValueError("needs one of N and S, and one of E and W, or none of them")
+    is_swapped = axes[0] == "lat"
+    note = ""
+    if not any(axes) and abs(second.degrees) > 90 >= abs(first.degrees):
+        is_swapped = True
+        note = (
+            f"{shown!r} was read as latitude, longitude: {second.degrees:g} can only be a longitude"
+        )
+    elif not any(axes) and abs(first.degrees) <= 90:
+        note = (
+            f"{shown!r} was read as longitude {first.degrees:g}, latitude {second.degrees:g}; "
+            "write N or S and E or W if it is the other way round"
+        )
+    lon, lat = (second, first) if is_swapped else (first, second)
+    if abs(lat.degrees) > 90:
+        raise ValueError(f"has the latitude {lat.degrees:g}; give one from -90 to 90 degrees")
+    if not -180 <= lon.degrees <= 360:
+        raise ValueError(f"has the longitude {lon.degrees:g}; give one from -180 to 360 degrees")
+    return Position(lon.degrees, lat.degrees, note)
+
+
+def _coordinates(text: str) -> tuple[_Coordinate, _Coordinate]:
+    """Split a normalised text into its two coordinates."""
+    tokens = list(_TOKENS.finditer(text))
+    if _TOKENS.sub("", text).strip():
+        raise ValueError(f"is not a position; write it like {EXAMPLES}")
+    letters = [token for token in tokens if token.lastgroup == "letter"]
+    parts: list[list[re.Match[str]]]
+    if letters:
+        if len(letters) != 2:
+            raise ValueError("needs one of N and S, and one of E and W, or none of them")
+        is_before = tokens[0].lastgroup == "letter"
+        middle = tokens.index(letters[1]) if is_before else tokens.index(letters[0]) + 1
+        parts = [tokens[:middle], tokens[middle:]]
+    else:
+        parts = _halves(tokens)
+    first, second = (_coordinate(part) for part in parts)
+    return first, second
+
+
+def _halves(tokens: list[re.Match[str]]) -> list[list[re.Match[str]]]:
+    """Split tokens without letters at the comma, or between equal counts of numbers."""
+    commas = [i for i, token in enumerate(tokens) if token.lastgroup == "comma"]
+    if len(commas) == 1:
+        return [tokens[: commas[0]], tokens[commas[0] + 1 :]]
+    numbers = [i for i, token in enumerate(tokens) if token.lastgroup == "number"]
+    if commas or not numbers or len(numbers) % 2:
+        raise ValueError(f"is not a pair of coordinates; write it like {EXAMPLES}")
+    middle = numbers[len(numbers) // 2]
+    return [tokens[:middle], tokens[middle:]]
+
+
+def _coordinate(tokens: list[re.Match[str]]) -> _Coordinate:
+    """Read degrees, minutes and seconds of one coordinate, with its hemisphere."""
+    numbers = [token[0] for token in tokens if token.lastgroup == "number"]
+    units = [token[0] for token in tokens if token.lastgroup == "unit"]
+    letter = "".join(token[0] for token in tokens if token.lastgroup == "letter")
+    if not 1 <= len(numbers) <= 3:
+        raise ValueError(f"is not a pair of coordinates; write it like {EXAMPLES}")
+    if units != ["°", "'", '"'][: len(units)] or len(units) > len(numbers):
+        raise ValueError("has its signs of degrees, minutes and seconds (° ' \") in another order")
+    if letter and numbers[0][0] in "+-":
+        raise ValueError(f"has both a sign and {letter}; leave one of them out")
+    if any(number[0] in "+-" for number in numbers[1:]):
+        raise ValueError("has a sign before minutes or seconds; give it before the degrees")
+    if any("." in number for number in numbers[:-1]):
+        raise ValueError("has a fraction before the last of degrees, minutes and seconds; drop one")
+    values = [abs(float(number)) for number in numbers]
+    if any(value >= 60 for value in values[1:]):
+        raise ValueError(f"has {max(values[1:]):g} minutes or seconds; give less than 60")
+    size = sum(value / 60**power for power, value in enumerate(values))
+    is_negative = numbers[0].startswith("-") or letter in {"S", "W"}
+    return _Coordinate(-size if is_negative else size, letter)

@@ -1,0 +1,39 @@
+"""Speeds and lengths with their units, as people write them: 12kn, 90m, 300 ft."""
+
+from __future__ import annotations
+
+import re
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")
+# A knot, m/s: a nautical mile of 1852 m an hour.
+_KNOT = 1852 / 3600
+_SPEEDS = {
+    **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), _KNOT),
+    **dict.fromkeys(("m/s", "ms-1"), 1.0),
+    **dict.fromkeys(("km/h", "kmh", "kph"), 1 / 3.6),
+}
+_LENGTHS = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    "km": 1000.0,
+    **dict.fromkeys(("ft", "feet", "foot", "'"), 0.3048),
+    **dict.fromkeys(("nm", "nmi"), 1852.0),
+}
+
+
+def speed_m_s(text: str) -> float:
+    """Read a speed, in m/s; without a unit it is refused. ValueError with the remedy."""
+    return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s or 22km/h")
+
+
+def length_m(text: str) -> float:
+    """Read a length, in metres, which are the unit where none is given. ValueError as above."""
+    return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
+
+
+def _read(text: str, units: dict[str, float], remedy: str) -> float:
+    """Read a number and its unit."""
+    found = _QUANTITY.fullmatch(text)
+    factor = units.get((found[2] or "").lower()) if found is not None else None
+    if found is None or factor is None:
+        raise ValueError(f"{text.strip()!r} is not understood; give {remedy}")
+    return float(found[1].replace(",", ".")) * factor

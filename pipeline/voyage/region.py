@@ -1,0 +1,118 @@
+"""The region of a scenario that leaves it out: chosen before the first plan, widened after one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.scenario.region import Region
+from pipeline.sources.quality.field import LandMask
+from pipeline.sources.registry import land_source
+from pipeline.storage.store import DOWNLOADS, artefact_key
+from pipeline.voyage.coverage import REMEDY, Coverage, covered_by_currents
+from pipeline.voyage.region_choice import Voyage, choose_region
+from pipeline.voyage.region_growth import SIDES, grown, sides_near
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    import numpy.typing as npt
+
+    from pipeline.scenario.model import Scenario
+    from pipeline.sources.quality.coverage import Bounds
+    from pipeline.storage.store import Store
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Distance between start and goal below which the mask of 500 m is too coarse, m: the chart's own
+# polygons are used.
+_FINE_M = 50_000.0
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenRegion:
+    """A region in degrees, what limits it, and what a reader should know about it."""
+
+    bounds: Bounds
+    coverage: Coverage
+    voyage: Voyage
+    notes: tuple[str, ...] = ()
+
+    def complete(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with this region."""
+        return scenario.model_copy(update={"region": Region(bbox=self.bounds)})
+
+
+def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenRegion:
+    """Choose the region of a scenario from its positions, chart and currents.
+
+    Raises
+    ------
+    RequestError
+        No source of currents that can be used covers start and goal.
+    """
+    voyage = Voyage.between(scenario.start, scenario.goal)
+    folder = store.root / DOWNLOADS
+    coverage = covered_by_currents(scenario.seasons, voyage, folder, offline=offline)
+    source = land_source(scenario.chart, scenario.vessel.draught_m)
+    is_world = all(one.name == "osm-land" for one in scenario.chart.source)
+
+    def mask_of(bounds: Bounds) -> LandMask:
+        if is_world and voyage.distance_m > _FINE_M:
+            return LandMask.world()
+        return LandMask.from_land(source.land(shapely.box(*bounds)), bounds)
+
+    key = artefact_key("region", source.identity, scenario.start, scenario.goal, coverage.bounds)
+    bounds = store.load_or_make(
+        "region", key, tuple, lambda: choose_region(voyage, mask_of, coverage.bounds)
+    )
+    chosen = ChosenRegion(bounds, coverage, voyage)
+    note = f"region {_spelled(bounds)}, chosen to hold the ways round what lies between"
+    ends = _ends_of_currents(chosen, range(len(SIDES)))
+    return replace(chosen, notes=(f"{note}{'; ' * bool(ends)}{ends}",))
+
+
+def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:
+    """Widen a region where one of the best routes, (n, 2) in degrees, comes near its edge.
+
+    None where no route does, or nothing is gained; then `edge_notes` says what limits it.
+    """
+    near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
+    bounds = grown(chosen.bounds, near, chosen.voyage.margin_m, chosen.coverage.bounds)
+    if bounds == chosen.bounds:
+        return None
+    sides = " and ".join(SIDES[side] for side in near)
+    note = f"region widened to {_spelled(bounds)}, as the best route came near its {sides} edge"
+    return replace(chosen, bounds=bounds, notes=(*chosen.notes, note))
+
+
+def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[str, ...]:
+    """Say where a best route is near an edge beyond which there are no currents."""
+    near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
+    ends = _ends_of_currents(chosen, near)
+    return (f"the best route comes near the region's edge: {ends}",) if ends else ()
+
+
+def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> str:
+    """Say on which of some sides the region ends where its currents do; "" where on none."""
+    limits, sources = chosen.coverage.bounds, chosen.coverage.sources
+    ending: dict[str, list[str]] = {}
+    for side in sides:
+        if sources[side] and chosen.bounds[side] == limits[side]:
+            ending.setdefault(sources[side], []).append(SIDES[side])
+    if not ending:
+        return ""
+    text = "; ".join(
+        f"in the {' and '.join(names)} it ends where {source} does"
+        for source, names in ending.items()
+    )
+    return f"{text}. For more, {REMEDY}"
+
+
+def _spelled(bounds: Bounds) -> str:
+    """Spell bounds for a reader."""
+    west, south, east, north = bounds
+    return f"{west:g} to {east:g} E, {south:g} to {north:g} N"

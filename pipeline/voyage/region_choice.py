@@ -1,0 +1,188 @@
+"""The region of a voyage: start and goal, the ways round what lies between, and room around.
+
+The ways are shortest ones on a coarse grid: the best, and for each larger island that the direct
+line meets the best on either side. Currents are not known yet; where the best route comes near the
+region's edge, :mod:`pipeline.voyage.region_growth` widens it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.sources.quality.coverage import common_bounds
+from pipeline.voyage.water_grid import WaterGrid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import numpy.typing as npt
+
+    from pipeline.sources.quality.coverage import Bounds
+    from pipeline.sources.quality.field import LandMask
+    from pipeline.voyage.water_grid import Way
+
+    FloatArray = npt.NDArray[np.float64]
+    IntArray = npt.NDArray[np.intp]
+    LonLat = tuple[float, float]
+
+# Room around endpoints, ways and islands, as a share of the distance between start and goal, and at
+# least, m: more than the share within which a route counts as near the edge.
+MARGIN_SHARE = 0.1
+_MIN_MARGIN_M = 2_000.0
+# How far from start and goal ways are looked for at first, as a share of their distance, and at
+# least, m. Each further search looks this many times as far.
+_REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
+_SEARCHES, _FURTHER = 4, 2.5
+# Length, in shortest ways, beyond which a way round an island is no choice any more.
+_LONGEST_WAY = 2.5
+# Number of islands on the direct line whose both sides are looked for, the largest first: at 0.1 s
+# for each side. Smaller ones lie inside the region anyway, or nearly.
+_MAX_ISLANDS = 5
+# Points of the direct line.
+_DIRECT_POINTS = 1000
+# Latitude beyond which a region does not reach, degrees: the pole itself has no longitude.
+_MAX_LATITUDE = 89.0
+
+
+@dataclass(frozen=True, slots=True)
+class Voyage:
+    """Start and goal, (lon, lat) in degrees, continuous across 180, and their distance in m."""
+
+    start: LonLat
+    goal: LonLat
+    distance_m: float
+    direct: FloatArray
+    """Points (n, 2) of the geodesic from start to goal."""
+
+    @classmethod
+    def between(cls, start: LonLat, goal: LonLat) -> Voyage:
+        """Work out the direct line."""
+        import pyproj
+
+        geod = pyproj.Geod(ellps="WGS84")
+        distance_m = geod.inv(*start, *goal)[2]
+        inner = np.array(geod.npts(*start, *goal, _DIRECT_POINTS)).reshape(-1, 2)
+        points = np.vstack([start, inner, goal])
+        points[:, 0] = np.degrees(np.unwrap(np.radians(points[:, 0])))
+        points[:, 0] += 360 * round((start[0] - points[0, 0]) / 360)
+        return cls(start, goal, float(distance_m), points)
+
+    @property
+    def margin_m(self) -> float:
+        """Room around the ways, m."""
+        return max(MARGIN_SHARE * self.distance_m, _MIN_MARGIN_M)
+
+
+def choose_region(voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits: Bounds) -> Bounds:
+    """Return the bounds of a region for a voyage, degrees.
+
+    Parameters
+    ----------
+    voyage
+        Start and goal lie inside the limits.
+    mask_of
+        Gives the land inside bounds.
+    limits
+        What the currents cover: the region does not reach beyond.
+    """
+    reach_m = max(_REACH_SHARE * voyage.distance_m, _MIN_REACH_M)
+    ends = bounds_of(np.array([voyage.start, voyage.goal]))
+    for _ in range(_SEARCHES):
+        searched = _within(widened_by(bounds_of(voyage.direct), reach_m), limits)
+        places = _places(voyage, WaterGrid.of(mask_of(searched), searched))
+        if places is not None:
+            boxes = np.array([ends, *places])
+            hull = (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
+            return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
+        reach_m *= _FURTHER
+    # No way was found, as through a canal: the planner sees the water as it is.
+    return _within(rounded_outward(widened_by(bounds_of(voyage.direct), voyage.margin_m)), limits)
+
+
+def _places(voyage: Voyage, grid: WaterGrid) -> list[Bounds] | None:
+    """Bounds of the ways that a region is to contain, and of the islands; None without a way."""
+    start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
+    shortest = None if start is None or goal is None else grid.shortest_way(start, goal)
+    if start is None or goal is None or shortest is None:
+        return None
+    places = [grid.bounds_of(shortest.cells)]
+    for island, barriers in _islands_between(voyage, grid):
+        ways = [grid.shortest_way(start, goal, barrier) for barrier in barriers]
+        if all(_is_choice(way, shortest) for way in ways):
+            places += [grid.bounds_of(way.cells) for way in ways if way is not None]
+            places.append(grid.bounds_of(np.argwhere(grid.islands == island)))
+    return places
+
+
+def _is_choice(way: Way | None, shortest: Way) -> bool:
+    """Whether a navigator would think about a way at all."""
+    return way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m
+
+
+def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IntArray]]]:
+    """Yield the islands that the direct line meets, with a barrier on the left and on the right.
+
+    A barrier leads from the island to the edge of the grid, square to the direct line: who does not
+    cross it passes on the other side.
+    """
+    cells = grid.cells(voyage.direct)
+    met = grid.islands[cells[:, 0], cells[:, 1]]
+    numbers, size = np.unique(grid.islands[grid.islands > 0], return_counts=True)
+    on_way = [(n, -count) for n, count in zip(numbers, size, strict=True) if n in set(met)]
+    inner = [int(n) for n, _ in sorted(on_way, key=lambda it: it[1]) if not grid.leaves(int(n))]
+    for island in inner[:_MAX_ISLANDS]:
+        middle = cells[np.flatnonzero(met == island)]
+        yield island, list(_barriers(grid, middle[len(middle) // 2], cells))
+
+
+def _barriers(grid: WaterGrid, middle: IntArray, line: IntArray) -> Iterator[IntArray]:
+    """Yield the cells of two rays from a cell to the grid's edge, square to a line of cells."""
+    along = (line[-1] - line[0]).astype(float)
+    along /= max(float(np.hypot(*along)), 1e-9)
+    across = np.array([-along[1], along[0]])
+    shape = np.array(grid.is_water.shape)
+    # Half steps, so that no cell on the ray is left out.
+    steps = np.arange(0, 2 * shape.sum()) / 2
+    for side in (across, -across):
+        ray = np.rint(middle + steps[:, None] * side).astype(np.intp)
+        inside = ((ray >= 0) & (ray < shape)).all(axis=1)
+        yield ray[: int(inside.argmin()) if not inside.all() else None]
+
+
+def bounds_of(lonlat: FloatArray) -> Bounds:
+    """Bounds of points (n, 2)."""
+    west, south = lonlat.min(axis=0).tolist()
+    east, north = lonlat.max(axis=0).tolist()
+    return west, south, east, north
+
+
+def widened_by(bounds: Bounds, metres: float) -> Bounds:
+    """Bounds with a margin in metres; the poles are left out."""
+    west, south, east, north = bounds
+    up = metres / METRES_PER_DEGREE
+    south, north = max(south - up, -_MAX_LATITUDE), min(north + up, _MAX_LATITUDE)
+    aside = up / math.cos(math.radians(max(abs(south), abs(north))))
+    return west - aside, south, east + aside, north
+
+
+def rounded_outward(bounds: Bounds) -> Bounds:
+    """Bounds in whole tenths, hundredths ... of a degree, as a person would give them."""
+    west, south, east, north = bounds
+    decimals = max(1, 2 - math.floor(math.log10(max(east - west, north - south))))
+    unit = 10.0**decimals
+    low = [math.floor(round(bound * unit, 6)) / unit for bound in (west, south)]
+    high = [math.ceil(round(bound * unit, 6)) / unit for bound in (east, north)]
+    return low[0], low[1], high[0], high[1]
+
+
+def _within(bounds: Bounds, limits: Bounds) -> Bounds:
+    """Bounds inside limits, which they meet; less than once round the earth."""
+    common = common_bounds(bounds, limits)
+    if common is None:
+        raise ValueError(f"{bounds} lies outside {limits}")
+    return common

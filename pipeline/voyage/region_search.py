@@ -1,0 +1,71 @@
+"""Plan, look where the best routes lie in their region, widen it, and plan again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pipeline.errors import PipelineError
+from pipeline.voyage.region import chosen_region, edge_notes, wider_region
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    import numpy.typing as npt
+
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.scenario.model import Scenario
+    from pipeline.storage.store import Store
+
+    FloatArray = npt.NDArray[np.float64]
+    Staged = tuple[RunResult, list[str]]
+
+# Number of times that a chosen region is widened: each is a plan of its own.
+_MAX_WIDENINGS = 3
+
+
+def search_region(
+    asked: Scenario,
+    store: Store,
+    run_in_region: Callable[[Scenario, tuple[str, ...]], Staged],
+    *,
+    offline: bool,
+) -> Staged:
+    """Return what a run gives in a region that its best routes keep off the edge of.
+
+    Parameters
+    ----------
+    asked
+        A chart scenario without a region.
+    run_in_region
+        Plans a scenario that has one; takes notes on the region, too.
+
+    Raises
+    ------
+    PipelineError
+        What the first region's run raises. A wider one that fails is given up.
+    """
+    region = chosen_region(asked, store, offline=offline)
+    result, evaluated = run_in_region(region.complete(asked), region.notes)
+    for _ in range(_MAX_WIDENINGS):
+        wider = wider_region(region, _best_paths(result))
+        if wider is None:
+            break
+        try:
+            result, evaluated = run_in_region(wider.complete(asked), wider.notes)
+        except PipelineError:
+            break
+        region = wider
+    limits = edge_notes(region, _best_paths(result))
+    fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
+    return replace(result, fetched=fetched, choices=(*result.choices, *limits)), evaluated
+
+
+def _best_paths(result: RunResult) -> list[FloatArray]:
+    """Return the path of every season's best route, (n, 2) in lon/lat degrees."""
+    return [
+        result.scene.projection.to_lonlat(ranked.route.path)
+        for ranked in result.routes
+        if ranked.rank == 1
+    ]

@@ -1,0 +1,189 @@
+"""The scenario of a one-line request: what was typed, checked all at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import RequestError
+from pipeline.loading import asked_currents, least_region, parse_scenario
+from pipeline.paths import resolved
+from pipeline.scenario import catalogue
+from pipeline.scenario.season import STILL, Season
+from pipeline.sources.registry import current_source
+from pipeline.voyage.months import read_months
+from pipeline.voyage.positions import Position, read_positions
+from pipeline.voyage.quantities import length_m
+from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.vessel import VesselSpec
+
+# Datasets of the service with monthly means, the best first: the first one that has the month is
+# asked for.
+_SERVICE = (
+    "copernicus-glorys-monthly",
+    "copernicus-forecast-monthly",
+    "copernicus-glorys-climatology",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VoyageRequest:
+    """A voyage as it is asked for; all that may be left out is empty.
+
+    Attributes
+    ----------
+    positions : start and goal as words, half of them for each.
+    vessel : a name of the catalogue, the path of a file, or a whole specification.
+    figures : the vessel's figures in place of these.
+    months : 'YYYY-MM', each a season.
+    currents : sources of the catalogue in their order of preference, and files that belong
+        together; 'still' plans without any.
+    clearance : a length, "" for an offing that is chosen.
+    charts : a vector file or a folder of S-57 cells.
+    name : name of the scenario, and of its folder of results.
+    """
+
+    positions: tuple[str, ...]
+    vessel: str | VesselSpec = ""
+    figures: VesselFigures | None = None
+    months: tuple[str, ...] = ()
+    currents: tuple[str, ...] = ()
+    clearance: str = ""
+    charts: Path | None = None
+    name: str = ""
+
+
+def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
+    """Return the scenario of a request, without a region, and notes on how it was understood.
+
+    Raises
+    ------
+    RequestError
+        One line for each fault.
+    """
+    faults: list[str] = []
+
+    def part(read: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever a part of the request is
+        try:
+            return read()
+        except RequestError as error:
+            faults.extend(error.faults)
+            return None
+
+    ends = part(lambda: read_positions(request.positions))
+    vessel = part(lambda: _vessel(request))
+    clearance_m = part(lambda: _clearance_m(request.clearance))
+    months = part(lambda: _months(request))
+    if faults:
+        raise RequestError(faults)
+    start, goal = ends
+    data: dict[str, Any] = {
+        "schema_version": 1,
+        "name": request.name or _name(start, goal),
+        "title": f"{_spelled(start)} to {_spelled(goal)}",
+        "vessel": vessel.model_dump(exclude_defaults=True),
+        "start": [start.lon, start.lat],
+        "goal": [goal.lon, goal.lat],
+        "seasons": [_season(month, title, request, (start, goal)) for month, title in months],
+    }
+    if clearance_m is not None:
+        data["planner"] = {"clearance": clearance_m}
+    if request.charts is not None:
+        data["chart"] = {"source": {"path": str(resolved(request.charts, "--charts"))}}
+    notes = tuple(end.note for end in ends if end.note)
+    return parse_scenario(data), notes
+
+
+def _vessel(request: VoyageRequest) -> VesselSpec:
+    """Return the vessel that is asked for."""
+    if not isinstance(request.vessel, str):
+        return request.vessel
+    return vessel_spec(request.vessel, request.figures or VesselFigures())
+
+
+def _clearance_m(text: str) -> float | None:
+    """Read the clearance, true metres; None where it is left out."""
+    if not text:
+        return None
+    try:
+        metres = length_m(text)
+    except ValueError as error:
+        raise RequestError([f"--clearance {error}"]) from None
+    if metres < 0:
+        raise RequestError([f"--clearance {text} is below 0; give metres, 0 or more"])
+    return metres
+
+
+def _months(request: VoyageRequest) -> list[tuple[str, str]]:
+    """Return months and titles; still water needs no month."""
+    titles = list(read_months(request.months).items())
+    if titles or request.currents == (STILL,):
+        return titles or [("", "")]
+    fault = (
+        "no --month; give the month of the voyage, such as --month 2024-07, which may be repeated, "
+        "or plan without currents: --currents still"
+    )
+    raise RequestError([fault])
+
+
+def _season(
+    month: str, title: str, request: VoyageRequest, ends: tuple[Position, Position]
+) -> dict[str, Any]:
+    """Return a month's [[seasons]] table."""
+    if not month:
+        return {"name": STILL, "title": "Still water", "currents": [STILL]}
+    return {
+        "name": month,
+        "title": title,
+        "valid": month,
+        "currents": asked_currents(request.currents) or _known_currents(month, ends),
+    }
+
+
+def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
+    """Return the sources of the catalogue that have a month between start and goal.
+
+    The service's is asked for first; a table that comes with the program stands in for it where
+    there is no account.
+    """
+    start, goal = ends
+    between = least_region((start.lon, start.lat), (goal.lon, goal.lat))
+    tables = [
+        name
+        for name in catalogue.names("sources")
+        if isinstance(catalogue.source(name), catalogue.EmbeddedTableSpec)
+    ]
+
+    def covers(name: str) -> bool:
+        season = Season(name=month, valid=month, currents=(name,))
+        return not current_source(name).uncovered_reason(between, season)
+
+    service = [name for name in _SERVICE if covers(name)]
+    return [*service[:1], *filter(covers, tables)] or [_SERVICE[0]]
+
+
+def _name(start: Position, goal: Position) -> str:
+    """Return the name of a voyage: degrees and minutes of start and goal."""
+    return f"{_short(start)}-to-{_short(goal)}"
+
+
+def _short(position: Position) -> str:
+    """Spell a position as part of a name: 12n48-120e18."""
+    lon = (position.lon + 180) % 360 - 180
+    parts = []
+    for degrees, letters in ((position.lat, "ns"), (lon, "ew")):
+        minutes = round(abs(degrees) * 60)
+        parts.append(f"{minutes // 60}{letters[degrees < 0]}{minutes % 60:02d}")
+    return "-".join(parts)
+
+
+def _spelled(position: Position) -> str:
+    """Spell a position for a reader: 12.80 N 120.30 E."""
+    lon = (position.lon + 180) % 360 - 180
+    return f"{abs(position.lat):.2f} {'NS'[position.lat < 0]} {abs(lon):.2f} {'EW'[lon < 0]}"

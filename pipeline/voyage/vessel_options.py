@@ -1,0 +1,130 @@
+"""The vessel of a voyage: an entry of the catalogue, a file, or figures with their units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from pipeline.errors import RequestError
+from pipeline.paths import expanded, unreadable_reason
+from pipeline.scenario import catalogue
+from pipeline.scenario.messages import model_faults, near_miss
+from pipeline.scenario.strict import looks_like_path
+from pipeline.scenario.vessel import VesselSpec
+from pipeline.voyage.quantities import length_m, speed_m_s
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
+# hulls, as nothing is known of its engine.
+_FUEL_EXPONENT = 3.0
+_REMEDY = (
+    "give --vessel NAME (`renew list`), --vessel FILE, or its figures: --speed 12kn --length 90m "
+    "--turning-circle 400m"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VesselFigures:
+    """A vessel's figures as typed, "" where one is not given.
+
+    The turning circle is given by its diameter, as in a ship's trial manoeuvres.
+    """
+
+    speed: str = ""
+    length: str = ""
+    turning_circle: str = ""
+    draught: str = ""
+
+    def given(self) -> list[str]:
+        """Return the names of the options that are given."""
+        return [f"--{name.replace('_', '-')}" for name in self.__slots__ if getattr(self, name)]
+
+
+def vessel_spec(named: str, figures: VesselFigures) -> VesselSpec:
+    """Return the vessel that a catalogue's name, a file's path or figures describe.
+
+    Raises
+    ------
+    RequestError
+        None or several of these, or a fault in one: one line for each.
+    """
+    if named and (given := figures.given()):
+        raise RequestError(
+            [f"--vessel {named} and {', '.join(given)} both describe the vessel; leave one out"]
+        )
+    if named:
+        return _from_file(named) if looks_like_path(named) else _from_catalogue(named)
+    return _from_figures(figures)
+
+
+def _from_catalogue(name: str) -> VesselSpec:
+    """Return a vessel of the catalogue."""
+    known = catalogue.names("vessels")
+    if name not in known:
+        hint = "write a file as a path: './my-vessel.toml'"
+        raise RequestError(
+            [f"--vessel {name!r} is not in the catalogue: {near_miss(name, known)}; {hint}"]
+        )
+    return catalogue.vessel(name)
+
+
+def _from_file(path: str) -> VesselSpec:
+    """Return the vessel in a TOML file with the keys of a [vessel] table."""
+    file = expanded(path, "--vessel")
+    if reason := unreadable_reason(file):
+        raise RequestError([f"--vessel {path} {reason}; `renew show usv-7m` prints one"])
+    data = catalogue.read_toml(file)
+    data.pop("schema_version", None)
+    return _validated(data, f"--vessel {path}: ")
+
+
+def _from_figures(figures: VesselFigures) -> VesselSpec:
+    """Return the vessel that figures describe: its turn rate is its speed over the radius."""
+    faults: list[str] = []
+
+    def read(option: str, text: str, reader: Callable[[str], float]) -> float:
+        try:
+            value = reader(text)
+            if value <= 0:
+                faults.append(f"{option} {text} is not above 0; give a larger figure")
+        except ValueError as error:
+            faults.append(f"{option} {error}")
+            return math.nan
+        return value
+
+    needed = ("speed", "length", "turning_circle")
+    lacking = [f"--{name.replace('_', '-')}" for name in needed if not getattr(figures, name)]
+    if lacking:
+        which = "no vessel" if not figures.given() else f"the vessel lacks {', '.join(lacking)}"
+        faults.append(f"{which}; {_REMEDY}")
+    data: dict[str, Any] = {}
+    if figures.speed:
+        data["speed_m_s"] = read("--speed", figures.speed, speed_m_s)
+    if figures.length:
+        data["length_m"] = read("--length", figures.length, length_m)
+    if figures.draught:
+        data["draught_m"] = read("--draught", figures.draught, length_m)
+    circle_m = math.nan
+    if figures.turning_circle:
+        circle_m = read("--turning-circle", figures.turning_circle, length_m)
+    if faults:
+        raise RequestError(faults)
+    radius_m = circle_m / 2
+    data["turn_rate_deg_s"] = math.degrees(data["speed_m_s"] / radius_m)
+    data["fuel_exponent"] = _FUEL_EXPONENT
+    data["origin"] = f"Figures of the request; turning circle {circle_m:g} m; propeller law"
+    return _validated(data, "")
+
+
+def _validated(data: dict[str, Any], prefix: str) -> VesselSpec:
+    """Check a vessel's table."""
+    try:
+        return VesselSpec.model_validate(data)
+    except ValidationError as error:
+        lines = model_faults(error, VesselSpec, data)
+        raise RequestError([f"{prefix}{line}" for line in lines]) from None

@@ -1,0 +1,80 @@
+"""Faults between the tables of a scenario, and what --charts and --currents replace."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+
+from pipeline.errors import RequestError
+from pipeline.loading import asked_currents, parse_scenario
+from tests.pipeline.small_plane import small_plane
+from tests.pipeline.small_region import small_region
+
+SEASON = {"name": "summer", "valid": "2024-07", "currents": ["embedded-palawan"]}
+
+
+def table(**changes: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever TOML can hold
+    """Return a valid scenario's table with some keys changed, or left out where None."""
+    given = {**tomllib.loads(small_region("mine")), "seasons": [SEASON], **changes}
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def faults(**changes: Any) -> tuple[str, ...]:  # noqa: ANN401 - as above
+    with pytest.raises(RequestError) as caught:
+        parse_scenario(table(**changes))
+    return caught.value.faults
+
+
+def test_the_region_may_be_left_out() -> None:
+    scenario = parse_scenario(table(region=None))
+    assert scenario.region is None
+    assert not scenario.is_planar
+    assert "both [region] and [plane]" in "".join(faults(plane={"extent": [0, 0, 9, 9]}))
+
+
+@pytest.mark.parametrize("version", [None, 9])
+def test_a_missing_or_wrong_version_hides_no_other_fault(version: int | None) -> None:
+    lines = faults(
+        schema_version=version,
+        seasons=[SEASON, SEASON],
+        plane={"extent": [0, 0, 9, 9]},
+        chart={"source": "./nowhere.gpkg"},
+    )
+    for part in ("schema_version", "2 seasons called", "both [region]", "nowhere.gpkg"):
+        assert sum(part in line for line in lines) == 1, (part, lines)
+
+
+def test_start_and_goal_may_not_be_the_same_place() -> None:
+    assert "are the same place, [118.4, 10.2]" in faults(goal=[118.4, 10.2])[0]
+    plane = tomllib.loads(small_plane("plane"))
+    with pytest.raises(RequestError, match="same place"):
+        parse_scenario({**plane, "goal": plane["start"]})
+
+
+def test_swapped_coordinates_are_recognised() -> None:
+    (line,) = faults(start=[10.2, 118.4])
+    assert "is not a place on earth" in line
+    assert "did you mean [118.4, 10.2]?" in line
+    # Where both orders are places on earth, the region tells.
+    aegean = {"bbox": [23.0, 35.0, 29.0, 38.5]}
+    line = faults(region=aegean, start=[37.9, 23.5], goal=[28.3, 36.5])[0]
+    assert "km outside the region" in line
+    assert "did you mean [23.5, 37.9]?" in line
+    assert "move it inside" in faults(start=[110.0, 11.0])[0]
+
+
+def test_places_on_earth_are_asked_for_without_a_region_too() -> None:
+    assert "not a place on earth" in faults(region=None, start=[10.2, 118.4])[0]
+
+
+def test_without_a_region_the_currents_must_cover_start_and_goal() -> None:
+    (line,) = faults(region=None, start=[23.5, 37.9], goal=[28.3, 36.5])
+    assert "season 'summer': embedded-palawan has no data west of 114.75" in line
+
+
+def test_sources_and_files_may_be_asked_for_together() -> None:
+    asked = asked_currents(["/a.nc", "still", "/b.nc"])
+    assert asked == [["/a.nc", "/b.nc"], "still"]
+    assert asked_currents(["still"]) == ["still"]

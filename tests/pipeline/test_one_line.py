@@ -1,0 +1,184 @@
+"""A voyage in one line, end to end: from Python, and as a command of its own."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+import pipeline
+from pipeline.errors import RequestError
+from pipeline.loading import load_scenario
+from pipeline.run import run
+from pipeline.voyage.vessel_options import VesselFigures
+from tests.pipeline.processes import ROOT
+from tests.pipeline.synthetic_currents import dataset, sea, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.outcome import Outcome
+
+# In the middle of the Atlantic: the only land is the chart's, an island of 2 km by 4 km on the way.
+START, GOAL = (-40.06, 35.0), (-39.94, 35.0)
+ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
+FIGURES = VesselFigures("8kn", "12m", "40m")
+NO_ACCOUNT = {
+    "COPERNICUSMARINE_SERVICE_USERNAME": "",
+    "COPERNICUSMARINE_SERVICE_PASSWORD": "",
+    "COPERNICUSMARINE_CREDENTIALS_DIRECTORY": "/nonexistent",
+}
+
+
+@pytest.fixture(scope="module")
+def chart(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("chart") / "island.geojson"
+    file.write_text(shapely.to_geojson(ISLAND))
+    return file
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("one-line") / "outputs"
+
+
+def voyage(chart: Path, outputs: Path, *currents: str | Path, **options: object) -> Outcome:
+    months = () if currents == ("still",) else ("2024-07",)
+    return pipeline.go(
+        START,
+        GOAL,
+        vessel=FIGURES,
+        months=months,
+        currents=currents,
+        charts=chart,
+        output=outputs,
+        **options,  # type: ignore[arg-type]
+    )
+
+
+def metrics(directory: Path) -> list[dict[str, str]]:
+    with (directory / "metrics.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
+    tmp_path: Path, chart: Path, outputs: Path
+) -> None:
+    field = sea(np.arange(-40.25, -39.7, 0.05), np.arange(35.0, 35.3, 0.05))
+    file = write(tmp_path / "field.nc", dataset(field))
+    outcome = voyage(chart, outputs, file, name="with-a-file")
+    assert outcome.exit_code == 0
+    assert {row.side for row in outcome.evaluation.routes} == {"north", "south"}
+    region = outcome.scenario.region
+    assert region is not None
+    assert region.bbox is not None
+    assert region.bbox[1] == pytest.approx(34.975)  # half a cell south of the file's last node
+    assert region.shape.contains(ISLAND)
+    assert "in the south it ends where" in outcome.choices[0]
+    assert "an offing of at least 54 m" in outcome.choices[1]  # a two-hundredth of 11 km
+    assert set(outcome.choices) <= set(outcome.fetched.notes)
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_what_was_made_is_a_scenario_that_gives_the_same_routes(
+    tmp_path: Path, chart: Path, outputs: Path
+) -> None:
+    outcome = voyage(chart, outputs, "still", name="again")
+    made = load_scenario(str(outcome.directory / "scenario.toml"))
+    assert made == outcome.scenario
+    again = run(made, tmp_path)
+    assert metrics(again.directory) == metrics(outcome.directory)
+    assert len(metrics(again.directory)) >= 2
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_a_region_grows_until_the_best_route_keeps_off_its_edge(chart: Path, outputs: Path) -> None:
+    """With 1.5 km of clearance the way round comes within 0.5 km of a margin of 2 km."""
+    near = voyage(chart, outputs, "still", name="near")
+    wide = voyage(chart, outputs, "still", name="wide", clearance_m=1500.0)
+    assert not any("widened" in choice for choice in near.choices)
+    assert any("as the best route came near its" in choice for choice in wide.choices)
+    assert wide.scenario.region is not None
+    assert near.scenario.region is not None
+    assert wide.scenario.region.shape.contains(near.scenario.region.shape)
+    assert wide.scenario.planner.clearance == 1500.0
+
+
+def test_a_wrong_request_writes_nothing(tmp_path: Path, chart: Path) -> None:
+    with pytest.raises(RequestError) as caught:
+        pipeline.go(START, (-40.0, 35.0), vessel=FIGURES, currents=("still",), charts=chart,
+                    output=tmp_path / "outputs")  # fmt: skip
+    (fault,) = caught.value.faults
+    assert fault.startswith("goal = [-40.0, 35.0] lies on land")
+    assert not (tmp_path / "outputs").exists()
+
+
+def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pipeline.cli.main", "go", *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        check=False,
+        env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
+    )
+
+
+def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
+    tmp_path: Path, chart: Path
+) -> None:
+    done = command(
+        "-40.06,35.0", "-39.94,35.0", "--speed", "8kn", "--length", "12m", "--turning-circle",
+        "40m", "--currents", "still", "--charts", chart, "--json", "--name", "sail",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    outcome = json.loads(done.stdout)
+    directory = tmp_path / "outputs" / "sail"
+    assert (outcome["scenario"], outcome["directory"]) == ("sail", str(directory))
+    assert set(outcome["files"]) == {path.name for path in directory.iterdir()}
+    assert outcome["failures"] == []
+    assert any("region" in note for note in outcome["notes"])
+    for row, route in zip(metrics(directory), outcome["routes"], strict=True):
+        assert (row["season"], row["homotopy"]) == ("still", route["class"])
+        assert float(row["fuel"]) == pytest.approx(route["fuel"])
+        assert float(row["clearance_m"]) == pytest.approx(route["clearance_m"])
+        assert set(route["files"]) <= set(outcome["files"])
+    assert outcome["routes"][0]["files"][0] == "still.rtz"
+
+
+def test_every_fault_of_a_command_has_a_line_and_the_code_is_2(tmp_path: Path) -> None:
+    done = command(
+        "-40.06,35,1", "-39.94,35.0", "--month", "July", "--clearance", "-5", cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert [line.split()[1] for line in done.stderr.splitlines()] == [
+        "start",
+        "no",
+        "--clearance",
+        "--month",
+    ]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
+    """As a new user types it, without an account and without the network."""
+    done = command(
+        "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07", "--offline",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "Region 116." in done.stdout
+    assert "offing of at least 69" in done.stdout
+    assert "planned on Embedded table of surface currents around Palawan" in done.stderr
+    (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
+    assert (best["side"], best["land_m"], best["collisions"]) == ("west", "0.0", "0")

@@ -1,0 +1,91 @@
+"""What the currents of a voyage cover."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pipeline.errors import RequestError
+from pipeline.scenario.season import Season
+from pipeline.voyage.coverage import covered_by_currents
+from pipeline.voyage.region_choice import Voyage
+from tests.pipeline.synthetic_currents import dataset, sea, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.voyage.coverage import Coverage
+
+PALAWAN = Voyage.between((120.30, 12.80), (116.80, 7.70))
+GLORYS, EMBEDDED = "copernicus-glorys-monthly", "embedded-palawan"
+
+
+@pytest.fixture(autouse=True)
+def _no_account(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in ("USERNAME", "PASSWORD"):
+        monkeypatch.delenv(f"COPERNICUSMARINE_SERVICE_{name}", raising=False)
+    monkeypatch.setenv("COPERNICUSMARINE_CREDENTIALS_DIRECTORY", str(tmp_path / "nobody"))
+
+
+def season(month: str, *currents: str | tuple[str, ...]) -> Season:
+    return Season(name=month, valid=month, currents=currents)
+
+
+def covered(folder: Path, *seasons: Season, voyage: Voyage = PALAWAN) -> Coverage:
+    return covered_by_currents(seasons, voyage, folder, offline=False)
+
+
+def test_without_an_account_the_embedded_table_limits_the_region(tmp_path: Path) -> None:
+    found = covered(tmp_path, season("2024-07", GLORYS, EMBEDDED))
+    assert found.bounds == pytest.approx((114.75, 6.75, 123.25, 14.25))
+    assert set(found.sources) == {EMBEDDED}
+
+
+def test_with_an_account_the_service_has_the_world(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("USERNAME", "PASSWORD"):
+        monkeypatch.setenv(f"COPERNICUSMARINE_SERVICE_{name}", "someone")
+    west, south, east, north = covered(tmp_path, season("2024-07", GLORYS, EMBEDDED)).bounds
+    assert east - west > 290
+    assert (south, north) == (-80, 89)
+
+
+def test_a_file_covers_half_a_cell_beyond_its_nodes(tmp_path: Path) -> None:
+    field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
+    path = write(tmp_path / "field.nc", dataset(field))
+    found = covered(tmp_path, season("2024-07", (str(path),)))
+    assert found.bounds == pytest.approx((115.75, 6.75, 121.25, 13.75))
+
+
+def test_seasons_limit_the_region_together(tmp_path: Path) -> None:
+    field = sea(np.arange(116, 121.1, 0.5), np.arange(6, 13.6, 0.5))
+    path = write(tmp_path / "field.nc", dataset(field))
+    found = covered(tmp_path, season("2024-07", (str(path),)), season("2024-08", EMBEDDED))
+    assert found.bounds == pytest.approx((115.75, 6.75, 121.25, 13.75))
+    assert found.sources[1] == EMBEDDED
+    assert found.sources[0] == found.sources[3] == str(path)
+
+
+def test_still_water_covers_everything(tmp_path: Path) -> None:
+    found = covered(tmp_path, Season(name="still", currents=("still",)))
+    assert found.bounds[1] == -89
+    assert found.bounds[3] == 89
+
+
+def test_without_any_current_the_error_says_why_and_what_would_do(tmp_path: Path) -> None:
+    aegean = Voyage.between((23.6, 37.9), (28.3, 36.5))
+    with pytest.raises(RequestError) as caught:
+        covered(tmp_path, season("2024-07", GLORYS, EMBEDDED), voyage=aegean)
+    (line,) = caught.value.faults
+    assert "free Copernicus Marine account" in line
+    assert "embedded-palawan has no data west of 114.75" in line
+    assert "--currents FILE" in line
+    assert "--currents still" in line
+
+
+def test_a_season_without_currents_does_not_stop_the_others(tmp_path: Path) -> None:
+    found = covered(tmp_path, season("2024-05", GLORYS), season("2024-07", EMBEDDED))
+    assert found.bounds == pytest.approx((114.75, 6.75, 123.25, 14.25))

@@ -1,0 +1,125 @@
+"""The region of a voyage, on seas that are made up and on the world's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.sources.quality.field import LandMask
+from pipeline.voyage.region_choice import Voyage, choose_region, rounded_outward, widened_by
+
+WORLD = (-180.0, -89.0, 360.0, 89.0)
+GEOD = pyproj.Geod(ellps="WGS84")
+
+
+def mask(*land: shapely.Polygon) -> LandMask:
+    """Make a mask of boxes."""
+    return LandMask(lambda lon, lat: shapely.contains_xy(shapely.union_all(land), lon, lat), WORLD)
+
+
+def region(
+    start: tuple[float, float], goal: tuple[float, float], *land: shapely.Polygon
+) -> list[float]:
+    return list(choose_region(Voyage.between(start, goal), lambda _: mask(*land), WORLD))
+
+
+def test_open_water_gives_start_and_goal_with_a_margin() -> None:
+    west, south, east, north = region((10, 50), (12, 51))
+    assert (west, south, east, north) == pytest.approx((9.75, 49.84, 12.25, 51.16), abs=0.06)
+
+
+@given(st.floats(-170, 170), st.floats(-70, 70), st.floats(0, 360), st.floats(5e3, 2e6))
+@settings(max_examples=40, deadline=None)
+def test_start_and_goal_keep_a_tenth_of_their_distance_from_the_edge(
+    lon: float, lat: float, bearing: float, distance_m: float
+) -> None:
+    goal = GEOD.fwd(lon, lat, bearing, distance_m)[:2]
+    goal = (goal[0] + 360 * round((lon - goal[0]) / 360), goal[1])
+    if not -70 <= goal[1] <= 70 or not -180 <= goal[0] <= 360:
+        return
+    west, south, east, north = region((lon, lat), goal)
+    for x, y in ((lon, lat), goal):
+        for edge in ((west, y), (east, y), (x, south), (x, north)):
+            if abs(edge[0]) < 180:
+                assert GEOD.inv(x, y, *edge)[2] > 0.095 * distance_m
+
+
+def test_both_ways_round_an_island_are_inside() -> None:
+    island = shapely.box(10.9, 49, 11.1, 52.5)
+    _, south, _, north = region((10, 50.5), (12, 50.5), island)
+    assert south < 48.9
+    assert north > 52.6
+    # The direct line alone would need far less.
+    assert region((10, 50.5), (12, 50.5))[1] > 50
+
+
+def test_a_way_that_no_navigator_thinks_of_is_not_inside() -> None:
+    wall = shapely.box(10.9, 44, 11.1, 51)  # 720 km long; its northern end is near
+    _, south, _, north = region((10, 50.5), (12, 50.5), wall)
+    assert north > 51
+    assert south > 49
+
+
+def test_the_way_round_a_continent_is_inside_and_the_continent_is_not() -> None:
+    wall = shapely.box(10.9, -80, 11.1, 53)
+    _, south, _, north = region((10, 50.5), (12, 50.5), wall)
+    assert north > 53
+    assert south > 49
+
+
+def test_a_way_that_is_further_than_the_first_search_is_found() -> None:
+    wall = shapely.box(10.9, -80, 11.1, 58)
+    assert region((10, 50.5), (12, 50.5), wall)[3] > 58
+
+
+def test_a_region_ends_where_the_currents_do() -> None:
+    limits = (9.9, 50.4, 12.1, 50.6)
+    voyage = Voyage.between((10, 50.5), (12, 50.5))
+    assert choose_region(voyage, lambda _: mask(), limits) == limits
+
+
+def test_a_voyage_over_180_degrees_continues() -> None:
+    west, _, east, _ = region((178.5, -17.5), (181.0, -16.5))
+    assert (west < 178.4, east > 181.1) == (True, True)
+    assert east - west < 4
+
+
+def test_bounds_are_rounded_outward_and_to_few_digits() -> None:
+    assert rounded_outward((1.23456, -2.34567, 3.00001, 4.0)) == (1.23, -2.35, 3.01, 4.0)
+    rounded = rounded_outward((10.00001, 50.00001, 10.02, 50.03))
+    assert np.allclose(rounded, (10.0, 50.0, 10.02, 50.03), atol=2e-3)
+    assert rounded[0] <= 10.00001
+    assert rounded[3] >= 50.03
+
+
+def test_a_margin_in_metres_is_that_on_the_ground() -> None:
+    west, south, _, north = widened_by((10, 60, 12, 61), 50_000)
+    assert GEOD.inv(10, 61, west, 61)[2] >= 50_000
+    assert GEOD.inv(10, 60, 10, south)[2] == pytest.approx(50_000, rel=0.01)
+    assert GEOD.inv(12, 61, 12, north)[2] == pytest.approx(50_000, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "inside"),
+    [
+        # Palawan: its northern and southern end.
+        ((120.30, 12.80), (116.80, 7.70), [(119.5, 11.4), (117.1, 8.3)]),
+        # Naples to Syracuse: round Sicily by the west, and through the Strait of Messina.
+        ((14.3, 40.8), (15.35, 37.03), [(12.4, 37.9), (15.6, 38.2)]),
+        # Naples to Bari: round the heel of Italy.
+        ((14.2, 40.8), (16.9, 41.2), [(18.5, 39.8), (15.6, 38.2)]),
+        # Across 180 degrees: round Vanua Levu and Viti Levu.
+        ((177.3, -17.7), (180.1, -16.7), [(178.7, -18.2), (179.0, -16.1)]),
+    ],
+)
+def test_real_waters_hold_what_a_navigator_thinks_of(
+    start: tuple[float, float], goal: tuple[float, float], inside: list[tuple[float, float]]
+) -> None:
+    world = LandMask.world()
+    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD)
+    for place in inside:
+        assert shapely.box(*bounds).contains(shapely.Point(place)), (bounds, place)

@@ -1,0 +1,132 @@
+"""The scenario of a one-line request."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import RequestError
+from pipeline.scenario.vessel import VesselSpec
+from pipeline.voyage.request import VoyageRequest, voyage_scenario
+from pipeline.voyage.vessel_options import VesselFigures
+from tests.pipeline.synthetic_currents import dataset, sea, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PALAWAN = VoyageRequest(("120.30,12.80", "116.80,7.70"), "usv-7m", months=("2024-07",))
+
+
+def test_a_voyage_is_a_chart_scenario_that_leaves_the_rest_to_be_chosen() -> None:
+    scenario, notes = voyage_scenario(PALAWAN)
+    assert (scenario.start, scenario.goal) == ((120.30, 12.80), (116.80, 7.70))
+    assert scenario.region is None
+    assert scenario.plane is None
+    assert scenario.planner.clearance is None
+    assert scenario.vessel.name == "usv-7m"
+    assert scenario.name == "12n48-120e18-to-7n42-116e48"
+    assert scenario.title == "12.80 N 120.30 E to 7.70 N 116.80 E"
+    assert notes == ()
+
+
+def test_each_month_is_a_season_with_the_sources_that_have_it() -> None:
+    months = ("2024-07", "2024-12", "2024-05", "2199-01")
+    scenario, _ = voyage_scenario(replace(PALAWAN, months=months))
+    assert [season.name for season in scenario.seasons] == list(months)
+    assert [season.title for season in scenario.seasons][:2] == ["July 2024", "December 2024"]
+    glorys, table = "copernicus-glorys-monthly", "embedded-palawan"
+    # No monsoon blows in May, and no reanalysis knows the future.
+    assert [season.currents for season in scenario.seasons] == [
+        (glorys, table),
+        (glorys, table),
+        (glorys,),
+        ("copernicus-glorys-climatology", table),
+    ]
+
+
+def test_a_table_stands_in_only_where_it_covers_the_place() -> None:
+    aegean = replace(PALAWAN, positions=("23.6E", "37.9N", "28.3E", "36.5N"))
+    scenario, _ = voyage_scenario(aegean)
+    assert scenario.seasons[0].currents == ("copernicus-glorys-monthly",)
+
+
+def test_still_water_needs_no_month() -> None:
+    asked = replace(PALAWAN, months=(), currents=("still",))
+    (season,) = voyage_scenario(asked)[0].seasons
+    assert (season.name, season.currents, season.valid) == ("still", ("still",), "")
+    with pytest.raises(RequestError, match="no --month"):
+        voyage_scenario(replace(asked, currents=()))
+
+
+def test_files_belong_together_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
+    field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
+    files = [str(write(tmp_path / name, dataset(field))) for name in ("a.nc", "b.nc")]
+    asked = replace(PALAWAN, currents=(files[0], "embedded-palawan", files[1]))
+    (season,) = voyage_scenario(asked)[0].seasons
+    assert season.currents == (tuple(files), "embedded-palawan")
+
+
+def test_clearance_is_in_true_metres() -> None:
+    for text, metres in (("500", 500.0), ("0.5nm", 926.0), ("0", 0.0)):
+        scenario, _ = voyage_scenario(replace(PALAWAN, clearance=text))
+        assert scenario.planner.clearance == metres
+        assert scenario.scale == 1
+
+
+def test_a_vessel_may_be_given_as_such() -> None:
+    vessel = VesselSpec(length_m=10, speed_m_s=4, turn_rate_deg_s=9)
+    assert voyage_scenario(replace(PALAWAN, vessel=vessel))[0].vessel == vessel
+    figures = VesselFigures("8kn", "12m", "40m")
+    assert voyage_scenario(replace(PALAWAN, vessel="", figures=figures))[0].vessel.length_m == 12
+
+
+def test_every_fault_is_reported_at_once() -> None:
+    asked = VoyageRequest(("here", "120.3,12.8"), "usv7", months=("July",), clearance="-3")
+    with pytest.raises(RequestError) as caught:
+        voyage_scenario(asked)
+    starts = [fault.split()[0] for fault in caught.value.faults]
+    assert starts == ["start", "--vessel", "--clearance", "--month"]
+
+
+def test_a_bad_name_and_the_same_place_twice_are_refused() -> None:
+    asked = replace(PALAWAN, positions=("120.3,12.8", "12.8N 120.3E"), name="My Voyage")
+    with pytest.raises(RequestError) as caught:
+        voyage_scenario(asked)
+    assert any("name" in fault for fault in caught.value.faults)
+    assert any("same place" in fault for fault in caught.value.faults)
+
+
+likely = st.sampled_from(
+    ["120.3,12.8", "7.7N 116.8E", "usv-7m", "12kn", "90m", "2024-07", "still", "1e400", "9" * 400]
+)
+words = likely | st.text(max_size=12)
+
+
+@given(
+    st.lists(words, max_size=4), words, st.lists(words, max_size=2), st.lists(words, max_size=2),
+    words, words, st.tuples(words, words, words, words),
+)  # fmt: skip
+@settings(max_examples=200, deadline=None)
+def test_any_words_make_a_scenario_or_are_refused(
+    positions: list[str], vessel: str, months: list[str], currents: list[str], clearance: str,
+    name: str, figures: tuple[str, str, str, str],
+) -> None:  # fmt: skip
+    asked = VoyageRequest(
+        tuple(positions),
+        vessel,
+        VesselFigures(*figures),
+        tuple(months),
+        tuple(currents),
+        clearance,
+        name=name,
+    )
+    try:
+        scenario, _ = voyage_scenario(asked)
+    except RequestError:
+        return
+    assert scenario.region is None
