@@ -59,10 +59,11 @@ class PlannerOptions(StrictModel):
         examples=[500],
         json_schema_extra={"unit": "planar m"},
     )
-    distinct_by: NonNegative = Field(
-        default=0.0,
+    distinct_by: Literal["auto"] | NonNegative = Field(
+        default="auto",
         description="Size of an island below which passing it on one or the other side counts as "
-        "the same class, planar metres. Give metres, or 0 to count every island.",
+        "the same class, planar metres; automatic: only the few largest islands on the way count. "
+        "Give 'auto', metres, or 0 to count every island.",
         json_schema_extra={"unit": "planar m"},
     )
     method: Literal["optimal", "sampled"] = Field(
