@@ -184,14 +184,13 @@ class Simplified:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land and `inner_land` simplified land inside of it, for
-    bounds; `second_shore` is as in Land; `currents` is keyed by season; `start` and `goal` have
-    shape (2,). A scene `is_planar` where it was given in metres, and not on a chart.
+    `land` is the original, unsimplified land; `second_shore` is as in Land; `currents` is keyed by
+    season; `start` and `goal` have shape (2,). A scene `is_planar` where it was given in metres,
+    and not on a chart.
     """
 
     chart: renew.Chart
     land: tuple[Polygon, ...]
-    inner_land: tuple[Polygon, ...]
     currents: Mapping[str, Current]
     start: FloatArray
     goal: FloatArray

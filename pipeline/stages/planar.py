@@ -57,7 +57,6 @@ def plane_scene(scenario: Scenario) -> Scene:
     return Scene(
         chart=chart,
         land=obstacles,
-        inner_land=obstacles,
         currents={season.name: _current(season, scenario.area) for season in scenario.seasons},
         start=np.asarray(scenario.start, dtype=float),
         goal=np.asarray(scenario.goal, dtype=float),

@@ -65,12 +65,11 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
             charted.second_shore,
         )
     )
-    chart = renew.Chart(extent_polygon(region, projection), no_go)
+    chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
         land=land,
-        inner_land=inner_land,
         currents={
             grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
         },

@@ -20,10 +20,10 @@ triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never
 - both grow by at most |δ| |∇u| when c changes by δ, whence the term r |∇u|.
 
 f has slope 1/Λ(u) between start and goal and 0 beyond, where Λ(s) is the largest λ of the cells
-through which the level set u = s runs. So (1) holds for φ: ∇φ = ∇u/Λ. Cells without water hold no
-route and don't count; those that a shore crosses are treated as water. Where λ > 1 (fans around
-the start and corners), the cell's slowness is lowered by λ and u is solved again: every round
-gives a bound, and the best is returned.
+through which the level set u = s runs. So (1) holds for φ: ∇φ = ∇u/Λ. Cells of nothing but land
+hold no route and don't count; those that a shore crosses are treated as water. Where λ > 1 (fans
+around the start and corners), the cell's slowness is lowered by λ and u is solved again: every
+round gives a bound, and the best is returned.
 
 What is proven for which current: everything for `UniformCurrent`, `GyreCurrent` and
 `GriddedCurrent`, whose deviation r is bounded in closed form. Any other field is known by its
@@ -136,7 +136,7 @@ def _wet(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
     east, north = np.meshgrid(x[1:] - shrink, y[1:] - shrink)
     cells = shapely.box(west, south, east, north)
     wet = np.zeros(cells.size, dtype=bool)
-    water = shapely.get_parts(chart.water)
+    water = shapely.get_parts(chart.open_water)
     wet[shapely.STRtree(cells.ravel()).query(water, predicate="intersects")[1]] = True
     return wet.reshape(cells.shape)
 

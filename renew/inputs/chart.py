@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,10 @@ class Chart:
         Where routes may go at all (m).
     no_go : iterable of Polygon
         Land and shoals (m). MultiPolygons are taken apart.
+    land : iterable of Polygon, optional
+        What of the no-go zone no vessel can cross, if that is less: the land itself, where `no_go`
+        is grown by a margin or simplified outwards. The lower bound on fuel holds for every route
+        off it; the plan keeps off `no_go`.
 
     Raises
     ------
@@ -38,9 +42,15 @@ class Chart:
         finite, or no water left.
     """
 
-    def __init__(self, extent: Polygon, no_go: Iterable[Polygon] = ()) -> None:
+    def __init__(
+        self,
+        extent: Polygon,
+        no_go: Iterable[Polygon] = (),
+        land: Iterable[Polygon] | None = None,
+    ) -> None:
         islands = [part for geometry in no_go for part in _polygons(geometry)]
-        _check(extent, islands)
+        bare = None if land is None else [part for one in land for part in _polygons(one)]
+        _check(extent, {"no_go": islands, "land": bare or []})
         # Where the extent has a hole there is no water: land like any other.
         islands += [Polygon(hole) for hole in extent.interiors]
         extent = Polygon(extent.exterior)
@@ -52,6 +62,7 @@ class Chart:
         clipped = shapely.intersection(merged, extent, grid_size=self.precision)
         self.no_go: tuple[Polygon, ...] = tuple(_polygons(clipped))
         """The hard no-go zone inside the extent as disjoint polygons."""
+        self._land = bare
         if self.water.is_empty:
             raise GeometryError("chart: the no-go zone covers the whole extent; no water is left")
 
@@ -64,6 +75,15 @@ class Chart:
     def water(self) -> BaseGeometry:
         """The extent minus L: a Polygon, or a MultiPolygon where land parts it."""
         return shapely.difference(self.extent, self.hard_no_go, grid_size=self.precision)
+
+    @cached_property
+    def open_water(self) -> BaseGeometry:
+        """The extent minus the land alone, at least the water."""
+        if self._land is None:
+            return self.water
+        land = shapely.union_all(np.array(self._land, dtype=object), grid_size=self.precision)
+        uncrossable = shapely.intersection(land, self.hard_no_go, grid_size=self.precision)
+        return shapely.difference(self.extent, uncrossable, grid_size=self.precision)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -81,12 +101,13 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     ]
 
 
-def _check(extent: Polygon, islands: list[Polygon]) -> None:
+def _check(extent: Polygon, kinds: Mapping[str, list[Polygon]]) -> None:
     """Raise one GeometryError that names every bad polygon."""
     if not isinstance(extent, Polygon) or extent.is_empty:
         raise GeometryError(f"chart: the extent must be a non-empty Polygon, not {extent!r}")
     faults = []
-    for name, polygon in [("extent", extent), *((f"no_go[{i}]", p) for i, p in enumerate(islands))]:
+    named = ((f"{kind}[{i}]", p) for kind, of in kinds.items() for i, p in enumerate(of))
+    for name, polygon in (("extent", extent), *named):
         if not np.isfinite(shapely.get_coordinates(polygon)).all():
             faults.append(f"{name} has coordinates that are not finite")
         elif not polygon.is_valid:

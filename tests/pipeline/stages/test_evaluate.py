@@ -33,7 +33,6 @@ def lonlat_scene() -> tuple[Scene, shapely.Polygon]:
     scene = Scene(
         chart=chart,
         land=(planar,),
-        inner_land=(planar,),
         currents={"still": renew.UniformCurrent(0.0, 0.1)},
         start=projection.to_plane((120.3, 12.8)),
         goal=projection.to_plane((116.8, 7.7)),
@@ -103,7 +102,6 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     scene = Scene(
         chart=renew.Chart(projection.geometry_to_plane(region)),
         land=tuple(planar),
-        inner_land=tuple(planar),
         currents={"still": renew.UniformCurrent(0.0, 0.0)},
         start=endpoints[0],
         goal=endpoints[1],

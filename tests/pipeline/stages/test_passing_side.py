@@ -26,7 +26,6 @@ def plane_scene(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.
     return Scene(
         chart=renew.Chart(shapely.box(-500, -500, 500, 500), islands),
         land=tuple(islands),
-        inner_land=(),
         currents={},
         start=np.asarray(start, dtype=float),
         goal=np.asarray(goal, dtype=float),

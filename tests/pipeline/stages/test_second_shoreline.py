@@ -30,7 +30,6 @@ def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
     plain = Scene(
         chart=renew.Chart(projection.geometry_to_plane(REGION)),
         land=(),
-        inner_land=(),
         currents={},
         start=np.zeros(2),
         goal=np.ones(2),

@@ -149,6 +149,19 @@ def test_the_shortest_way_round_a_corner() -> None:
         assert 0.98 * shortest <= lower_bound(chart, STILL, PAPER_VESSEL, *endpoints) <= shortest
 
 
+def test_it_speaks_of_the_land_alone_where_the_no_go_zone_is_more() -> None:
+    islands = [box(30, 20, 70, 60)]
+    grown = [island.buffer(12, join_style="mitre") for island in islands]
+    extent, start, goal = box(0, 0, 100, 100), np.array([10.0, 40.0]), np.array([95.0, 41.0])
+    least = [
+        lower_bound(renew.Chart(extent, no_go, land=land), STILL, PAPER_VESSEL, start, goal)
+        for no_go, land in ((islands, None), (grown, islands), (grown, None), (islands, grown))
+    ]
+    assert least[1] == least[0] < least[2]
+    # Land beyond the no-go zone, which routes may cross, is none.
+    assert least[3] == least[0]
+
+
 def test_it_is_infinite_where_no_water_leads_to_the_goal() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(45, -1, 55, 101)])
     assert lower_bound(chart, STILL, PAPER_VESSEL, CORNER, OPPOSITE) == math.inf

@@ -24,7 +24,6 @@ def obstacles(*no_go: shapely.Polygon) -> Obstacles:
         Scene(
             chart=renew.Chart(shapely.box(-200, -200, 300, 300), no_go),
             land=no_go,
-            inner_land=(),
             currents={},
             start=np.zeros(2),
             goal=np.ones(2),
