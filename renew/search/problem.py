@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from renew.classes.choices import rays_that_matter
@@ -49,8 +50,10 @@ class Problem:
         rays = self.all_rays
         if self.distinct_by != "auto":
             return rays.only(rays.size >= self.distinct_by)
-        best = self.scout(self.width).channels(1)[0]
-        path = best.midline(self.voyage.start, self.voyage.goal)
+        start, goal = self.voyage.start, self.voyage.goal
+        # Where padding shuts all ways, the best of those that it shuts.
+        found = self.scout(self.width).channels(1) or self.scout(0.0).channels(1)
+        path = found[0].midline(start, goal) if found else np.stack([start, goal])
         return rays_that_matter(rays, path, self.classes)
 
     @cached_property

@@ -39,6 +39,9 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     # A clearance that is left out is chosen for the vessel and the chart.
     assert options.pop("clearance") is None
     assert taken.pop("clearance") == 0.0
+    # By default a scenario's classes are choices; the paper's are all classes.
+    assert options.pop("distinct_by") == "auto"
+    assert taken.pop("distinct_by") == 0.0
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
