@@ -21,6 +21,7 @@ from tests.bench import (
     palawan_figures,
     pipeline_figures,
     planner_figures,
+    sea_figures,
 )
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "faults": fault_figures.figures,
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,
+    "sea": sea_figures.figures,
 }
 
 

@@ -1,0 +1,170 @@
+"""Figures on real waters that nobody tuned: beside a grid on the land as it is charted.
+
+Land is OpenStreetMap's; the current is made of stream functions, as no file of currents covers all.
+The rival is a grid Dijkstra with string pulling that keeps the route's own clearance off the
+unsimplified land, and shares no code with the planner.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.geo.projection import Projection
+from pipeline.sources.land import osm
+from pipeline.stages.project import extent_polygon
+from pipeline.stages.simplify import simplify_land
+from tests.bench.figure import Figure, at_most
+from tests.eddies import eddies
+from tests.oracles import grid_dijkstra, tighten
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    from renew.inputs.arguments import DistinctBy
+
+    FloatArray = npt.NDArray[np.float64]
+
+VESSEL = renew.Vessel(speed=5.0, turn_rate=math.radians(10), length=7.0)
+PEAK_M_S, WAVES = 0.8, 6
+"""Strongest current, and its half-waves along the longer side."""
+
+CELLS = 170
+"""Cells of the rival's grid along the longer side; it pulls its path taut afterwards."""
+
+
+@dataclass(frozen=True)
+class Water:
+    """A region (west, south, east, north) and two places in it, lon/lat degrees."""
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    start: tuple[float, float]
+    goal: tuple[float, float]
+
+    @cached_property
+    def projection(self) -> Projection:
+        """The plane of the region."""
+        return Projection.for_region(shapely.box(*self.bounds))
+
+    @cached_property
+    def land(self) -> osm.LandPolygons:
+        """The land as it is charted."""
+        return osm.land_polygons(shapely.box(*self.bounds))
+
+    @cached_property
+    def extent(self) -> shapely.Polygon:
+        """The region in the plane."""
+        return extent_polygon(shapely.box(*self.bounds), self.projection)
+
+    @cached_property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Start and goal in the plane."""
+        first, last = self.projection.to_plane(np.array([self.start, self.goal]))
+        return first, last
+
+    @cached_property
+    def raw(self) -> renew.Chart:
+        """The land as it is, in the plane."""
+        planar = self.projection.geometry_to_plane(np.array(self.land.polygons, dtype=object))
+        return renew.Chart(self.extent, shapely.get_parts(shapely.make_valid(planar)).tolist())
+
+    @cached_property
+    def current(self) -> renew.GriddedCurrent:
+        """A current of large eddies, the same whenever it is asked for."""
+        xmin, ymin, xmax, ymax = self.extent.bounds
+        side = max(xmax - xmin, ymax - ymin)
+        field = eddies(np.random.default_rng(7), WAVES, side)
+        x, y = np.linspace(0, xmax - xmin, 200), np.linspace(0, ymax - ymin, 200)
+        uv = field(np.stack(np.meshgrid(x, y), axis=-1))
+        uv *= PEAK_M_S / np.linalg.norm(uv, axis=-1).max()
+        return renew.GriddedCurrent(x + xmin, y + ymin, uv[..., 0], uv[..., 1])
+
+    def chart(self, tolerance_m: float | None = None) -> renew.Chart:
+        """The chart as the pipeline simplifies it."""
+        simplified = simplify_land(
+            self.land.polygons,
+            shapely.box(*self.bounds),
+            accuracy_m=osm.ACCURACY_M,
+            tolerance_m=tolerance_m,
+            endpoints=(self.start, self.goal),
+        ).simplified
+        no_go, inner = (
+            self.projection.geometry_to_plane(np.array(polygons, dtype=object)).tolist()
+            for polygons in (simplified.polygons, simplified.inner_polygons)
+        )
+        return renew.Chart(self.extent, no_go, land=inner)
+
+    def plan(self, chart: renew.Chart, distinct_by: DistinctBy = "auto") -> renew.Plan:
+        """Plan on a chart of this water."""
+        return renew.plan(chart, self.current, VESSEL, *self.ends, distinct_by=distinct_by)
+
+    def rival(self, clearance: float) -> float:
+        """Least fuel by the grid, so far (m) off the land as it is."""
+        xmin, ymin, xmax, ymax = self.extent.bounds
+        spacing = max(xmax - xmin, ymax - ymin) / CELLS
+        _, path = grid_dijkstra(
+            self.raw, self.current, VESSEL, *self.ends, spacing, clearance, radius=4
+        )
+        fuel, _ = tighten(
+            path, self.raw, self.current, VESSEL, clearance, spacing=spacing, width=2 * spacing
+        )
+        return fuel
+
+
+WATERS = (
+    Water("Palawan", (115.5, 7.0, 122.0, 13.5), (120.30, 12.80), (116.80, 7.70)),
+    Water("Aegean", (22.5, 35.0, 29.0, 38.6), (23.55, 37.85), (28.3, 36.5)),
+    Water("Bahamas", (-80.6, 23.0, -73.5, 27.6), (-80.0, 25.75), (-74.7, 24.1)),
+    Water("Florida", (-83.5, 23.2, -79.0, 27.5), (-82.9, 26.8), (-79.6, 26.5)),
+    Water("Messina", (14.0, 36.3, 17.5, 40.9), (14.2, 40.7), (15.5, 37.0)),
+    Water("Balearics", (0.5, 37.8, 5.2, 42.0), (0.9, 38.9), (4.6, 40.6)),
+    Water("Channel", (-5.6, 48.3, 1.9, 51.1), (-5.2, 49.6), (1.2, 50.6)),
+    Water("Gibraltar", (-8.0, 34.6, -2.0, 37.2), (-7.5, 36.2), (-2.5, 36.3)),
+    Water("Stockholm", (17.5, 58.5, 20.2, 60.2), (18.2, 58.75), (19.1, 59.95)),
+    Water("Fiji", (176.3, -19.4, 181.0, -15.4), (176.8, -18.9), (180.4, -16.0)),
+)
+"""Ten waters, and where from and to."""
+
+
+def figures() -> Iterator[Figure]:
+    """Fuel beside the rival's, whatever makes a class, and a bound below what the sea allows."""
+    for water in WATERS:
+        started = time.process_time()
+        chart = water.chart()
+        simplified = time.process_time()
+        plan = water.plan(chart)
+        planned = time.process_time()
+        best = plan.best
+        way = shapely.LineString(best.path)
+        clearance = float(water.raw.hard_no_go.distance(way))
+        name = water.name
+        yield at_most(
+            f"{name}: fuel beside a grid's", best.fuel / water.rival(clearance), 1.003, digits=4
+        )
+        least = water.rival(0.0)
+        bound = best.fuel / (1 + best.optimality_gap)
+        text = f"{bound / least:.4f}"
+        yield Figure(
+            f"{name}: bound beside a grid's on the land itself", "<= 1", text, bound <= least
+        )
+        fuels = [water.plan(chart, size).best.fuel for size in (0.0, 10_000.0, 30_000.0)]
+        spread = max(*fuels, best.fuel) / min(*fuels, best.fuel) - 1
+        yield at_most(f"{name}: least fuel by what makes a class", 100 * spread, 0.02, " %", 4)
+        hits = renew.contingency(best, water.raw, water.current, VESSEL, spacing=50.0)
+        text = f"{hits.collisions} of {hits.trials:,}"
+        yield Figure(f"{name}: turns that met the land itself", "0", text, not hits.collisions)
+        vertices = int(shapely.get_num_coordinates(chart.hard_no_go))
+        text = f"{vertices:,}: {simplified - started:.1f} s, {planned - simplified:.1f} s"
+        yield Figure(
+            f"{name}: vertices, CPU to simplify, to plan {len(plan.routes)} routes", "", text
+        )
