@@ -26,14 +26,8 @@ from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_paths import k_best_paths, time_to_go
 from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
-from renew.classes.roadmap import (
-    Resolution,
-    Roadmap,
-    Tube,
-    closer_look,
-    resolution_for,
-    roadmap,
-)
+from renew.classes.resolution import Resolution, Tube, closer_look, resolution_for
+from renew.classes.roadmap import Roadmap, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.arguments import Order

@@ -15,12 +15,12 @@ from shapely import box
 
 import renew
 from renew.classes.k_best_paths import time_to_go
+from renew.classes.resolution import Resolution
 from renew.classes.roadmap import (
     GOAL,
     NONE_CROSSED,
     SEVERAL_CROSSED,
     START,
-    Resolution,
     Roadmap,
     roadmap,
 )

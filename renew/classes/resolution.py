@@ -1,0 +1,67 @@
+"""How closely the nodes of a roadmap stand, and the water in which a path is looked at closer."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from renew._types import BoolArray, FloatArray
+from renew.classes.triangulation import Triangulation
+from renew.inputs.voyage import Voyage
+
+# Number of cells in smooth currents, in small eddies, for each triangle, and at most; and that from
+# which legs lead in more directions.
+_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 10_000, 20, 40_000, 5_000
+# Half the width of the water in which a path is looked at closer, in cells.
+_TUBE = 8.0
+
+
+class Resolution(NamedTuple):
+    """How closely nodes stand: about `cells` over the extent, each with legs to those around it.
+
+    Legs lead to nodes at up to `reach` cells along either axis: 16 for a reach of 2, 48 for 4.
+    """
+
+    cells: int
+    reach: int
+
+
+def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
+    """Resolution that tells the classes of a voyage apart: the finer, the more eddies and islands.
+
+    In small eddies legs lead in more directions as well: with few, the wrong valley is taken.
+    """
+    islands = min(_PER_TRIANGLE * len(triangulation.triangles), _MAX_CELLS)
+    if voyage.table.has_small_eddies:
+        return Resolution(max(_EDDIES, islands), 4)
+    return Resolution(max(_SMOOTH, islands), 2 if islands < _MANY else 3)
+
+
+class Tube(NamedTuple):
+    """The water beside a path (n, 2), a few cells of so many metres to either side."""
+
+    path: FloatArray
+    cell: float
+
+    def holds(self, points: FloatArray) -> BoolArray:
+        """Whether it holds points (m, 2)."""
+        along = shapely.segmentize(shapely.LineString(self.path), self.cell)
+        tree = cKDTree(shapely.get_coordinates(along))
+        distance, _ = tree.query(points, distance_upper_bound=_TUBE * self.cell)
+        return np.asarray(np.isfinite(distance))
+
+
+def closer_look(
+    path: FloatArray, voyage: Voyage, resolution: Resolution, closer: int
+) -> tuple[Resolution, Tube]:
+    """Resolution and water in which a path (n, 2) that was found at another is looked at closer.
+
+    Nodes stand closer together by a factor.
+    """
+    xmin, ymin, xmax, ymax = voyage.chart.bounds
+    cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / closer
+    return Resolution(closer**2 * resolution.cells, 2), Tube(path, cell)
