@@ -164,15 +164,62 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
         rows[row, _LONGER + out] = _IMPOSSIBLE
         return 0
     # Any path through these triangles crosses the same rays: here from middle to middle.
-    ax, ay = _middle(mesh, triangle)
-    bx, by = _middle(mesh, after)
-    p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
-    x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
-    word = _appended(rays, words, rows[row, WORD], Segment(ax, ay, x, y))
-    word = _appended(rays, words, word, Segment(x, y, bx, by))
+    word = rows[row, WORD]
+    for leg in _across(mesh, triangle, out):
+        word = _appended(rays, words, word, leg)
     rows[row, _LONGER + out] = new
     rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
     return 1
+
+
+@kernel
+def word_changes(task: Task) -> BoolArray:
+    """Edges (t, 3) across which a row's word changes, by the corner opposite to each."""
+    mesh, rays = task.graph.mesh, task.rays
+    changes = np.zeros(mesh.neighbours.shape, dtype=np.bool_)
+    for triangle in range(len(changes)):
+        for out in range(3):
+            after = mesh.neighbours[triangle, out]
+            if after < 0:
+                continue
+            for leg in _across(mesh, triangle, out):
+                first, last, step = rays_between(rays.x, leg.ax, leg.bx)
+                for i in range(first, last, step):
+                    if is_crossed(rays.x[i], rays.y[i], leg):
+                        # From the other side rounding may say otherwise.
+                        changes[triangle, out] = True
+                        changes[after, mesh.back[triangle, out]] = True
+    return changes
+
+
+@kernel
+def keeps_word(graph: Roadmap, changes: BoolArray, node: int, number: int) -> bool:
+    """Whether a leg from a node crosses no edge across which words change."""
+    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
+    triangle, entry, last = graph.triangle[node], -1, graph.triangle[other]
+    if out != SEVERAL_CROSSED:
+        return triangle == last or not changes[triangle, out]
+    leg = Segment(
+        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
+    )
+    for _ in range(MAX_CROSSED):
+        out, is_open = crossed_edge(mesh, triangle, entry, leg)
+        if not is_open or changes[triangle, out]:
+            return False
+        triangle, entry = mesh.neighbours[triangle, out], mesh.back[triangle, out]
+        if triangle == last:
+            return True
+    return False
+
+
+@kernel
+def _across(mesh: Mesh, triangle: int, out: int) -> tuple[Segment, Segment]:
+    """Legs from a triangle's middle to that of one of its edges, and on to the next one's."""
+    ax, ay = _middle(mesh, triangle)
+    bx, by = _middle(mesh, mesh.neighbours[triangle, out])
+    p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
+    x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
+    return Segment(ax, ay, x, y), Segment(x, y, bx, by)
 
 
 @kernel

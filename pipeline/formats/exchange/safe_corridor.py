@@ -112,11 +112,28 @@ class SafeCorridor:
     def clearance(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
         """Distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
         clearance = np.full(len(geometries), self.wanted_clearance)
+        # The box of a long leg holds thousands of edges: its pieces are looked at one by one, and
+        # most of them are far from all.
+        pieces, owner = _pieces(geometries)
+        near = shapely.dwithin(self.blocked, pieces, self.wanted_clearance)
+        pieces, owner = pieces[near], owner[near]
         (index, _), apart = self._blocked_edges.query_nearest(
-            geometries, max_distance=self.wanted_clearance, all_matches=False, return_distance=True
+            pieces, max_distance=self.wanted_clearance, all_matches=False, return_distance=True
         )
-        clearance[index] = apart
+        np.minimum.at(clearance, owner[index], apart)
         return clearance
+
+
+def _pieces(
+    geometries: npt.NDArray[np.object_],
+) -> tuple[npt.NDArray[np.object_], npt.NDArray[np.int64]]:
+    """Segments of lines (n,), or the points themselves, and the index of the one each is of."""
+    points, owner = shapely.get_coordinates(geometries, return_index=True)
+    inside = owner[:-1] == owner[1:]
+    if not inside.any():
+        return geometries, owner
+    ends = np.stack([points[:-1][inside], points[1:][inside]], axis=1)
+    return np.asarray(shapely.linestrings(ends)), owner[:-1][inside]
 
 
 def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) -> SafeCorridor:
@@ -138,7 +155,7 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
     free = off_land = shapely.difference(around, margin_area)
     if first > 0 or last < len(path) - 1:
         off_land = shapely.difference(around, land)
-    shapely.prepare([free, off_land])
+    shapely.prepare([free, off_land, blocked])
     cap = _MAX_ERROR_RADII * radius
     return SafeCorridor(
         path=path,

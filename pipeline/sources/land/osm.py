@@ -23,7 +23,7 @@ from pipeline.sources.land.polygons import (
     repair_note,
     repaired,
 )
-from pipeline.sources.land.world import NAME, Shoreline, polygons_near
+from pipeline.sources.land.world import NAME, NearPolygons, Shoreline, polygons_near
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -95,13 +95,13 @@ def land_polygons(
         source cuts at 180 degrees are joined again.
     """
     box = box_around(region, beyond_m)
-    polygons, notes = polygons_near(shoreline, box)
-    return replace(clean(polygons, box), notes=notes)
+    near, notes = polygons_near(shoreline, box)
+    return replace(clean(near, box), notes=notes)
 
 
-def clean(polygons: Polygons, box: Polygon) -> LandPolygons:
+def clean(near: NearPolygons, box: Polygon) -> LandPolygons:
     """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees."""
-    valid, repairs = repaired(polygons)
+    valid, repairs = repaired(*near)
     parts = clipped(valid, box)
     distinct = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
     joined, seam_pieces = _joined_at_180(distinct)

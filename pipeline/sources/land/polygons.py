@@ -84,12 +84,14 @@ def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
     return moved
 
 
-def repaired(geometries: Geometries) -> tuple[Geometries, int]:
+def repaired(
+    geometries: Geometries, is_valid: npt.NDArray[np.bool_] | None = None
+) -> tuple[Geometries, int]:
     """Make invalid areas valid, covering all that their rings enclose; count the invalid ones.
 
-    A line of no length becomes a point.
+    A line of no length becomes a point. Which are valid (n,) is looked for if it isn't known.
     """
-    is_invalid = ~shapely.is_valid(geometries)
+    is_invalid = ~(shapely.is_valid(geometries) if is_valid is None else is_valid)
     if not is_invalid.any():
         return geometries, 0
     valid = geometries.copy()
