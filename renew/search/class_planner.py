@@ -15,6 +15,7 @@ import shapely
 from renew._types import FloatArray
 from renew.classes.channel import Channel
 from renew.classes.dual_graph import surroundings
+from renew.classes.h_signature import name
 from renew.errors import InfeasibleError
 from renew.inputs.arguments import Method
 from renew.kernels.ground_speed import Polar
@@ -85,12 +86,13 @@ class ClassPlanner:
     def route(self, channel: Channel) -> Route:
         """Best route of a class; its padding grows until every hard-over turn is clear.
 
+        Where each way of looking for it slips past an islet, the route is of another class.
         InfeasibleError says why there is none.
         """
         corridor = self._corridor(channel)
         near: FloatArray | None = None
         for _ in range(_MAX_GROWTHS):
-            found = self._best_path(corridor, near)
+            found = self._found(corridor, near)
             shortfall = self._growth.shortfall(found.corridor, found.path)
             if shortfall is None:
                 return self._route(found)
@@ -126,47 +128,61 @@ class ClassPlanner:
             padded=self._model.padded_edges(channel, voyage.start, voyage.goal),
         )
 
-    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> _Found:
+    def _found(self, corridor: Corridor, near: FloatArray | None) -> _Found:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
         if self._method.method == "sampled":
             return self._best_sample(corridor)
         if near is None:
             check_straits(corridor)
+        return self._best_path(corridor, near)
+
+    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> _Found:
+        """Best path of some attempts; of another class where each of them slips into one."""
         first: InfeasibleError | None = None
         best: _Found | None = None
+        slipped: list[tuple[Corridor, FloatArray]] = []
         for attempt in self._attempts(corridor, near):
             try:
                 used, path = attempt()
-                found = self._steered(corridor, used, path)
+                found = self._steered_in_class(corridor, used, path)
             except InfeasibleError as error:
                 if error.strait is not None:
                     raise
                 first = first or error
+                continue
+            if found is None:
+                slipped.append((used, path))
                 continue
             if best is None or found.fuel < best.fuel:
                 best = found
             if found.fuel <= _DEAR * self.problem.voyage.fuel(path):
                 break
             # Much room had to be made to turn in: another way may need less of it.
+        if best is None and slipped:
+            best = self._steered(corridor, *slipped[0])
         if best is None:
             raise first or InfeasibleError("no path was found")
         return best
 
+    def _steered_in_class(
+        self, corridor: Corridor, used: Corridor, path: FloatArray
+    ) -> _Found | None:
+        """The same as `_steered`; None where the path slips into another class."""
+        found = self._steered(corridor, used, path) if self._is_of(corridor, path) else None
+        return found if found is not None and self._is_of(corridor, found.path) else None
+
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> _Found:
-        """A path (n, 2) of a class that was found in its corridor, or one with more padding."""
-        self._check_class(corridor, path)
+        """A path (n, 2) that was found in a corridor, or one with more padding."""
         makes_room = self._method.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
         used, path, trajectory = steered(used, path)
-        self._check_class(corridor, path)
         self._check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         return _Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
 
-    def _check_class(self, corridor: Corridor, path: FloatArray) -> None:
-        """Refuse a path (n, 2) that is not of a corridor's class."""
-        if self.problem.rays.word(path) != corridor.channel.word:
-            raise InfeasibleError("its least-fuel path slips into another class")
+    def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
+        """Whether a path (n, 2) is of a corridor's class."""
+        return self.problem.rays.word(path) == corridor.channel.word
 
     def _attempts(
         self, corridor: Corridor, near: FloatArray | None
@@ -250,11 +266,12 @@ class ClassPlanner:
         first: InfeasibleError | None = None
         for path in (*smooth, *chains):
             try:
-                found = self._steered(corridor, corridor, path)
+                found = self._steered_in_class(corridor, corridor, path)
             except InfeasibleError as error:
                 first = first or error
                 continue
-            return found._replace(harmonic_mean=harmonic_mean(fuels))
+            if found is not None:
+                return found._replace(harmonic_mean=harmonic_mean(fuels))
         raise first or InfeasibleError("no chain was found")
 
     def _route(self, found: _Found) -> Route:
@@ -276,7 +293,7 @@ class ClassPlanner:
             clearance=float(clearance),
             duration=fuel / voyage.vessel.fuel_rate,
             fuel_bound=self.problem.fuel_bound,
-            homotopy=corridor.channel.name,
+            homotopy=name(self.problem.rays.word(path)),
             corners=corridor.corners,
             padding_used=np.column_stack([padded.start, padded.end, padded.padding]),
             harmonic_mean=class_mean,

@@ -8,7 +8,7 @@ from functools import partial
 
 from renew.classes.channel import Channel, Transition
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.h_signature import Word, name
+from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
@@ -41,7 +41,7 @@ def plan_classes(
     to be blocked for them, or a passing edge to be too narrow: these are then planned for
     themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
     """
-    results = _Results(ClassPlanner(problem, policy, method))
+    results = Results(ClassPlanner(problem, policy, method))
     clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
     scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
     is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
@@ -56,14 +56,10 @@ def plan_classes(
                 results.add(channel)
     if is_free and scout.has_many_triangles:
         results.look_closer(scout)
-    routes = sorted(results.routes.values(), key=lambda route: route.fuel)
-    rejected = (
-        rejected for word, rejected in results.rejected.items() if word not in results.routes
-    )
-    return ClassResults(tuple(routes[:classes]), tuple(rejected))
+    return results.least(classes)
 
 
-class _Results:
+class Results:
     """What each class has come to so far: a route, or the first reason against it."""
 
     def __init__(self, planner: ClassPlanner) -> None:
@@ -71,7 +67,15 @@ class _Results:
         self._rays = planner.problem.rays
         self.routes: dict[Word, Route] = {}
         self.rejected: dict[Word, Rejected] = {}
+        self._slipped: dict[Word, Route] = {}
         self._done: set[Word] = set()
+
+    def least(self, classes: int) -> ClassResults:
+        """Routes of so many classes, least fuel first; also those that slipped out of others."""
+        self._add_slipped()
+        routes = sorted(self.routes.values(), key=lambda route: route.fuel)
+        rejected = (one for word, one in self.rejected.items() if word not in self.routes)
+        return ClassResults(tuple(routes[:classes]), tuple(rejected))
 
     def plan_in_rounds(
         self,
@@ -102,6 +106,7 @@ class _Results:
 
     def look_closer(self, scout: ClassEnumerator) -> None:
         """Look beside the best route, ever closer, for better ways on other sides of islands."""
+        self._add_slipped()
         for closer in _CLOSER if self.routes else ():
             best = min(self.routes.values(), key=lambda route: route.fuel)
             for channel in scout.channels_beside(best.path, closer, _BESIDE):
@@ -112,22 +117,45 @@ class _Results:
         """Plan a channel as one of the class with a word."""
         if channel.word in self._done:
             return frozenset()
+        asked = replace(channel, word=word)
         try:
-            route = self._planner.route(replace(channel, word=word))
+            route = self._route(asked)
         except InfeasibleError as error:
-            rejected = Rejected(
-                homotopy=name(word),
-                reason=str(error),
-                channel=self._planner.problem.triangulation.corners[channel.triangles],
-                strait=error.strait,
-                cause=error,
-                _compute_fuel=partial(self._planner.unpadded_fuel, replace(channel, word=word)),
-            )
-            self.rejected.setdefault(word, rejected)
+            self.rejected.setdefault(word, self._rejected(asked, error))
             if error.strait is None:
                 self._done.add(channel.word)
             return error.blocked
         self._done.add(channel.word)
-        if word not in self.routes or route.fuel < self.routes[word].fuel:
-            self.routes[word] = route
+        _keep_best(self.routes, word, route)
         return frozenset()
+
+    def _route(self, channel: Channel) -> Route:
+        """Route of a channel's class; one that slips out of it is put aside."""
+        route = self._planner.route(channel)
+        found = self._rays.word(route.path)
+        if found != channel.word:
+            _keep_best(self._slipped, found, route)
+            raise InfeasibleError("its least-fuel path slips into another class")
+        return route
+
+    def _add_slipped(self) -> None:
+        """Take the routes that slipped out of their classes as routes of those that they are of."""
+        for word, route in self._slipped.items():
+            _keep_best(self.routes, word, route)
+
+    def _rejected(self, channel: Channel, error: InfeasibleError) -> Rejected:
+        """A class without a route, and why."""
+        return Rejected(
+            homotopy=channel.name,
+            reason=str(error),
+            channel=self._planner.problem.triangulation.corners[channel.triangles],
+            strait=error.strait,
+            cause=error,
+            _compute_fuel=partial(self._planner.unpadded_fuel, channel),
+        )
+
+
+def _keep_best(routes: dict[Word, Route], word: Word, route: Route) -> None:
+    """Keep a route of a class if it needs less fuel than the one there is."""
+    if word not in routes or route.fuel < routes[word].fuel:
+        routes[word] = route

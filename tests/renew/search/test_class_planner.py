@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ import renew
 from renew.errors import InfeasibleError
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.k_sailable_classes import Results
 from renew.search.problem import Problem
 from tests.strategies import random_scene, voyage_on
 
@@ -47,6 +49,26 @@ def test_a_route_stays_in_its_class_and_padding_never_makes_it_cheaper(method: M
         assert route.clearance >= 1.5
         assert planner.unpadded_fuel(channel) <= route.fuel * (1 + 1e-3)
     assert planned >= (2 if method == "optimal" else 1)
+
+
+def test_a_path_that_slips_out_of_its_class_is_a_route_of_its_own_class() -> None:
+    planner = planner_of(voyage_on(*_scene(0)), 1.5)
+    channel = planner.problem.enumerator(1.5).channels(1)[0]
+    # No path in this channel has that word: as where a path slips past an islet.
+    asked = replace(channel, word=(*channel.word, 99))
+    route = planner.route(asked)
+    assert route.homotopy == channel.name
+    assert route.fuel == pytest.approx(planner.route(channel).fuel, rel=0.01)
+    results = Results(planner)
+    results.add(asked)
+    found = results.least(4)
+    assert [one.homotopy for one in found.routes] == [channel.name]
+    assert [one.homotopy for one in found.rejected] == [asked.name]
+    assert "slips into another class" in found.rejected[0].reason
+    results.add(channel)
+    again = results.least(4)
+    assert len(again.routes) == 1
+    assert again.routes[0].fuel <= found.routes[0].fuel
 
 
 def test_padding_grows_until_turns_are_clear() -> None:
