@@ -168,8 +168,8 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
     bx, by = _middle(mesh, after)
     p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
     x, y = (p[0] + q[0]) / 2, (p[1] + q[1]) / 2
-    word = _appended(rays, words, rows[row, WORD], Segment(ax, ay, x, y))
-    word = _appended(rays, words, word, Segment(x, y, bx, by))
+    word = appended(rays, words, rows[row, WORD], Segment(ax, ay, x, y))
+    word = appended(rays, words, word, Segment(x, y, bx, by))
     rows[row, _LONGER + out] = new
     rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
     return 1
@@ -229,7 +229,7 @@ def triangles_of(rows: IntArray, row: int) -> IntArray:
 
 
 @kernel
-def _appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
+def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
     """Number of the word after a leg that follows a word."""
     first, last, step = rays_between(rays.x, leg.ax, leg.bx)
     for i in range(first, last, step):
