@@ -166,7 +166,7 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
     # Any path through these triangles crosses the same rays: here from middle to middle.
     word = rows[row, WORD]
     for leg in _across(mesh, triangle, out):
-        word = _appended(rays, words, word, leg)
+        word = appended(rays, words, word, leg)
     rows[row, _LONGER + out] = new
     rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
     return 1
@@ -276,7 +276,7 @@ def triangles_of(rows: IntArray, row: int) -> IntArray:
 
 
 @kernel
-def _appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
+def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
     """Number of the word after a leg that follows a word."""
     first, last, step = rays_between(rays.x, leg.ax, leg.bx)
     for i in range(first, last, step):

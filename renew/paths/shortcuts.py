@@ -1,95 +1,189 @@
-"""Chains merged and smoothed: straight legs past points, wherever they are clear and quicker.
+"""Chains smoothed: straight legs past their points, wherever these are clear and quicker.
 
-Merging follows the hybridization of paths (Raveh, Enosh & Halperin, 2011): pieces of several good
-chains make a better one.
+A shortcut keeps to the chain's class: it crosses the rays of the islands (see
+:mod:`renew.classes.h_signature`) as the part of the chain that it replaces.
 """
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.h_signature import Rays
+from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
-from renew.inputs.current_table import velocities
-from renew.kernels.capsules import legs_are_clear
-from renew.kernels.ground_speed import ground_speeds
+from renew.inputs.current_table import Table, velocity
+from renew.kernels.capsules import Capsules, Segment, leg_is_clear
+from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
 
-# Number of pieces into which the path is cut in each round: their ends are what legs lead between.
-_PIECES, _ROUNDS = 60, 4
-# Gauss-Legendre nodes and weights by which a leg is timed.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+# Number of pieces into which a path is cut in each round: their ends are what legs lead between.
+# A chain among hundreds gets one round with few.
+_PIECES, _ROUNDS, _CHAIN_PIECES = 60, 4, 8
+# Legs are timed at two Gauss-Legendre points of each of their pieces, which are at most this share
+# of the whole path; places of the two in a piece.
+_TIMED, _GAUSS = 1 / 10, (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 
 
-def merged(corridor: Corridor, chains: FloatArray) -> FloatArray:
-    """Quickest path (m, 2) along straight legs between points of some chains (c, n, 2)."""
-    count = chains.shape[1]
-    inner = chains[:, 1:-1].swapaxes(0, 1).reshape(-1, 2)
-    points = np.vstack([chains[0, 0], inner, chains[0, -1]])
-    place = np.concatenate([[0], np.repeat(np.arange(1, count - 1), len(chains)), [count - 1]])
-    return points[_quickest(corridor, points, place)]
+class Shortened(NamedTuple):
+    """Chains with shortcuts: paths (n, 2), m, and times (c,), s."""
+
+    paths: list[FloatArray]
+    times: FloatArray
 
 
-def with_shortcuts(corridor: Corridor, path: FloatArray) -> FloatArray:
+class _Water(NamedTuple):
+    """What legs are timed in, what they keep out of, and the rays that tell classes apart.
+
+    `exempt` (2, c) is as :attr:`Corridor.exempt`.
+    """
+
+    table: Table
+    polar: Polar
+    capsules: Capsules
+    exempt: BoolArray
+    rays: RayColumns
+
+
+def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArray:
     """Quickest path (m, 2) along straight legs between places on a path (n, 2), clear of V."""
-    for _ in range(_ROUNDS):
-        points = _cut(path)
-        path = points[_quickest(corridor, points, np.arange(len(points)))]
+    time, path = _shortened(path, _PIECES, _ROUNDS, _water(corridor, rays))
+    if not math.isfinite(time):
+        raise InfeasibleError("no legs between places on its path are clear of V")
     return path
 
 
-def _cut(path: FloatArray) -> FloatArray:
+def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shortened:
+    """Chains (c, n, 2), each with shortcuts between some places on it; those with a clear way.
+
+    A chain may itself cross V, where a shortcut past that leg doesn't.
+    """
+    water = _water(corridor, rays)
+    found = [_shortened(chain, _CHAIN_PIECES, 1, water) for chain in chains]
+    found = [(time, path) for time, path in found if math.isfinite(time)]
+    return Shortened([path for _, path in found], np.array([time for time, _ in found]))
+
+
+def _water(corridor: Corridor, rays: Rays) -> _Water:
+    """Water of a corridor, in which rays tell classes apart."""
+    return _Water(
+        corridor.voyage.table,
+        corridor.polar,
+        corridor.search_capsules,
+        corridor.exempt,
+        RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0)),
+    )
+
+
+@kernel
+def _shortened(
+    path: FloatArray, pieces: int, rounds: int, water: _Water
+) -> tuple[float, FloatArray]:
+    """Time (s) and quickest path (m, 2) between places on a path (n, 2); inf where none is clear.
+
+    In each round the path is cut into about so many pieces, evenly.
+    """
+    time = math.inf
+    for _ in range(rounds):
+        points = _cut(path, pieces)
+        time, row = _quickest(points, water)
+        if time == math.inf:
+            break
+        path = points[row]
+    return time, path
+
+
+@kernel
+def _cut(path: FloatArray, count: int) -> FloatArray:
     """Path (m, 2) with points added: its own, and others evenly along it."""
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    pieces = np.maximum(np.ceil(lengths / lengths.sum() * _PIECES), 1).astype(np.int64)
-    leg = np.repeat(np.arange(len(pieces)), pieces)
-    place = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
-    points = path[leg] + place[:, None] * (path[leg + 1] - path[leg])
-    return np.vstack([points, path[-1]])
+    legs = len(path) - 1
+    whole = _length(path)
+    pieces = np.empty(legs, dtype=np.int64)
+    for k in range(legs):
+        length = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        pieces[k] = max(1, math.ceil(length / whole * count))
+    points = np.empty((pieces.sum() + 1, 2))
+    at = 0
+    for k in range(legs):
+        for piece in range(pieces[k]):
+            points[at] = path[k] + piece / pieces[k] * (path[k + 1] - path[k])
+            at += 1
+    points[at] = path[legs]
+    return points
 
 
-def _times(corridor: Corridor, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Times (n,), s, over legs a -> b (n, 2) by Eq. 4; inf where no way is made."""
-    way = b - a
-    length = np.linalg.norm(way, axis=1)
-    tangent = np.repeat(way / np.maximum(length, 1e-300)[:, None], len(_NODES), axis=0)
-    points = a[:, None] + (_NODES[:, None] + 1) / 2 * way[:, None]
-    current = velocities(corridor.voyage.table, points.reshape(-1, 2))
-    speed = ground_speeds(current, tangent, corridor.polar)
-    strength = np.linalg.norm(current, axis=1)
-    is_passable = (speed > 0) & (strength < corridor.polar.speed)
-    slowness = np.where(is_passable, 1 / np.where(is_passable, speed, 1.0), np.inf)
-    return np.asarray(length * (slowness.reshape(-1, len(_NODES)) @ (_WEIGHTS / 2)))
+@kernel
+def _length(path: FloatArray) -> float:
+    """Length of a path (n, 2), m."""
+    length = 0.0
+    for k in range(len(path) - 1):
+        length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    return length
 
 
-def _are_clear(corridor: Corridor, points: FloatArray, one: IntArray, other: IntArray) -> BoolArray:
-    """Which legs (n,) between points keep out of V; the first may leave it, the last enter it."""
-    capsules, exempt = corridor.search_capsules, corridor.exempt
-    clear = legs_are_clear(points[one], points[other], capsules)
-    for legs, free in ((one == 0, exempt[0]), (other == len(points) - 1, exempt[1])):
-        if free.any():
-            left = capsules.select(~free)
-            clear[legs] |= legs_are_clear(points[one[legs]], points[other[legs]], left)
-    return np.asarray(clear)
+@kernel
+def _leg_time(leg: Segment, longest: float, water: _Water) -> float:
+    """Time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m; inf if impassable."""
+    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
+    length = math.hypot(dx, dy)
+    if length == 0.0:
+        return 0.0
+    pieces = math.ceil(length / longest)
+    total = 0.0
+    for piece in range(pieces):
+        for within in _GAUSS:
+            place = (piece + within) / pieces
+            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy)
+            total += slowness(u, v, dx / length, dy / length, water.polar)
+    return total * length / (2 * pieces)
 
 
-def _quickest(corridor: Corridor, points: FloatArray, place: IntArray) -> IntArray:
-    """Points (m,) of the quickest clear way from the first to the last; places (n,) must ascend."""
-    one, other = np.triu_indices(len(points), k=1)
-    onwards = place[one] < place[other]
-    one, other = one[onwards], other[onwards]
-    times = np.full((len(points), len(points)), np.inf)
-    clear = _are_clear(corridor, points, one, other)
-    times[one[clear], other[clear]] = _times(corridor, points[one[clear]], points[other[clear]])
-    arrival, before = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+@kernel
+def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
+    """Time (s) and points (m,) of the quickest clear way along points (n, 2), first to last.
+
+    The first leg may leave capsules, the last may enter them.
+    """
+    last, words = len(points) - 1, no_words()
+    word = np.zeros(last + 1, dtype=np.int64)
+    arrival, before = np.full(last + 1, np.inf), np.zeros(last + 1, dtype=np.int64)
     arrival[0] = 0.0
-    for point in range(1, len(points)):
-        total = arrival[:point] + times[:point, point]
-        before[point] = total.argmin()
-        arrival[point] = total[before[point]]
-    if not np.isfinite(arrival[-1]):
-        raise InfeasibleError("no legs between its sampled points are clear of V")
-    row = [len(points) - 1]
-    while row[-1]:
-        row.append(int(before[row[-1]]))
-    return np.array(row[::-1])
+    total, longest = np.empty(last + 1), _TIMED * _length(points)
+    for new in range(1, last + 1):
+        (ax, ay), (bx, by) = points[new - 1], points[new]
+        word[new] = appended(water.rays, words, word[new - 1], Segment(ax, ay, bx, by))
+        for old in range(new):
+            leg = Segment(points[old, 0], points[old, 1], bx, by)
+            is_reached = arrival[old] < np.inf
+            total[old] = arrival[old] + _leg_time(leg, longest, water) if is_reached else np.inf
+        while True:
+            old = int(np.argmin(total[:new]))
+            if total[old] == np.inf:
+                break
+            leg = Segment(points[old, 0], points[old, 1], bx, by)
+            same_class = appended(water.rays, words, word[old], leg) == word[new]
+            if same_class and _is_clear(leg, water, is_first=old == 0, is_last=new == last):
+                arrival[new], before[new] = total[old], old
+                break
+            total[old] = np.inf
+    row = [last]
+    while row[-1] > 0:
+        row.append(before[row[-1]])
+    return arrival[last], np.array(row[::-1], dtype=np.int64)
+
+
+@kernel
+def _is_clear(leg: Segment, water: _Water, is_first: bool, is_last: bool) -> bool:
+    """Whether a leg keeps out of V; the first may leave it, the last enter it."""
+    every = np.arange(len(water.capsules.radius))
+    exempt = np.zeros(len(every), dtype=np.bool_)
+    if is_first:
+        exempt |= water.exempt[0]
+    if is_last:
+        exempt |= water.exempt[1]
+    return leg_is_clear(leg, water.capsules, every, exempt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from renew._types import FloatArray
+from renew._types import BoolArray, FloatArray
 from renew.classes.channel import Channel
 from renew.classes.dual_graph import surroundings
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError
 from renew.inputs.arguments import Method
+from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import Polar
 from renew.padding.padding_model import LAYERS, PaddingModel
 from renew.padding.policy import PaddingPolicy
@@ -29,7 +30,7 @@ from renew.paths.least_fuel_path import (
     refined_path,
 )
 from renew.paths.random_chains import random_chains
-from renew.paths.shortcuts import merged, with_shortcuts
+from renew.paths.shortcuts import each_shortened, with_shortcuts
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.harmonic_mean import harmonic_mean
@@ -39,8 +40,9 @@ from renew.steering.turning_radius import steerable
 
 # Ratio of a steered path's fuel to that of the path before from which other ways are tried.
 _DEAR = 1.01
-# Number of sampled chains, least fuel first, that are tried to be steered.
-_MAX_CHAINS = 60
+# Number of sampled chains, least fuel first, that are tried to be steered, and number of those that
+# are smoothed further.
+_MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 # Number of times that the padding of a class may grow before the class is given up.
 _MAX_GROWTHS = 8
 
@@ -245,33 +247,38 @@ class ClassPlanner:
             )
 
     def _best_sample(self, corridor: Corridor) -> _Found:
-        """Least-fuel chain of the paper's sampling, smoothed; the harmonic mean is its class's."""
-        voyage, method = self.problem.voyage, self._method
+        """Least-fuel chain of the paper's sampling, smoothed; the harmonic mean is its class's.
+
+        The published figures are of smoothed paths. So each chain is smoothed before it is checked
+        and counts in the mean: as they are drawn, hardly any can be steered.
+        """
+        voyage, method, rays = self.problem.voyage, self._method, self.problem.rays
         rng = np.random.default_rng([method.seed, *corridor.channel.triangles.tolist()])
         chains = random_chains(corridor, method.samples, rng)
-        chains = chains[steerable(chains, voyage.current, voyage.vessel)]
-        if not len(chains):
+        paths, times = each_shortened(corridor, rays, chains)
+        if not paths:
+            raise InfeasibleError(
+                f"each of {method.samples} sampled chains crosses the soft no-go zone, or water "
+                "whose current is as strong as the vessel"
+            )
+        chosen = np.flatnonzero(_are_steerable(paths, voyage))
+        if not len(chosen):
             raise InfeasibleError(
                 f"none of {method.samples} sampled chains can be steered at a turn rate of "
                 f"{math.degrees(voyage.vessel.turn_rate):g} degrees a second; method='optimal' may"
             )
-        # Water with a current as strong as the vessel is no-go for it, whichever way it flows.
-        drifts = np.linalg.norm(voyage.current((chains[:, 1:] + chains[:, :-1]) / 2), axis=-1)
-        chains = chains[(drifts < voyage.vessel.speed).all(axis=1)]
-        fuels = np.array([voyage.fuel(chain) for chain in chains])
-        if not np.isfinite(fuels).any():
-            raise InfeasibleError("the current is as strong as the vessel on every sampled chain")
-        chains = chains[np.argsort(fuels)[:_MAX_CHAINS]]
-        smooth = [with_shortcuts(corridor, merged(corridor, chains))]
+        class_mean = harmonic_mean(voyage.vessel.fuel_rate * times[chosen])
+        best = [paths[i] for i in chosen[np.argsort(times[chosen])[:_MAX_CHAINS]]]
+        smooth = [with_shortcuts(corridor, rays, path) for path in best[:_MAX_SMOOTHED]]
         first: InfeasibleError | None = None
-        for path in (*smooth, *chains):
+        for path in (*sorted(smooth, key=voyage.fuel), *best):
             try:
                 found = self._steered_in_class(corridor, corridor, path)
             except InfeasibleError as error:
                 first = first or error
                 continue
             if found is not None:
-                return found._replace(harmonic_mean=harmonic_mean(fuels))
+                return found._replace(harmonic_mean=class_mean)
         raise first or InfeasibleError("no chain was found")
 
     def _route(self, found: _Found) -> Route:
@@ -318,3 +325,14 @@ def _bulging(corridor: Corridor) -> FloatArray:
 def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
     """Corridor, and the least-fuel path (n, 2) near a rough one."""
     return corridor, refined_path(corridor, rough)
+
+
+def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
+    """Which of some paths (n, 2) can be steered: those with equally many points in one go."""
+    points = np.array([len(path) for path in paths])
+    result = np.zeros(len(paths), dtype=bool)
+    for count in np.unique(points):
+        alike = np.flatnonzero(points == count)
+        stacked = np.stack([paths[i] for i in alike.tolist()])
+        result[alike] = steerable(stacked, voyage.current, voyage.vessel)
+    return result
