@@ -15,7 +15,7 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -27,6 +27,7 @@ from numba.core.caching import (
     IndexDataCacheFile,
     _CacheLocator,
 )
+from numba.core.registry import cpu_target
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -69,12 +70,17 @@ def cache_is_temporary() -> bool:
 def _lasting_folders() -> tuple[Path, ...]:
     """Folders where the cache may lie and outlive a reboot, in order of preference."""
     folders = [_PACKAGE / "__pycache__" / _name()]
-    asked = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR; set when Numba is imported
-    if asked:
-        folders.insert(0, Path(asked) / _name())
+    if (asked := _asked()) is not None:
+        folders.insert(0, asked / _name())
     if (user := user_cache()) is not None:
         folders.append(user / _name())
     return tuple(folders)
+
+
+def _asked() -> Path | None:
+    """Folder that NUMBA_CACHE_DIR names; Numba reads the variable when it is imported."""
+    asked = getattr(numba.config, "CACHE_DIR", "")
+    return Path(asked) if asked else None
 
 
 def user_cache() -> Path | None:
@@ -116,6 +122,33 @@ def _remove_earlier(folder: Path) -> None:
     others = [path for path in folder.parent.glob("kernels-*") if path != folder]
     for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_MAX_EARLIER]:
         shutil.rmtree(path, ignore_errors=True)
+
+
+def is_switched_on() -> bool:
+    """Whether kernels are compiled: not under NUMBA_DISABLE_JIT=1."""
+    return not getattr(numba.config, "DISABLE_JIT", 0)
+
+
+def processor() -> str:
+    """Name of the processor that code is made for: this machine's, or that of NUMBA_CPU_NAME."""
+    return str(cpu_target.target_context.codegen().magic_tuple()[1])
+
+
+_failures: list[OSError] = []
+
+
+@contextlib.contextmanager
+def _noting_failures() -> Iterator[None]:
+    """Go on where machine code can't be saved, and note why."""
+    try:
+        yield
+    except OSError as error:
+        _failures.append(error)
+
+
+def save_failures() -> tuple[OSError, ...]:
+    """Why machine code could not be saved in this process; empty where all could."""
+    return tuple(_failures)
 
 
 class _Locator(_CacheLocator):
@@ -168,9 +201,13 @@ class _KernelCache(FunctionCache):
         for files in self._read_only:
             if found is None and (data := files.load(index_key)) is not None:
                 found = self._impl.rebuild(target_context, data)
+                # A folder that was asked for is to hold all, so that it can be shipped.
+                if cache_folder().parent == _asked():
+                    with _noting_failures():
+                        self._cache_file.save(index_key, data)
         return found
 
     def save_overload(self, sig: object, data: object) -> None:
         """Save machine code; a full disk costs the next run its time, and nothing else."""
-        with contextlib.suppress(OSError):
+        with _noting_failures():
             super().save_overload(sig, data)

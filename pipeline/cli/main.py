@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm`.
 
 Exit codes:
 
@@ -266,6 +266,15 @@ def doctor(
         if as_json:
             typer.echo(spelled_as_json(findings))
         raise typer.Exit(exit_code(findings))
+
+
+@app.command()
+def warm() -> None:
+    """Compile what planning needs, so that no first plan has to wait for it."""
+    with reported_errors():
+        from pipeline.cli.warm import warm as warm_up
+
+        typer.echo(warm_up())
 
 
 @dataclass(frozen=True)

@@ -85,16 +85,9 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 @contextlib.contextmanager
 def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
     """Write each event as a line of JSON; and one now and then while nothing happens."""
-    import structlog
+    from pipeline.cli.json_lines import json_lines
 
-    log = structlog.wrap_logger(
-        structlog.WriteLogger(stream),
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.JSONRenderer(ensure_ascii=False),
-        ],
-    ).bind(scenario=scenario)
+    log = json_lines(stream).bind(scenario=scenario)
     state = _State(seasons)
 
     def on_event(event: Event) -> None:

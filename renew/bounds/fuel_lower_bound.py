@@ -225,9 +225,10 @@ def _rates(time: FloatArray, grid: TravelGrid) -> FloatArray:
                     east = north if falling else 1 - north
                     px = (time[r + north, c + 1] - time[r + north, c]) / wide
                     py = (time[r + 1, c + east] - time[r, c + east]) / high
-                    corner_currents[0] = grid.current[r + north, c + east]
-                    corner_currents[1] = grid.current[r + north, c + 1 - east]
-                    corner_currents[2] = grid.current[r + 1 - north, c + east]
+                    for d in range(2):
+                        corner_currents[0, d] = grid.current[r + north, c + east, d]
+                        corner_currents[1, d] = grid.current[r + north, c + 1 - east, d]
+                        corner_currents[2, d] = grid.current[r + 1 - north, c + east, d]
                     rate = _rate(px, py, corner_currents, grid.deviation[r, c], grid.polar)
                     worst = max(worst, rate)
                 best = min(best, worst)

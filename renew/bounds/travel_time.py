@@ -175,7 +175,7 @@ def solve(
             continue
         dirty[row, column] = False
         times[0] = now
-        corner_currents[0] = grid.current[row, column]
+        corner_currents[0, 0], corner_currents[0, 1] = grid.current[row, column]
         for quadrant in range(4):
             dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
             cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
@@ -192,8 +192,8 @@ def solve(
                 times[1] = time[by_row, by_column]
                 if dirty[by_row, by_column] and times[1] > now:
                     times[1] = np.inf  # its turn comes, and this triangle's with it
-                corner_currents[1] = grid.current[by_row, by_column]
-                corner_currents[2] = grid.current[to_row, to_column]
+                corner_currents[1, 0], corner_currents[1, 1] = grid.current[by_row, by_column]
+                corner_currents[2, 0], corner_currents[2, 1] = grid.current[to_row, to_column]
                 legs[0, 0] = grid.x[to_column] - grid.x[column]
                 legs[0, 1] = grid.y[to_row] - grid.y[row]
                 legs[1, 0] = grid.x[to_column] - grid.x[by_column]

@@ -84,8 +84,8 @@ def k_best_paths(
     """
     graph = task.graph
     rows, words = first_row(task), no_words()
-    labels, times = np.empty((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
-    labels[0] = START, 0, 0, -1, -1, 0
+    labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
+    labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
@@ -133,7 +133,7 @@ def k_best_paths(
             if noted == UNKNOWN:
                 noted, used = used, used + 1
                 labels[noted, _OLDER], newest[other] = newest[other], noted
-            labels[noted] = other, onwards, word, label, labels[noted, _OLDER], 0
+            _note(labels, noted, other, onwards, word, label, labels[noted, _OLDER])
             times[noted] = time
             late = math.log((time + to_go[other]) / to_go[START]) / _BUCKET_SIZE
             place = min(max(int(late), at), _BUCKETS - 1)
@@ -148,6 +148,15 @@ def _keeps_word(graph: Roadmap, changes: BoolArray, kind: IntArray, node: int, l
     if kind[leg] == _UNSEEN:
         kind[leg] = _KEEPS if keeps_word(graph, changes, node, leg) else _CHANGES
     return bool(kind[leg] == _KEEPS)
+
+
+@kernel
+def _note(
+    labels: IntArray, new: int, node: int, row: int, word: int, parent: int, older: int
+) -> None:
+    """Fill in the columns of a label that is not settled."""
+    labels[new, _NODE], labels[new, _ROW], labels[new, _WORD] = node, row, word
+    labels[new, _PARENT], labels[new, _OLDER], labels[new, _SETTLED] = parent, older, 0
 
 
 @kernel

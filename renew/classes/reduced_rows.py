@@ -84,8 +84,18 @@ class Words(NamedTuple):
 def first_row(task: Task) -> IntArray:
     """Rows with one among them: the start's triangle alone."""
     rows = np.full((_CAPACITY, _LONGER + 3), UNKNOWN)
-    rows[0, :_LONGER] = -1, task.graph.triangle[START], 3, 0, 0
+    rows[0, _TRIANGLE], rows[0, _ENTRY] = task.graph.triangle[START], 3
+    rows[0, WORD], rows[0, _ASTRAY] = 0, 0
     return rows
+
+
+@kernel
+def _note(
+    rows: IntArray, new: int, stem: int, triangle: int, entry: int, word: int, astray: int
+) -> None:
+    """Fill in the columns of a row but for those of the rows that it becomes."""
+    rows[new, _STEM], rows[new, _TRIANGLE], rows[new, _ENTRY] = stem, triangle, entry
+    rows[new, WORD], rows[new, _ASTRAY] = word, astray
 
 
 @kernel
@@ -168,7 +178,7 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
     for leg in _across(mesh, triangle, out):
         word = appended(rays, words, word, leg)
     rows[row, _LONGER + out] = new
-    rows[new, :_LONGER] = row, after, mesh.back[triangle, out], word, astray
+    _note(rows, new, row, after, mesh.back[triangle, out], word, astray)
     return 1
 
 
@@ -309,7 +319,8 @@ def number_of_classes(
 
     Also all rows made for that, and how many these are. Among many triangles it isn't counted.
     """
-    found, used, waiting = 0, 1, [0]
+    found, waiting = 0, [0]
+    used = len(waiting)  # not 1: for a literal the compiler would make `_lengthened` once more
     if len(task.graph.mesh.neighbours) > MAX_FLOODED:
         return most, rows, used
     while waiting and found < most:

@@ -362,7 +362,7 @@ def _legs(
     for k in range(len(pairs)):
         a, b = pairs[k]
         leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
-        crossed[k] = _crossed(mesh, leg, triangle[a], triangle[b])
+        crossed[k, 0], crossed[k, 1] = _crossed(mesh, leg, triangle[a], triangle[b])
         if crossed[k, 0] != _IMPASSABLE:
             first[a + 1] += 1
             first[b + 1] += 1

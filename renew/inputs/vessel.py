@@ -53,6 +53,9 @@ class Vessel:
         ]
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))
+        # For a whole number the compiler would make every kernel once more.
+        for name in _LIMITS:
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
     def turning_radius(self) -> float:

@@ -62,9 +62,11 @@ def with_transversals(
     at = 0
     for k in range(legs):
         for piece in range(pieces[k]):
-            result[at] = kept[k] + piece / pieces[k] * (kept[k + 1] - kept[k])
+            share = piece / pieces[k]
+            result[at, 0] = kept[k, 0] + share * (kept[k + 1, 0] - kept[k, 0])
+            result[at, 1] = kept[k, 1] + share * (kept[k + 1, 1] - kept[k, 1])
             at += 1
-    result[at] = kept[legs]
+    result[at, 0], result[at, 1] = kept[legs]
     return result
 
 
@@ -72,12 +74,12 @@ def with_transversals(
 def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
     """Path (n', 2) without points that repeat the one before, and how many legs it has."""
     kept = np.empty(path.shape)
-    kept[0] = path[0]
+    kept[0, 0], kept[0, 1] = path[0]
     legs = 0
     for k in range(1, len(path)):
         if path[k, 0] != kept[legs, 0] or path[k, 1] != kept[legs, 1]:
             legs += 1
-            kept[legs] = path[k]
+            kept[legs, 0], kept[legs, 1] = path[k]
     return kept[: legs + 1], legs
 
 
@@ -102,25 +104,29 @@ def refined_on_transversals(
     for k in range(rows - 2):
         dx, dy = path[k + 2, 0] - path[k, 0], path[k + 2, 1] - path[k, 1]
         scale = window / max(math.hypot(dx, dy), 1e-300)
-        left[k] = path[k + 1, 0] - dy * scale, path[k + 1, 1] + dx * scale
-        right[k] = path[k + 1, 0] + dy * scale, path[k + 1, 1] - dx * scale
+        x, y = path[k + 1, 0], path[k + 1, 1]
+        left[k, 0], left[k, 1] = x - dy * scale, y + dx * scale
+        right[k, 0], right[k, 1] = x + dy * scale, y - dx * scale
     intervals, found = free_intervals(left, right, water.capsules)
     points = np.empty((rows, count, 2))
-    points[0], points[-1] = path[0], path[-1]
+    for j in range(count):
+        points[0, j, 0], points[0, j, 1] = path[0]
+        points[-1, j, 0], points[-1, j, 1] = path[-1]
     for k in range(rows - 2):
         low, high = _around_middle(intervals[k, : found[k]])
         for j in range(count - 1):
             place = low + (high - low) * j / (count - 2)
-            points[k + 1, j] = left[k] + place * (right[k] - left[k])
+            for d in range(2):
+                points[k + 1, j, d] = left[k, d] + place * (right[k, d] - left[k, d])
         # The path's own point stays among them, so that no pass is worse than the one before.
-        points[k + 1, count - 1] = path[k + 1]
+        points[k + 1, count - 1, 0], points[k + 1, count - 1, 1] = path[k + 1]
     velocity = velocities(water.table, points.reshape(-1, 2)).reshape(points.shape)
     arrival, chain = quickest_chain(points, velocity, water.polar, water.capsules, exempt)
     if arrival == np.inf:
         return path
     chosen = np.empty((rows, 2))
     for k in range(rows):
-        chosen[k] = points[k, chain[k]]
+        chosen[k, 0], chosen[k, 1] = points[k, chain[k]]
     # Transversals that cross beside a bend may be visited back and forth.
     return without_detours(chosen, longest, water)
 

@@ -166,11 +166,11 @@ def free_intervals(
         behind = 0.0
         for h in range(found):
             if covered[h, 0] - behind > _SLIVER:
-                intervals[i, count[i]] = behind, covered[h, 0]
+                intervals[i, count[i], 0], intervals[i, count[i], 1] = behind, covered[h, 0]
                 count[i] += 1
             behind = max(behind, covered[h, 1])
         if 1.0 - behind > _SLIVER:
-            intervals[i, count[i]] = behind, 1.0
+            intervals[i, count[i], 0], intervals[i, count[i], 1] = behind, 1.0
             count[i] += 1
     return intervals, count
 

@@ -71,7 +71,8 @@ def _steered(
             "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
         )
     trajectory = steer(path, field, vessel)
-    track = trajectory[:, 1:3]
+    # Contiguous as all else is: for views the compiler would make these kernels once more.
+    track = np.ascontiguousarray(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
     clear = legs_are_clear(track[:-1], track[1:], land)

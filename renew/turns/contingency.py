@@ -219,13 +219,13 @@ def _flown_by_table(
             rate = turn_rate if side == 0 else -turn_rate
             for k in range(steps):
                 middle = heading[i] + rate * step * (k + 0.5)
-                through[k] = speed * math.cos(middle), speed * math.sin(middle)
+                through[k, 0], through[k, 1] = speed * math.cos(middle), speed * math.sin(middle)
             for draw in range(draws):
                 cos, sin = math.cos(direction_change[i, draw]), math.sin(direction_change[i, draw])
                 more = speed_change[i, draw]
                 x, y = points[i]
                 track = tracks[i, 2 * draw + side]
-                track[0] = x, y
+                track[0, 0], track[0, 1] = x, y
                 for k in range(steps):
                     u, v = _perturbed_velocity(velocity(table, x, y), more, cos, sin)
                     u, v = _perturbed_velocity(
@@ -239,7 +239,7 @@ def _flown_by_table(
                         sin,
                     )
                     x, y = x + step * (through[k, 0] + u), y + step * (through[k, 1] + v)
-                    track[k + 1] = x, y
+                    track[k + 1, 0], track[k + 1, 1] = x, y
     return tracks
 
 

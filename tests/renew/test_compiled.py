@@ -24,6 +24,7 @@ result = outer.doubled(3.0)
 stats = outer.doubled.stats
 print(result, sum(stats.cache_misses.values()), _compiled.cache_is_temporary())
 print(_compiled.cache_folder())
+print(_compiled.processor(), len(_compiled.save_failures()))
 """
 
 
@@ -50,6 +51,8 @@ class Ran(NamedTuple):
     compiled: int
     temporary: bool
     folder: Path
+    processor: str
+    unsaved: int
 
 
 def run(package: Path, *prefix: str, **variables: str) -> Ran:
@@ -63,16 +66,19 @@ def run(package: Path, *prefix: str, **variables: str) -> Ran:
         text=True,
         check=True,
     )
-    figures, folder = done.stdout.splitlines()
+    figures, folder, more = done.stdout.splitlines()
     result, compiled, temporary = figures.split()
-    return Ran(float(result), int(compiled), temporary == "True", Path(folder))
+    processor, unsaved = more.split()
+    return Ran(
+        float(result), int(compiled), temporary == "True", Path(folder), processor, int(unsaved)
+    )
 
 
 def test_a_second_process_compiles_nothing(package: Path) -> None:
     assert run(package)[:3] == (6.0, 1, False)
-    result, compiled, temporary, folder = run(package)
-    assert (result, compiled, temporary) == (6.0, 0, False)
-    assert folder.is_relative_to(package)
+    second = run(package)
+    assert second[:3] == (6.0, 0, False)
+    assert second.folder.is_relative_to(package)
 
 
 def test_an_edit_of_an_inlined_kernel_compiles_again(package: Path) -> None:
@@ -96,14 +102,54 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
     assert not list((package / "__pycache__").glob("kernels-*"))
 
 
+def test_the_folder_of_numba_cache_dir_gets_what_another_holds(
+    package: Path, tmp_path: Path
+) -> None:
+    assert run(package).compiled == 1
+    asked = str(tmp_path / "asked")
+    assert run(package, NUMBA_CACHE_DIR=asked).compiled == 0
+    shutil.rmtree(package / "__pycache__")
+    assert run(package, NUMBA_CACHE_DIR=asked).compiled == 0
+
+
+def test_code_for_a_processor_asked_for_is_read_where_it_is_asked_for_again(
+    package: Path,
+) -> None:
+    generic = {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""}
+    first = run(package, **generic)
+    assert (first.compiled, first.processor) == (1, "x86-64-v3")
+    assert run(package).compiled == 1  # this machine's own
+    assert run(package, **generic).compiled == 0
+
+
+def test_shipped_code_needs_neither_its_path_nor_its_times(package: Path, tmp_path: Path) -> None:
+    assert run(package, NUMBA_CACHE_DIR=str(tmp_path / "made")).compiled == 1
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    elsewhere = shutil.copytree(package, tmp_path / "elsewhere" / "renew")
+    shipped = shutil.copytree(tmp_path / "made", tmp_path / "shipped")
+    for path in (*elsewhere.rglob("*"), *shipped.rglob("*")):
+        os.utime(path, (0, 0))
+    assert run(elsewhere, NUMBA_CACHE_DIR=str(shipped))[:2] == (6.0, 0)
+
+
+@pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")
+def test_code_that_cannot_be_saved_is_counted(package: Path) -> None:
+    assert run(package).unsaved == 0
+    shutil.rmtree(package / "__pycache__")
+    full = run(package, "prlimit", "--fsize=16", PYTHONDONTWRITEBYTECODE="1")
+    assert (full.result, full.compiled, full.unsaved) == (6.0, 1, 2)  # and the one inlined
+    assert run(package).compiled == 1
+
+
 def test_without_a_lasting_folder_it_is_written_to_a_private_temporary_one(
     package: Path, tmp_path: Path
 ) -> None:
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
     (package / "__pycache__").touch()  # a file, where a folder should be
     places = {"HOME": os.devnull, "TMPDIR": str(tmp_path)}
-    result, _, temporary, folder = run(package, **places)
-    assert (result, temporary) == (6.0, True)
+    first = run(package, **places)
+    folder = first.folder
+    assert (first.result, first.temporary) == (6.0, True)
     assert folder.is_relative_to(tmp_path / f"renew-{os.getuid()}")
     assert run(package, **places).compiled == 0
     # A folder that others can write to is not trusted.

@@ -1,0 +1,120 @@
+"""Compile what planning needs before anybody waits for it: `renew warm`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError, StageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+_MB = 1e6
+
+
+def warm() -> str:
+    """Compile all that is not compiled yet, show how far that is, and say what was done.
+
+    Raises
+    ------
+    RequestError
+        The compiler is switched off.
+    StageError
+        The machine code can't be kept, or not where NUMBA_CACHE_DIR says.
+    """
+    from renew._compiled import (
+        cache_folder,
+        cache_is_temporary,
+        is_switched_on,
+        processor,
+        save_failures,
+    )
+    from renew.warming import REHEARSALS, rehearse
+
+    if not is_switched_on():
+        raise RequestError(["NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it"])
+    folder = cache_folder()
+    _refuse_elsewhere(folder)
+    started = time.perf_counter()
+    with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
+        for what in rehearse():
+            on_step(what, compiled())
+        number = compiled()
+    if failures := save_failures():
+        raise StageError(
+            f"can't keep machine code in {folder}: {failures[0].strerror or failures[0]}; make "
+            "room there, or set NUMBA_CACHE_DIR to another folder"
+        )
+    size = sum(file.stat().st_size for file in folder.iterdir()) / _MB
+    seconds = time.perf_counter() - started
+    done = f"Compiled {number:,} functions" if number else "Nothing had to be compiled"
+    text = f"{done} ({seconds:.1f} s); machine code for {processor()} in {folder} ({size:.1f} MB)"
+    if cache_is_temporary():
+        text += ". That is a temporary folder: set NUMBA_CACHE_DIR to one that lasts"
+    return text
+
+
+def _refuse_elsewhere(folder: Path) -> None:
+    """Refuse to warm up another folder than the one that NUMBA_CACHE_DIR names."""
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    if asked and folder.parent.resolve() != Path(asked).resolve():
+        raise StageError(
+            f"NUMBA_CACHE_DIR = {asked!r} can't be written; choose another folder, or unset it"
+        )
+
+
+@contextlib.contextmanager
+def _counted_compilations() -> Iterator[Callable[[], int]]:
+    """Count what is compiled meanwhile; functions that are loaded don't count."""
+    from numba.core import event
+
+    with event.install_recorder("numba:compile") as recorder:
+        yield lambda: sum(one.is_start for _, one in recorder.buffer)
+
+
+@contextlib.contextmanager
+def _progress(steps: int) -> Iterator[Callable[[str, int], None]]:
+    """Provide what reports a step: a bar on a terminal, a line of JSON elsewhere."""
+    provider = _bar if sys.stderr.isatty() else _lines
+    with provider(steps) as on_step:
+        yield on_step
+
+
+@contextlib.contextmanager
+def _bar(steps: int) -> Iterator[Callable[[str, int], None]]:
+    """Show a bar with a step for each plan."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("Compiling", style="bold"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+        task = bar.add_task("starting", total=steps, completed=-1)
+        yield lambda what, compiled: bar.update(
+            task, advance=1, description=f"{what} ({compiled} so far)"
+        )
+
+
+@contextlib.contextmanager
+def _lines(steps: int) -> Iterator[Callable[[str, int], None]]:
+    """Write each step as a line of JSON."""
+    from pipeline.cli.json_lines import json_lines
+
+    log, done = json_lines(sys.stderr), 0
+
+    def on_step(what: str, compiled: int) -> None:
+        nonlocal done
+        log.info("compiling", step=done, steps=steps, plan=what, compiled=compiled)
+        done += 1
+
+    yield on_step

@@ -1,0 +1,1 @@
+"""The nightly job: every case planned on the newest currents, compared, published."""

@@ -1,0 +1,95 @@
+"""Compiles every kernel that planning calls, by planning.
+
+Which kernels a plan calls, and with which types, only plans themselves know; a list of signatures
+would fall behind them. So a few small plans, of a second each once all is compiled, take every
+option and every kind of current.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from shapely import Polygon, box
+
+from renew.errors import UnreachableError
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
+from renew.inputs.fuel import fuel
+from renew.inputs.vessel import Vessel
+from renew.planner import plan
+from renew.route import Route
+from renew.turns.closest_approach import tightest
+from renew.turns.contingency import contingency
+
+_SIDE = 100.0
+_EXTENT = box(0.0, 0.0, _SIDE, _SIDE)
+# Three islands, one of them concave: choices, corners to round, and a channel to pad.
+_ISLANDS = (
+    Polygon([(28, 61.5), (36, 61.5), (36, 70), (30, 70)]),
+    Polygon([(51, 67.5), (55, 67), (55, 72), (52, 72)]),
+    Polygon([(39, 43), (43.5, 47.5), (64, 50), (64.5, 24), (61, 25)]),
+)
+_START, _GOAL = (10.0, 10.0), (90.0, 90.0)
+_VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
+_GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
+
+
+class Rehearsal(NamedTuple):
+    """A small plan: what it stands for, its current, and its options."""
+
+    what: str
+    current: CurrentLike
+    options: dict[str, Any]
+
+
+def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
+    """A field on nodes that don't stand evenly, as those of a projected chart."""
+    axis = np.linspace(0.0, 1.0, 21) ** 1.1 * _SIDE
+    uv = field(np.stack(np.meshgrid(axis, axis), axis=-1))
+    return GriddedCurrent(axis, axis, uv[..., 0], uv[..., 1])
+
+
+REHEARSALS = (
+    Rehearsal("adaptive padding", _GYRE, {}),
+    Rehearsal("a current in a table", _as_grid(_GYRE), {}),
+    Rehearsal("a uniform current", UniformCurrent(0.1, 0.0), {}),
+    Rehearsal("a current that is a function", lambda points: _GYRE(points), {}),  # noqa: PLW0108 - any function, not a field
+    Rehearsal("overpowered water", GyreCurrent(1.05, _SIDE, _SIDE), {}),
+    Rehearsal("the exact drift model", _GYRE, {"drift": "crab"}),
+    Rehearsal("no padding", _GYRE, {"padding": "none"}),
+    Rehearsal("fixed padding", _GYRE, {"padding": 3.0}),
+    Rehearsal("a clearance", _GYRE, {"clearance": 4.0}),
+    Rehearsal("a small risk", _GYRE, {"risk": 1e-6}),
+    Rehearsal("risk at each point", _GYRE, {"risk_at": "point"}),
+    Rehearsal("random chains", _GYRE, {"method": "sampled", "samples": 50}),
+    Rehearsal("classes by length", _GYRE, {"order": "length"}),
+    Rehearsal("classes depth first", _GYRE, {"order": "depth-first"}),
+    Rehearsal("distinct classes", _GYRE, {"distinct_by": "auto"}),
+    Rehearsal("no way through", _GYRE, {"padding": 30.0}),
+)
+"""Together these call every kernel with all its types. The first takes most of the time."""
+
+
+def rehearse() -> Iterator[str]:
+    """Plan each of `REHEARSALS`, and ask of the routes all that can be asked; yields what is next.
+
+    Compiled are the kernels for which no machine code is found; see :mod:`renew._compiled`.
+    """
+    chart = Chart(_EXTENT, _ISLANDS)
+    for what, current, options in REHEARSALS:
+        yield what
+        with contextlib.suppress(UnreachableError):
+            found = plan(chart, current, _VESSEL, _START, _GOAL, **options)
+            _ask(found.best, chart, current)
+
+
+def _ask(route: Route, chart: Chart, current: CurrentLike) -> None:
+    """Ask of a route what is computed only then."""
+    contingency(route, chart, current, _VESSEL)
+    tightest(route, current, _VESSEL)
+    fuel(route.path, current, _VESSEL)
+    _ = (route.channel, route.soft_no_go, route.optimality_gap)

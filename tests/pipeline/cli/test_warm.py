@@ -1,0 +1,57 @@
+"""`renew warm`: what it says, where the machine code goes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.pipeline.processes import renew
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def warm(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own."""
+    return subprocess.run(
+        renew("warm"),
+        cwd=root,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
+def test_it_fills_the_folder_asked_for_and_says_so(root: Path, tmp_path: Path) -> None:
+    warm(root)  # the cache of this checkout, from which the other is filled
+    done = warm(root, NUMBA_CACHE_DIR=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    (folder,) = tmp_path.iterdir()
+    size = sum(file.stat().st_size for file in folder.iterdir()) / 1e6
+    assert size > 1
+    assert done.stdout.startswith("Nothing had to be compiled (")
+    assert f" in {folder} ({size:.1f} MB)" in done.stdout
+    lines = [json.loads(line) for line in done.stderr.splitlines()]
+    assert [line["step"] for line in lines] == list(range(lines[0]["steps"]))
+    assert {line["compiled"] for line in lines} == {0}
+
+
+def test_a_folder_that_cannot_be_written_is_refused(root: Path) -> None:
+    done = warm(root, NUMBA_CACHE_DIR=f"{os.devnull}/kernels")
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"error: NUMBA_CACHE_DIR = '{os.devnull}/kernels' can't be written; choose another "
+        "folder, or unset it\n"
+    )
+
+
+def test_without_the_compiler_it_is_refused(root: Path) -> None:
+    done = warm(root, NUMBA_DISABLE_JIT="1")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: NUMBA_DISABLE_JIT is set")

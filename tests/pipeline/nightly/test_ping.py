@@ -1,0 +1,142 @@
+"""A service that watches jobs, on this machine: what it is told, and that nothing depends on it."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.errors import RequestError
+from pipeline.nightly import ping as ping_module
+from pipeline.nightly.ping import Ping, check_url, ping, told_by
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
+
+
+class Service(ThreadingHTTPServer):
+    """Notes what it is asked for; answers 404 below /unknown, and never below /silent."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.ended = threading.Event()
+        super().__init__(("127.0.0.1", 0), _Handler)
+
+    @property
+    def url(self) -> str:
+        """Its address."""
+        return f"http://127.0.0.1:{self.server_address[1]}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Service
+
+    def do_GET(self) -> None:
+        """Answer."""
+        self.server.asked.append(self.path)
+        if self.path.startswith("/silent"):
+            self.server.ended.wait(20)
+        self.send_response(404 if self.path.startswith("/unknown") else 200)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - its name there
+        """Say nothing."""
+
+
+@pytest.fixture
+def service() -> Iterator[Service]:
+    """Serve until the test ends."""
+    with Service() as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.ended.set()
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("what", "path"),
+    [("start", "/ID/start"), ("success", "/ID"), ("failure", "/ID/fail")],
+)
+def test_each_event_has_its_address(service: Service, what: Ping, path: str) -> None:
+    assert ping(f"{service.url}/ID", what) == ""
+    assert ping(f"{service.url}/ID/?key=1#part", what) == ""
+    assert service.asked == [path, f"{path}?key=1"]
+
+
+@pytest.mark.parametrize(
+    ("code", "what"),
+    [
+        *((code, "success") for code in (0, 10)),
+        *((code, "failure") for code in (1, 2, 3, 143)),
+        *((code, None) for code in (4, 5)),
+    ],
+)
+def test_what_is_told_follows_from_the_exit_code(code: int, what: Ping | None) -> None:
+    assert told_by(code) == what
+
+
+def test_an_answer_that_refuses_is_said_without_the_address(service: Service) -> None:
+    said = ping(f"{service.url}/unknown/{SECRET}", "success")
+    host = service.url.removeprefix("http://")
+    assert said == f"--ping: {host} was not told of the success: it answered 404"
+
+
+def test_nobody_there_is_said_and_nothing_raised() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and doesn't listen
+        port = taken.getsockname()[1]
+        said = ping(f"http://127.0.0.1:{port}/{SECRET}", "start")
+    assert said == f"--ping: 127.0.0.1:{port} was not told of the start: Connection refused"
+
+
+def test_a_silent_service_costs_little_time(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ping_module, "_TIMEOUT_S", 0.3)
+    began = time.monotonic()
+    said = ping(f"{service.url}/silent/{SECRET}", "success")
+    assert said.endswith("was not told of the success: TimeoutError")
+    assert time.monotonic() - began < 5
+    # What knows no timeout of its own, as a name that is looked up, is left behind.
+    monkeypatch.setattr(ping_module, "_TIMEOUT_S", 15.0)
+    monkeypatch.setattr(ping_module, "_DEADLINE_S", 0.3)
+    said = ping(f"{service.url}/silent/{SECRET}", "success")
+    assert said.endswith("was not told of the success: no answer within 0.3 s")
+    assert SECRET not in said
+
+
+@pytest.mark.parametrize("url", ["https://hc.example/ID", "http://[::1]:8000/a?b=c"])
+def test_addresses_are_taken(url: str) -> None:
+    check_url(url)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        SECRET,
+        f"ftp://host/{SECRET}",
+        "https://",
+        f"file:///{SECRET}",
+        "http://host:port/",
+        f"https://host/{SECRET} b",
+        f"https://[host/{SECRET}",
+        f"https://host/{SECRET}\n",
+        f"https://me:{SECRET}@host/",
+    ],
+)
+def test_what_is_no_address_is_refused_and_not_repeated(url: str) -> None:
+    with pytest.raises(RequestError) as refused:
+        check_url(url)
+    assert str(refused.value) == (
+        "--ping is no address that can be asked: give that of the check, as in https://HOST/ID, "
+        "without a user name"
+    )

@@ -1,0 +1,91 @@
+"""After the rehearsal a fresh process compiles nothing, whatever plan it is asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.scenario import catalogue
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+REHEARSE = """
+from renew.warming import rehearse
+for what in rehearse():
+    pass
+"""
+# Prints how many functions each plan compiles. A catalogue's options are tried on a small plane.
+PLAN = """
+import json, sys
+import numba
+import numpy as np
+from numba.core import event
+with event.install_recorder("numba:compile") as recorder:
+    import renew
+    from pipeline.loading import load_scenario
+    from tests.strategies import PAPER_VESSEL, single_gyre
+
+    def number(chart, current, start, goal, vessel=PAPER_VESSEL, **options):
+        before = len(recorder.buffer)
+        plan = renew.plan(chart, current, vessel, start, goal, **options)
+        for route in plan.routes:
+            route.optimality_gap, route.channel, route.soft_no_go
+            renew.contingency(route, chart, current, vessel)
+            renew.fuel(route.path, current, vessel, drift=options.get("drift", "projected"))
+        renew.tightest(plan.best, current, vessel)
+        return sum(one.is_start for _, one in recorder.buffer[before:])
+
+    chart, gyre = single_gyre()
+    axis = np.linspace(0, 100, 40)
+    uv = gyre(np.stack(np.meshgrid(axis, axis), axis=-1))
+    grid = renew.GriddedCurrent(axis, axis, uv[..., 0], uv[..., 1])
+    ends = (10.0, 10.0), (90.0, 90.0)
+    found = {}
+    for name in sys.argv[1:]:
+        options = load_scenario(name).planner.model_dump()
+        options["clearance"] = options["clearance"] or 0.0
+        found[name] = number(chart, grid, *ends, **options)
+    # Whole numbers, single precision, no island at all: other types at the door.
+    whole = renew.Vessel(speed=1, turn_rate=1, length=2)
+    found["whole numbers"] = number(chart, gyre, (10, 10), (90, 90), whole, padding=2, clearance=1)
+    start = np.array([10, 10], dtype=np.float32)
+    found["single precision"] = number(chart, gyre, start, ends[1], drift="crab")
+    still = renew.UniformCurrent(0, 0)
+    found["open water"] = number(renew.Chart(chart.extent, []), still, *ends)
+    found["point risk"] = number(chart, grid, *ends, risk_at="point", risk=0.001, drift="crab")
+    before = len(recorder.buffer)
+    numba.njit(lambda x: x + 1)(1)
+    found["counted"] = sum(one.is_start for _, one in recorder.buffer[before:])
+    found["chains"] = number(chart, gyre, *ends, method="sampled", samples=40, padding="none")
+print(json.dumps(found))
+"""
+
+
+def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str) -> str:
+    """Run a script in a process of its own, and return what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments],
+        cwd=root,
+        env=os.environ | {"PYTHONPATH": str(root)} | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
+def test_no_plan_compiles_anything_after_the_rehearsal(root: Path) -> None:
+    scenarios = catalogue.names("scenarios")
+    in_fresh_process(REHEARSE, root=root)
+    found = json.loads(in_fresh_process(PLAN, *scenarios, root=root))
+    assert set(scenarios) <= set(found)
+    assert found.pop("counted") == 1, "what is compiled is not counted"
+    assert {name: number for name, number in found.items() if number} == {}

@@ -1,0 +1,147 @@
+"""What catalog/operation/ holds for whoever runs a night, each file by its own checker."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import kubernetes_validate
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent
+OPERATION = ROOT / "catalog" / "operation"
+CONTAINERFILE = (OPERATION / "Containerfile").read_text("utf-8")
+SCRIPTS = Path(sys.executable).parent
+EXPOSED = 2.0
+"""Largest exposure that `systemd-analyze security` may find; 10 is a service with all rights."""
+
+
+def checked(*command: str | Path) -> str:
+    """Run a checker that must find nothing; what it printed."""
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.fixture
+def analyze() -> str:
+    """Give systemd's checker."""
+    program = shutil.which("systemd-analyze")
+    if program is None:
+        pytest.skip("needs systemd-analyze, of Debian's package systemd")
+    return program
+
+
+@pytest.fixture
+def units(tmp_path: Path) -> tuple[Path, Path]:
+    """Give the service and the timer, with a program that is there."""
+    text = (OPERATION / "renew-nightly.service").read_text("utf-8")
+    service = tmp_path / "renew-nightly.service"
+    service.write_text(text.replace("/opt/renew/bin/renew", str(shutil.which("env"))))
+    timer = tmp_path / "renew-nightly.timer"
+    shutil.copy(OPERATION / timer.name, timer)
+    return service, timer
+
+
+def test_systemd_accepts_service_and_timer(analyze: str, units: tuple[Path, Path]) -> None:
+    assert checked(analyze, "verify", *units) == ""
+
+
+def test_systemd_finds_the_service_hardened(analyze: str, units: tuple[Path, Path]) -> None:
+    command = (analyze, "security", "--offline=true", f"--threshold={EXPOSED * 10:g}", units[0])
+    assert "Overall exposure level" in checked(*command)
+
+
+def test_a_night_is_begun_once_in_24_hours(analyze: str, units: tuple[Path, Path]) -> None:
+    timer = units[1].read_text("utf-8")
+    (when,) = re.findall(r"^OnCalendar=(.+)$", timer, re.MULTILINE)
+    elapses = re.findall(
+        r"(?:Next elapse|Iter\. #2): (.+)", checked(analyze, "calendar", "--iterations=2", when)
+    )
+    assert [" 02:00:00 UTC" in one for one in elapses] == [True, True]
+    assert {"Persistent=true", "RandomizedDelaySec=10min"} <= set(timer.splitlines())
+
+
+def test_the_cluster_accepts_every_object() -> None:
+    objects = list(yaml.safe_load_all((OPERATION / "kubernetes.yaml").read_text("utf-8")))
+    for one in objects:
+        kubernetes_validate.validate(one, kubernetes_validate.latest_version(), strict=True)
+    (job,) = (one["spec"] for one in objects if one["kind"] == "CronJob")
+    assert job["concurrencyPolicy"] == "Forbid"
+    assert job["startingDeadlineSeconds"] > 0
+    assert job["jobTemplate"]["spec"]["activeDeadlineSeconds"] > 0
+    workers = {one["metadata"]["name"] for one in objects if one["kind"] == "Deployment"}
+    assert workers == {"renew-scheduler", "renew-worker"}
+
+
+def test_a_misspelt_key_would_be_found() -> None:
+    """The schemas are strict: what the cluster would drop in silence is a fault."""
+    objects = yaml.safe_load_all((OPERATION / "kubernetes.yaml").read_text("utf-8"))
+    (job,) = (one for one in objects if one["kind"] == "CronJob")
+    job["spec"]["concurencyPolicy"] = job["spec"].pop("concurrencyPolicy")
+    with pytest.raises(kubernetes_validate.ValidationError):
+        kubernetes_validate.validate(job, kubernetes_validate.latest_version(), strict=True)
+
+
+def test_job_and_workers_see_the_same_folder_at_the_same_path() -> None:
+    objects = yaml.safe_load_all((OPERATION / "kubernetes.yaml").read_text("utf-8"))
+    pods = [
+        pod for one in objects for pod in _pods(one) if "scheduler" not in one["metadata"]["name"]
+    ]
+    data = [
+        (mount["mountPath"], volume["persistentVolumeClaim"]["claimName"])
+        for pod in pods
+        for mount in pod["containers"][0]["volumeMounts"]
+        for volume in pod["volumes"]
+        if mount["name"] == volume["name"] == "data"
+    ]
+    assert data == [("/data", "renew-data")] * 2
+
+
+def _pods(found: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - YAML
+    """Specifications of the pods that an object makes."""
+    if not isinstance(found, dict):
+        return []
+    own = [found] if "containers" in found else []
+    return own + [pod for one in found.values() for pod in _pods(one)]
+
+
+def test_the_containers_recipe_has_no_fault() -> None:
+    assert checked(SCRIPTS / "hadolint", OPERATION / "Containerfile") == ""
+
+
+def test_the_containers_recipe_names_no_registry_and_copies_what_is_there() -> None:
+    images = re.findall(r"^FROM (\S+)", CONTAINERFILE, re.MULTILINE)
+    assert images
+    assert [name for name in images if not re.fullmatch(r"[a-z]+:[\w.-]+", name)] == []
+    assert "://" not in CONTAINERFILE
+    copied = [
+        line.split()[1:-1]
+        for line in re.findall(r"^COPY (?!--from).*", CONTAINERFILE, re.MULTILINE)
+    ]
+    assert [name for names in copied for name in names if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("script", ["nightly.slurm"])
+def test_shell_scripts_have_no_fault(script: str) -> None:
+    assert checked(SCRIPTS / "shellcheck", OPERATION / script) == ""
+
+
+def test_the_crontabs_line_has_no_fault(tmp_path: Path) -> None:
+    lines = (OPERATION / "crontab").read_text("utf-8").splitlines()
+    (line,) = (line for line in lines if not re.match(r"#|\w+=", line))
+    found = re.fullmatch(r"(\d+) (\d+) \* \* \* (\w+) (.+)", line)
+    assert found is not None
+    minute, hour, user, command = found.groups()
+    assert (int(minute) < 60, int(hour) < 24, user) == (True, True, "renew")
+    # cron ends the command at a percent sign, and takes a line of 998 characters.
+    assert "%" not in command
+    assert len(line) < 998
+    script = tmp_path / "night.sh"
+    script.write_text(f"#!/bin/sh\n# shellcheck source=/dev/null\n{command}\n")
+    checked(SCRIPTS / "shellcheck", "--exclude=SC1091", script)
