@@ -209,12 +209,16 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class SeasonPlan:
-    """One season's plan; `failure` is empty when it was planned, else the reason in one line."""
+    """One season's plan; `failure` is empty when it was planned, else the reason in one line.
+
+    It `is_shut` where the reason is that no way joins start and goal in the region.
+    """
 
     season: str
     plan: renew.Plan | None
     failure: str
     seconds: float
+    is_shut: bool = False
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:

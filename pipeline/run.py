@@ -9,7 +9,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import renew
-from pipeline.errors import RequestError, StageError
+from pipeline.choices.offing import Offing
+from pipeline.choices.region_search import search_region
+from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
@@ -23,8 +25,6 @@ from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
-from pipeline.voyage.offing import Offing
-from pipeline.voyage.region_search import search_region
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -378,7 +378,10 @@ class _StagedRun:
         )
         if not any(plan.plan is not None for plan in plans):
             reasons = _reasons(plans)
-            raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
+            if crashed:
+                raise StageError("; ".join(reasons))
+            is_shut = any(plan.is_shut for plan in plans)
+            raise NoWayError(reasons) if is_shut else RequestError(reasons)
         for plan in plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         return plans, combine_seasons(done[plan.season][1] for plan in plans if plan.season in done)
