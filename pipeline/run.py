@@ -23,6 +23,7 @@ from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
 
@@ -225,6 +226,7 @@ class _StagedRun:
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
+            evaluation = with_way_names(evaluation, scene, plans, parts.fetched.land.places)
             notes = (
                 *_unsafe_notes(evaluation, self.scenario),
                 *crossing_notes(evaluation.shore_crossings),

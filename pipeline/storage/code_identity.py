@@ -29,7 +29,7 @@ _ENTRIES = {
     "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
-    "write": ("pipeline.stages.write", "pipeline.model"),
+    "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }
 
 
