@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.one_line import go
+    from pipeline.voyage.one_line import go
 
 __all__ = ["go"]
 
@@ -20,5 +20,5 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands fo
     By its name, as every module below would depend on what is imported here.
     """
     if name == "go":
-        return import_module("pipeline.one_line").go
+        return import_module("pipeline.voyage.one_line").go
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The two kinds of error that end a run."""
+"""The kinds of error that end a run."""
 
 from __future__ import annotations
 
@@ -32,6 +32,10 @@ class RequestError(PipelineError):
     def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:
         """Keep the faults when the error is pickled by a worker process."""
         return type(self), (self.faults,)
+
+
+class NoWayError(RequestError):
+    """No season has a way from start to goal in the region: there may be one in a wider region."""
 
 
 class StageError(PipelineError):

@@ -52,6 +52,19 @@ class Zone:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaceName:
+    """A chart's name for some land: a point on it (degrees), and how large it is (square degrees).
+
+    Areas are compared with each other only.
+    """
+
+    name: str
+    lon: float
+    lat: float
+    area_deg2: float
+
+
+@dataclass(frozen=True, slots=True)
 class Land:
     """All that no route may enter (lon/lat degrees), in the region and a little beyond.
 
@@ -59,7 +72,8 @@ class Land:
     how far the source's coast may lie from the true one, in metres. `credits` has one entry per
     source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
-    it, but a route that crosses it does so where the two disagree.
+    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
+    of land, where it has any.
     """
 
     polygons: tuple[Polygon, ...]
@@ -68,6 +82,7 @@ class Land:
     notes: tuple[str, ...] = ()
     zones: tuple[Zone, ...] = ()
     second_shore: tuple[Polygon, ...] = ()
+    places: tuple[PlaceName, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,12 +224,16 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class SeasonPlan:
-    """One season's plan; `failure` is empty when it was planned, else the reason in one line."""
+    """One season's plan; `failure` is empty when it was planned, else the reason in one line.
+
+    It `is_shut` where the reason is that no way joins start and goal in the region.
+    """
 
     season: str
     plan: renew.Plan | None
     failure: str
     seconds: float
+    is_shut: bool = False
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:
@@ -241,7 +260,8 @@ class RouteMetrics:
     duration_s : seconds at true scale.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
-    side : compass side on which it passes the largest island between start and goal, or "".
+    passages : what it passes, to tell it from the season's other routes, such as "west of 1"; the
+        main island first, and then in their order on the way.
     """
 
     season: str
@@ -257,12 +277,40 @@ class RouteMetrics:
     trials: int
     collisions: int
     land_m: float
-    side: str
+    passages: tuple[str, ...] = ()
+
+    @property
+    def way(self) -> str:
+        """The way round, for readers: "west of 1, between 2 and 5"; empty without islands."""
+        return ", ".join(self.passages)
+
+    @property
+    def main_passage(self) -> str:
+        """How it passes the main island; empty without islands."""
+        return self.passages[0] if self.passages else ""
 
     @property
     def has_land(self) -> bool:
         """Whether there is land at all, to keep clear of and to turn away from."""
         return math.isfinite(self.clearance_m)
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedIsland:
+    """An island that tells ways apart: its number in homotopy classes, and a point on it.
+
+    `name` is the chart's, or empty. The point is in planar metres.
+    """
+
+    number: int
+    name: str
+    x: float
+    y: float
+
+    @property
+    def label(self) -> str:
+        """What readers call it: its name, or else its number."""
+        return self.name or str(self.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,9 +329,10 @@ class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where none touches land, about a thousand per route are
-    stored. `shore_crossings` are those of all routes.
+    stored. `shore_crossings` are those of all routes, `islands` those that name their ways.
     """
 
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
     shore_crossings: tuple[ShoreCrossing, ...] = ()
+    islands: tuple[NumberedIsland, ...] = ()

@@ -9,7 +9,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import renew
-from pipeline.errors import RequestError, StageError
+from pipeline.choices.offing import Offing
+from pipeline.choices.region_search import search_region
+from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
@@ -21,10 +23,9 @@ from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
-from pipeline.voyage.offing import Offing
-from pipeline.voyage.region_search import search_region
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -225,6 +226,7 @@ class _StagedRun:
         with self._stage("plan"):
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
+            evaluation = with_way_names(evaluation, scene, plans, parts.fetched.land.places)
             notes = (
                 *_unsafe_notes(evaluation, self.scenario),
                 *crossing_notes(evaluation.shore_crossings),
@@ -378,7 +380,10 @@ class _StagedRun:
         )
         if not any(plan.plan is not None for plan in plans):
             reasons = _reasons(plans)
-            raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
+            if crashed:
+                raise StageError("; ".join(reasons))
+            is_shut = any(plan.is_shut for plan in plans)
+            raise NoWayError(reasons) if is_shut else RequestError(reasons)
         for plan in plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         return plans, combine_seasons(done[plan.season][1] for plan in plans if plan.season in done)

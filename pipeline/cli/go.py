@@ -92,7 +92,7 @@ def go(
         folder_to_write(output, "--output")
         scenario, notes = voyage_scenario(request)
         from pipeline.cli.progress import progress
-        from pipeline.one_line import run_voyage
+        from pipeline.voyage.one_line import run_voyage
 
         with progress(scenario, notes) as on_event:
             outcome = run_voyage(

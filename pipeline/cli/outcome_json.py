@@ -37,7 +37,7 @@ def _route(row: RouteMetrics, files: list[str]) -> dict[str, object]:
     return {
         "season": row.season,
         "rank": row.rank,
-        "side": row.side,
+        "way": row.way,
         "class": row.homotopy,
         "fuel": row.fuel,
         "length_m": row.length_m,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _HEAD = (
     "season",
     "rank",
-    "side",
+    "way",
     "length {unit}",
     "duration",
     "clearance {unit}",
@@ -32,7 +32,7 @@ _SHORT_M = 10_000.0
 
 
 def season_table(outcome: Outcome) -> str:
-    """Return the table: for each season, the best route on each side of the largest island."""
+    """Return the table: for each season, the best route by each passage of the main island."""
     lengths = [row.length_m for row in outcome.evaluation.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(name.format(unit=unit) for name in _HEAD)
@@ -43,8 +43,8 @@ def season_table(outcome: Outcome) -> str:
             continue
         seen: set[str] = set()
         for row in outcome.evaluation.routes:
-            if row.season == plan.season and row.side not in seen:
-                seen.add(row.side)
+            if row.season == plan.season and row.main_passage not in seen:
+                seen.add(row.main_passage)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = [*_unused_currents(outcome)]
@@ -59,7 +59,7 @@ def season_table(outcome: Outcome) -> str:
     ]
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     lines.append(
-        "\nThe best route on each side. All "
+        "\nThe best route by each passage of the main island. All "
         f"{len(outcome.evaluation.routes)} routes, and {rejected} rejected classes with their "
         "reasons, are in report.html."
     )
@@ -83,7 +83,7 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
     return (
         row.season,
         str(row.rank),
-        row.side or "-",
+        row.way or "-",
         f"{row.length_m / unit_m:.1f}",
         days(row.duration_s) or hours(row.duration_s),
         clearance,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.errors import RequestError
+from pipeline.errors import NoWayError, RequestError
 
 if TYPE_CHECKING:
     import renew
@@ -34,10 +34,10 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
             bodies.append(inside)
         else:
             faults.append(not_in_water(scenario, name, here, chart, projection))
-    if not faults and not set.intersection(*bodies):
-        faults.append(_not_connected(scenario, water[min(bodies[0])], projection))
     if faults:
         raise RequestError(faults)
+    if not set.intersection(*bodies):
+        raise NoWayError([_not_connected(scenario, water[min(bodies[0])], projection)])
 
 
 def not_in_water(

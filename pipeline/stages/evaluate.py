@@ -12,7 +12,6 @@ import shapely
 import renew
 from pipeline.geo.projection import densified
 from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
-from pipeline.stages.passing_side import PassingSide
 from pipeline.stages.second_shoreline import SecondShoreline
 from renew.turns.reach_bound import TurnReach
 
@@ -98,7 +97,6 @@ class _RouteEvaluator:
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._near_land = land_within_reach(scene, current, routes)
-        self._passing_side = PassingSide(scene)
 
     def metrics(
         self, route: renew.Route, turns: renew.Contingency, season: str, rank: int
@@ -119,7 +117,6 @@ class _RouteEvaluator:
             trials=turns.trials,
             collisions=turns.collisions,
             land_m=self._over_land_m(line),
-            side=self._passing_side.name(np.asarray(route.path)),
         )
 
     def turns(self, route: renew.Route) -> renew.Contingency:

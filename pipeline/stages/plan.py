@@ -28,5 +28,6 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         )
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())
-        return SeasonPlan(season, None, failure, time.perf_counter() - started)
+        is_shut = isinstance(error, renew.UnreachableError)
+        return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
     return SeasonPlan(season, plan, "", time.perf_counter() - started)

@@ -21,15 +21,15 @@ _PACKAGES = frozenset({"pipeline", "renew"})
 # The modules and packages that a stage calls first. Results are pickled as the classes of
 # `pipeline.model`, so that every stage depends on it.
 _ENTRIES = {
-    "region": ("pipeline.voyage.region",),
+    "region": ("pipeline.choices.region",),
     "land": ("pipeline.sources.land", "pipeline.stages.planar", "pipeline.model"),
     "current": ("pipeline.sources.currents", "pipeline.model"),
     "simplify": ("pipeline.stages.simplify", "pipeline.stages.planar", "pipeline.model"),
     "project": ("pipeline.stages.project", "pipeline.model"),
-    "offing": ("pipeline.voyage.offing",),
+    "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
-    "write": ("pipeline.stages.write", "pipeline.model"),
+    "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }
 
 

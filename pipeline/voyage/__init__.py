@@ -1,1 +1,1 @@
-"""From what a person types to a scenario: positions, vessel, months, currents, region, offing."""
+"""A voyage in one line: from what a person types to a scenario, and to its results."""

@@ -22,6 +22,7 @@ from pipeline.sources.land import osm
 from pipeline.stages.project import extent_polygon
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
+from tests.bench.islands_between import largest_between, sides
 from tests.eddies import eddies
 from tests.oracles import grid_dijkstra, tighten
 
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 VESSEL = renew.Vessel(speed=5.0, turn_rate=math.radians(10), length=7.0)
 PEAK_M_S, WAVES = 0.8, 6
 """Strongest current, and its half-waves along the longer side."""
+
+# Number of waters whose chart is refined, and distance between the places where turns begin.
+_REFINED, _TURNS_EVERY_M = 5, 100.0
 
 CELLS = 170
 """Cells of the rival's grid along the longer side; it pulls its path taut afterwards."""
@@ -104,6 +108,15 @@ class Water:
         )
         return renew.Chart(self.extent, no_go, land=inner)
 
+    def plane(self, lonlat: FloatArray) -> FloatArray:
+        """A place (2,) in the plane."""
+        return np.asarray(self.projection.to_plane(lonlat))
+
+    def over_land(self, route: renew.Route) -> float:
+        """Metres of a route inside the land as it is."""
+        way = shapely.LineString(route.path)
+        return float(shapely.intersection(way, self.raw.hard_no_go).length)
+
     def plan(self, chart: renew.Chart, distinct_by: DistinctBy = "auto") -> renew.Plan:
         """Plan on a chart of this water."""
         return renew.plan(chart, self.current, VESSEL, *self.ends, distinct_by=distinct_by)
@@ -160,11 +173,50 @@ def figures() -> Iterator[Figure]:
         fuels = [water.plan(chart, size).best.fuel for size in (0.0, 10_000.0, 30_000.0)]
         spread = max(*fuels, best.fuel) / min(*fuels, best.fuel) - 1
         yield at_most(f"{name}: least fuel by what makes a class", 100 * spread, 0.02, " %", 4)
-        hits = renew.contingency(best, water.raw, water.current, VESSEL, spacing=50.0)
-        text = f"{hits.collisions} of {hits.trials:,}"
-        yield Figure(f"{name}: turns that met the land itself", "0", text, not hits.collisions)
+        yield _turns(water, plan)
+        over = sum(water.over_land(route) for route in plan.routes)
+        yield at_most(f"{name}: over the land itself, all routes", over, 0.0, " m")
+        yield _both_sides(water, plan)
         vertices = int(shapely.get_num_coordinates(chart.hard_no_go))
         text = f"{vertices:,}: {simplified - started:.1f} s, {planned - simplified:.1f} s"
         yield Figure(
             f"{name}: vertices, CPU to simplify, to plan {len(plan.routes)} routes", "", text
         )
+    for water in WATERS[:_REFINED]:
+        yield _refined(water)
+
+
+def _turns(water: Water, plan: renew.Plan) -> Figure:
+    """Hard-over turns of all routes that met the land itself."""
+    flown = [
+        renew.contingency(route, water.raw, water.current, VESSEL, spacing=_TURNS_EVERY_M)
+        for route in plan.routes
+    ]
+    hits, trials = sum(one.collisions for one in flown), sum(one.trials for one in flown)
+    text = f"{hits} of {trials:,}"
+    return Figure(f"{water.name}: turns that met the land itself, all routes", "0", text, not hits)
+
+
+def _both_sides(water: Water, plan: renew.Plan) -> Figure:
+    """Whether a plan's routes pass the largest island between start and goal on both sides."""
+    name = f"{water.name}: sides of the largest island between"
+    island = largest_between(
+        water.land.polygons, water.bounds, np.array(water.start), np.array(water.goal)
+    )
+    if island is None:
+        return Figure(name, "", "no island")
+    found = sides((np.asarray(route.path) for route in plan.routes), water.plane(island))
+    text = f"{len(found)} of the one at {island[0]:.2f} {island[1]:.2f}"
+    return Figure(name, "2", text, len(found) >= 2)
+
+
+def _refined(water: Water) -> Figure:
+    """By how much the least fuel rises as the tolerance is halved four times."""
+    tolerance_m = simplify_land(
+        water.land.polygons, shapely.box(*water.bounds), accuracy_m=osm.ACCURACY_M
+    ).simplified.tolerance_m
+    fuels = [water.plan(water.chart(tolerance_m / 2**i)).best.fuel for i in range(5)]
+    rises = [fuel / min(fuels[: i + 1]) - 1 for i, fuel in enumerate(fuels)]
+    falls = ", ".join(f"{100 * (fuel / fuels[0] - 1):+.3f}" for fuel in fuels)
+    name = f"{water.name}: rise of fuel from {tolerance_m:.1f} m to a 16th ({falls} %)"
+    return at_most(name, 100 * max(rises), 0.02, " %", 4)

@@ -50,5 +50,5 @@ def test_it_runs_and_finds_the_same_routes(scenario: str, root: Path, tmp_path: 
         # The best route is near the optimum; a dear class may take another of its valleys.
         tolerance = 1e-3 if row["rank"] == "1" else 5e-3
         assert float(found[route]["fuel"]) == pytest.approx(float(row["fuel"]), rel=tolerance)
-        assert found[route]["side"] == row["side"]
+        assert found[route]["way"] == row["way"]
         assert found[route]["collisions"] == "0"

@@ -71,7 +71,7 @@ def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=xml_text(f"{ranked.season} {ranked.rank}"),
+        name=xml_text(" ".join([ranked.season, str(ranked.rank), ranked.metrics.way]).strip()),
         description=xml_text(_summary(ranked)),
         number=ranked.rank,
     )
@@ -115,9 +115,9 @@ def _track(
 
 
 def _summary(ranked: RankedRoute) -> str:
-    """Side, length, duration and clearance of a route."""
+    """Way, length, duration and clearance of a route."""
     metrics = ranked.metrics
-    parts = [f"{metrics.side} about"] if metrics.side else []
+    parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if math.isfinite(metrics.clearance_m):
         parts.append(f"{distance(metrics.clearance_m)} or more from land")

@@ -163,6 +163,7 @@ def _add_provenance(root: etree._Element, result: RunResult, season: str, form: 
     texts = {
         "title": document_title(result, season),
         "description": result.scenario.description,
+        "way": result.season_routes(season)[0].metrics.way,
         "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }

@@ -21,6 +21,7 @@ from pipeline.formats.figures.chart_map import (
     map_figure,
     no_go_layers,
 )
+from pipeline.formats.figures.island_labels import draw_island_labels
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.text import distance, number
 
@@ -61,9 +62,9 @@ def mesh_figure(result: RunResult, season: str) -> Figure:
 def channels_figure(result: RunResult, season: str) -> Figure:
     """Draw the channels of triangles of the best classes with their routes, on a map each.
 
-    The best class of every side is among them.
+    The best class by every passage of the main island is among them.
     """
-    chosen = _best_of_sides(result.season_routes(season), len(CLASS_COLOURS))
+    chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
     figure, maps = map_figure(
         result, titles=[_class_title(ranked) for ranked in chosen], columns=min(2, len(chosen))
@@ -86,6 +87,7 @@ def channels_figure(result: RunResult, season: str) -> Figure:
             stroke(ranked.route.path, colour, 2.2, 7),
         ]
         add_layers(axes, layers, sea)
+        draw_island_labels(axes, result)
         draw_start_and_goal(axes, result, [ranked.route.path])
         draw_frame(axes, result, sea)
     return figure
@@ -110,12 +112,12 @@ def _edges(triangles: FloatArray) -> FloatArray:
     return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
 
 
-def _best_of_sides(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
-    """Choose the best route of each side, then the next best; in order of rank."""
-    sides: dict[str, RankedRoute] = {}
+def _best_of_passages(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
+    """Choose the best route by each passage, then the next best; in order of rank."""
+    passages: dict[str, RankedRoute] = {}
     for ranked in routes:
-        sides.setdefault(ranked.metrics.side, ranked)
-    first = list(sides.values())[:count]
+        passages.setdefault(ranked.metrics.main_passage, ranked)
+    first = list(passages.values())[:count]
     rest = [ranked for ranked in routes if ranked not in first]
     return sorted([*first, *rest[: count - len(first)]], key=lambda ranked: ranked.rank)
 
@@ -123,5 +125,5 @@ def _best_of_sides(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRo
 def _class_title(ranked: RankedRoute) -> tuple[str, str]:
     """Title of a class's map, and its route's length and fuel."""
     metrics = ranked.metrics
-    side = f"{metrics.side} about" if metrics.side else f"class {metrics.rank}"
-    return f"{metrics.rank}: {side}", f"{distance(metrics.length_m)}, fuel {number(metrics.fuel)}"
+    way = metrics.way or f"class {metrics.rank}"
+    return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {number(metrics.fuel)}"

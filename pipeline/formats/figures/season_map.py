@@ -20,6 +20,7 @@ from pipeline.formats.figures.chart_map import (
     zone_handles,
     zone_layers,
 )
+from pipeline.formats.figures.island_labels import draw_island_labels
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.text import distance, number
@@ -60,14 +61,14 @@ def overview_figure(result: RunResult, seasons: Sequence[str] = ()) -> Figure:
 
 
 def _titles(result: RunResult, season: str) -> tuple[str, str]:
-    """Title of a season, and its best route's side, length and fuel."""
+    """Title of a season, and its best route's way, length and fuel."""
     title = result.season_title(season)
     ranked = result.season_routes(season)
     if not ranked:
         return title, "no route"
     best = ranked[0].metrics
-    side = f"{best.side} about, " if best.side else ""
-    return title, f"{side}{distance(best.length_m)}, fuel {number(best.fuel)}"
+    way = f"{best.main_passage}, " if best.way else ""
+    return title, f"{way}{distance(best.length_m)}, fuel {number(best.fuel)}"
 
 
 def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
@@ -75,6 +76,7 @@ def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> 
     layers = [*_area_layers(axes, result, season), *_route_layers(result, season)]
     add_layers(axes, layers, sea)
     paths = [ranked.route.path for ranked in result.season_routes(season)]
+    draw_island_labels(axes, result)
     draw_start_and_goal(axes, result, paths)
     draw_frame(axes, result, sea)
 

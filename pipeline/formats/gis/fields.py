@@ -22,7 +22,9 @@ FIELDS = {
         "Way round the islands: equal for two routes of a season that can be moved into each "
         "other without crossing land",
     ),
-    "side": Field("Side", "Side on which it passes the largest island between start and goal"),
+    "way": Field(
+        "Way", "Islands that it passes, by their numbers or names: what tells it from other routes"
+    ),
     "fuel": Field("Fuel (planner's units)", "Eq. 4 along the route, at the scenario's scale"),
     "fuel_per_distance": Field(
         "Fuel per distance (planner's units/m)", "Fuel divided by the planner's scaled length"
@@ -38,6 +40,8 @@ FIELDS = {
     ),
     "trials": Field("Hard-over turns", "Hard-over turns simulated along the route"),
     "collisions": Field("Collisions", "Hard-over turns that met land"),
+    "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
+    "name": Field("Name", "Of the island in the chart; empty where it has none"),
     "sequence": Field("Number", "Number of the waypoint in the route; 1 is the start"),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
     "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),

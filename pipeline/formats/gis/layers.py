@@ -1,4 +1,4 @@
-"""The seven layers of a run in lon/lat: names, descriptions and columns."""
+"""The eight layers of a run in lon/lat: names, descriptions and columns."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _routes(result: RunResult) -> Table:
         {
             **_route_key(ranked),
             "homotopy": _text([m.homotopy for m in metrics]),
-            "side": _text([m.side for m in metrics]),
+            "way": _text([m.way for m in metrics]),
             "fuel": _real([m.fuel for m in metrics]),
             "fuel_per_distance": _real([m.fuel_per_distance for m in metrics]),
             "length_m": _real([m.length_m for m in metrics]),
@@ -112,6 +112,19 @@ def _channels(result: RunResult) -> Table:
             "homotopy": _text([row[2] for row in rows]),
             "rejected_because": _text([row[3] for row in rows]),
             "triangles": _integer([len(row[4]) for row in rows]),
+        },
+    )
+
+
+def _islands(result: RunResult) -> Table:
+    """Points on the islands by which ways are told apart."""
+    islands = result.evaluation.islands
+    places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
+    return Table(
+        shapely.points(result.scene.projection.to_lonlat(places)),
+        {
+            "number": _integer([island.number for island in islands]),
+            "name": _text([island.name for island in islands]),
         },
     )
 
@@ -209,6 +222,14 @@ LAYERS = (
         "Channel of triangles of each class; a rejected class has rank 0 and a reason.",
         "MultiPolygon",
         _channels,
+    ),
+    Layer(
+        "islands",
+        "Islands",
+        "Islands by which the ways of the routes are told apart: their numbers in homotopy "
+        "classes, and their names in the chart, if it has any.",
+        "Point",
+        _islands,
     ),
     Layer(
         "no_go",

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
-    *("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents"),
+    *("islands", "waypoints", "routes", "contingency"),
+    *("no_go", "soft_no_go", "channels", "currents"),
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {

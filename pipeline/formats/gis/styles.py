@@ -163,6 +163,15 @@ def _channels(view: View) -> Style:
     return Style(rule_renderer("fill", _by_season(view, rules)))
 
 
+def _islands(view: View) -> Style:
+    """Write each island's name or number on it."""
+    del view
+    none = marker("circle", colour(COLOURS["halo"], 0.0), colour(COLOURS["halo"], 0.0), 0.4)
+    name = 'if(coalesce("name", \'\') = \'\', to_string("number"), "name")'
+    labels = [Label(name, "", _INK, 9)]
+    return Style(rule_renderer("marker", [Rule("Islands", "", [none])]), labeling(labels))
+
+
 def _no_go(view: View) -> Style:
     """Draw land brown, as the report does."""
     del view
@@ -268,6 +277,7 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "routes": _routes,
     "waypoints": _waypoints,
     "channels": _channels,
+    "islands": _islands,
     "no_go": _no_go,
     "soft_no_go": _soft_no_go,
     "currents": _currents,

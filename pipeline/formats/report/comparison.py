@@ -22,7 +22,7 @@ class Comparison:
     planner: str
     is_ours: bool
     scale: float
-    side: str
+    way: str
     fuel_per_distance: float | None
     fuel: float | None
     length: float | None
@@ -46,7 +46,7 @@ def comparison(result: RunResult) -> tuple[Comparison, ...]:
                     planner="This run",
                     is_ours=True,
                     scale=result.scenario.scale,
-                    side=metrics.side,
+                    way=metrics.main_passage,
                     fuel_per_distance=metrics.fuel_per_distance,
                     fuel=metrics.fuel,
                     length=metrics.length,
@@ -60,7 +60,7 @@ def comparison(result: RunResult) -> tuple[Comparison, ...]:
                 planner=row.label,
                 is_ours=False,
                 scale=published.scale,
-                side=row.side,
+                way=row.side,
                 fuel_per_distance=_published_ratio(row),
                 fuel=row.fuel,
                 length=row.length,

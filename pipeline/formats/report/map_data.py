@@ -52,6 +52,10 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
         "goal": lattice.line(scene.goal[None, :]),
+        "islands": [
+            {"label": island.label, "place": lattice.line(np.array([[island.x, island.y]]))}
+            for island in result.evaluation.islands
+        ],
         "speedLimits": list(speed_limits),
         "seasons": _seasons(result, lattice),
     }
@@ -148,7 +152,7 @@ def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str
     turns, hits = _turns(result, ranked)
     return {
         "rank": ranked.rank,
-        "side": ranked.metrics.side,
+        "way": ranked.metrics.way,
         "places": [int(value) for value in np.diff(whole, axis=0, prepend=0).ravel()],
         "lon": series(np.round(profile.lonlat[:, 0], 5)),
         "lat": series(np.round(profile.lonlat[:, 1], 5)),

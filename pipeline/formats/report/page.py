@@ -307,7 +307,8 @@ def _saving(metrics: list[RouteMetrics]) -> str:
     share = 1 - best.fuel / rival.fuel
     if share <= 0:
         return ""
-    name = f"{rival.side} about" if rival.side != best.side else "the next best route"
+    is_other = rival.main_passage != best.main_passage
+    name = f"the best way {rival.main_passage}" if is_other else "the next best route"
     return f"{text.percent(share)} less fuel than {name}"
 
 
@@ -315,9 +316,9 @@ def _map_label(metrics: list[RouteMetrics]) -> str:
     """Describe a map for a screen reader."""
     if not metrics:
         return "land and currents; no route was found"
-    side = f", {metrics[0].side} about," if metrics[0].side else ""
+    way = f", {metrics[0].way}," if metrics[0].way else ""
     return (
-        f"the best route{side} of {text.distance(metrics[0].length_m)} and "
+        f"the best route{way} of {text.distance(metrics[0].length_m)} and "
         f"{len(metrics) - 1} other routes among land and currents"
     )
 

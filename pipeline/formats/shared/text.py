@@ -107,19 +107,19 @@ def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, .
 
 
 def closest_rival(routes: Sequence[RouteMetrics]) -> RouteMetrics | None:
-    """Route to compare a season's best with: the best on another side, else the next best.
+    """Route to compare a season's best with: the best by another passage, else the next best.
 
     `routes` are best first; None if there is only one.
     """
     best, others = routes[0], routes[1:]
-    on_another_side = (r for r in others if r.side != best.side)
-    return next(on_another_side, others[0] if others else None)
+    by_another_passage = (r for r in others if r.main_passage != best.main_passage)
+    return next(by_another_passage, others[0] if others else None)
 
 
 def _comparison(best: RouteMetrics, rival: RouteMetrics, vessel_speed: float) -> str:
     """Compare two routes: fuel, length, and the current's effect on each."""
-    if rival.side and rival.side != best.side:
-        names = f"{best.side.capitalize()} about", f"the best route {rival.side} about"
+    if rival.main_passage != best.main_passage:
+        names = f"The way {best.main_passage}", f"the best way {rival.main_passage}"
     else:
         names = "The best route", "the next best"
     saved = (rival.fuel - best.fuel) / rival.fuel

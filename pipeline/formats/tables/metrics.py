@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 COLUMNS = {
     "season": "season",
     "rank": "rank",
-    "side": "side",
+    "way": "way",
     "homotopy": "homotopy",
     "fuel": "fuel",
     "fuel_per_distance": "fuel_per_distance",

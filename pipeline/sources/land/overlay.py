@@ -54,6 +54,7 @@ def overlay(lands: Sequence[Land]) -> Land:
         notes=tuple(dict.fromkeys(note for land in lands for note in land.notes)),
         zones=tuple(zones),
         second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
+        places=tuple(place for land in lands for place in land.places),
     )
 
 

@@ -28,6 +28,7 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
+from pipeline.stages.way_names import with_way_names
 
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
 STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")
@@ -129,7 +130,6 @@ def metrics(
 ) -> RouteMetrics:
     """A route's metrics, computed in the simplest way."""
     line, land = shapely.LineString(route.path), shapely.union_all(scene.land)
-    middle = shapely.line_interpolate_point(line, 0.5, normalized=True)
     return RouteMetrics(
         season=season,
         rank=rank,
@@ -146,7 +146,6 @@ def metrics(
         trials=found.trials,
         collisions=found.collisions,
         land_m=float(shapely.intersection(line, land).length) * asked.scale,
-        side="north" if middle.y > land.centroid.y else "south",
     )
 
 
@@ -188,7 +187,7 @@ def parts(*, planar: bool = False) -> RunResult:
         simplified=simplified,
         scene=scene,
         plans=tuple(plans),
-        evaluation=Evaluation(tuple(rows), contingencies),
+        evaluation=with_way_names(Evaluation(tuple(rows), contingencies), scene, plans, ()),
         timings={"fetch": 0.25, "plan": 1.0},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
     )

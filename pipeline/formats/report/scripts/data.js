@@ -28,7 +28,7 @@ function readSeries({ step, moves }) {
 
 /** A route with its places, and its profile along them. */
 function readRoute(route, stepM) {
-  const read = { rank: route.rank, side: route.side };
+  const read = { rank: route.rank, way: route.way };
   for (const name of ["places", "turns", "hits"]) read[name] = readLine(route[name], stepM);
   read.soft = route.soft.map((ring) => readRing(ring, stepM));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
@@ -56,6 +56,7 @@ function readData() {
     })),
     start: readLine(data.start, stepM)[0],
     goal: readLine(data.goal, stepM)[0],
+    islands: data.islands.map(({ label, place }) => ({ label, place: readLine(place, stepM)[0] })),
     grid: data.grid.map((line) => ({
       label: line.label,
       meridian: line.meridian,

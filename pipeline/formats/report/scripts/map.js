@@ -61,6 +61,7 @@ class VoyageMap {
     this.currents = new CurrentArrows(data.extent, data.speedLimits, (role) => this.colour(role));
     this.currents.addTo(this.map);
     this.makeRoutes();
+    this.drawIslandLabels();
     this.drawStartAndGoal();
     this.vessel = this.makeVessel();
     L.control.zoom({ position: "topright" }).addTo(this.map);
@@ -147,7 +148,7 @@ class VoyageMap {
     this.routes = this.data.seasons.map((season, s) =>
       season.routes.map((route, r) => {
         const line = this.line(route.places, "routes", { interactive: true, smoothFactor: 0.4 });
-        const name = `${season.title}, ${route.rank}${route.side && `: ${route.side} about`}`;
+        const name = `${season.title}, ${route.rank}${route.way && `: ${route.way}`}`;
         line.bindTooltip(element("span", "", name), { sticky: true, className: "route-label" });
         return line.on("click", () => this.onSelect(s, r));
       }),
@@ -155,6 +156,11 @@ class VoyageMap {
     this.soft = this.area([], "soft", {});
     this.turns = L.layerGroup();
     this.closest = L.layerGroup();
+  }
+
+  /** Numbers or names on the islands that tell ways apart. */
+  drawIslandLabels() {
+    for (const { label, place } of this.data.islands) this.label(place, label, "island-label", "center").addTo(this.map);
   }
 
   drawStartAndGoal() {

@@ -102,16 +102,23 @@ def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult
         assert len(segments(axes, colour)) == 3 * len(ranked.route.channel)
 
 
-def test_the_best_of_each_side_has_its_channel_drawn(result: RunResult) -> None:
+def test_the_best_by_each_passage_has_its_channel_drawn(
+    result: RunResult,
+) -> None:
     """The only southern class is one of the four, although it is the last of five."""
     routes = result.season_routes("winter")
     rows = [
-        replace(ranked.metrics, rank=rank, side="south" if rank == 5 else "north")
+        replace(
+            ranked.metrics, rank=rank, passages=("south of 1" if rank == 5 else "north of 1", "x")
+        )
         for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
     ]
     many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
     titles = [text.get_text() for text in channels_figure(many, "winter").texts]
-    assert titles[::2] == ["1: north about", "2: north about", "3: north about", "5: south about"]
+    assert titles[::2] == [
+        *(f"{rank}: north of 1, x" for rank in (1, 2, 3)),
+        "5: south of 1, x",
+    ]
 
 
 def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(

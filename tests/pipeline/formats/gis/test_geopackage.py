@@ -32,13 +32,14 @@ LAYERS = {
     "routes": "LineString",
     "waypoints": "Point",
     "channels": "MultiPolygon",
+    "islands": "Point",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
     "contingency": "Point",
 }
 ROUTE_COLUMNS = {
-    *("season", "rank", "homotopy", "side", "fuel", "fuel_per_distance", "length_m"),
+    *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
     *("clearance_m", "duration_s", "optimality_gap", "trials", "collisions"),
 }
 
@@ -58,7 +59,7 @@ def without_routes(result: RunResult) -> RunResult:
     return replace(result, plans=plans, evaluation=Evaluation((), {}))
 
 
-def test_is_a_geopackage_1_3_with_the_seven_layers(package: Path) -> None:
+def test_is_a_geopackage_1_3_with_the_eight_layers(package: Path) -> None:
     assert query(package, "PRAGMA application_id") == [(int.from_bytes(b"GPKG", "big"),)]
     assert query(package, "PRAGMA user_version") == [(10300,)]
     assert query(package, "PRAGMA integrity_check") == [("ok",)]

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
-LAYERS = ("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
+LAYERS = (
+    *("islands", "waypoints", "routes", "contingency"),
+    *("no_go", "soft_no_go", "channels", "currents"),
+)
 # Opens FILE's project and its layers, draws both into FOLDER, and prints what it found.
 _QGIS = """
 import json, os, sys

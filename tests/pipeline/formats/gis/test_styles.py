@@ -34,7 +34,10 @@ if TYPE_CHECKING:
 
     from pipeline.formats.shared.result import RunResult
 
-LAYERS = {"routes", "waypoints", "channels", "no_go", "soft_no_go", "currents", "contingency"}
+LAYERS = {
+    *("routes", "waypoints", "channels", "islands"),
+    *("no_go", "soft_no_go", "currents", "contingency"),
+}
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 

@@ -43,7 +43,8 @@ def hostile(result: RunResult) -> RunResult:
         update={"title": HOSTILE, "description": HOSTILE, "seasons": seasons}
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(3)")
-    rows = tuple(replace(row, side=HOSTILE) for row in result.evaluation.routes)
+    rows = tuple(replace(row, passages=(HOSTILE,)) for row in result.evaluation.routes)
+    islands = tuple(replace(island, name=HOSTILE) for island in result.evaluation.islands)
     return replace(
         result,
         scenario=scenario,
@@ -52,7 +53,7 @@ def hostile(result: RunResult) -> RunResult:
             land=replace(result.fetched.land, credits=(credit,)),
             notes=(HOSTILE,),
         ),
-        evaluation=replace(result.evaluation, routes=rows),
+        evaluation=replace(result.evaluation, routes=rows, islands=islands),
     )
 
 
@@ -63,6 +64,8 @@ def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> Non
     for pane in ("water", "currents", "soft", "land", "routes"):
         assert drawn(page, pane).startswith("data:image/png"), pane
     assert page.locator(".end-label").all_inner_texts() == ["Start", "Goal"]
+    numbers = [island.label for island in small_run.parts().evaluation.islands]
+    assert page.locator(".island-label").all_inner_texts() == numbers
     labels = page.locator(".grid-label").all_inner_texts()
     assert {"9°00′N", "10°00′N", "120°00′E"} <= set(labels)
 
@@ -76,7 +79,9 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
             text = buttons.nth(index).inner_text()
-            assert text.split()[:4] == [str(m.rank), m.side, texts.number(m.fuel), "fuel"]
+            assert " ".join(text.split()).startswith(
+                f"{m.rank} {m.way} {texts.number(m.fuel)} fuel"
+            )
             buttons.nth(index).click()
             slide(page, 1000)
             assert now(page, "fuel") == texts.number(m.fuel)

@@ -86,7 +86,7 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
         for cells, m in zip(rows, metrics, strict=True):
             row = dict(zip(header, cells, strict=True))
             assert row["Rank"] == str(m.rank)
-            assert row["Side"] == m.side
+            assert row["Way"] == m.way
             assert float(row["Fuel"]) == pytest.approx(m.fuel, rel=5e-4)
             assert row["Length, true"] == texts.distance(m.length_m)
             assert float(row["Length, scaled m"]) == pytest.approx(m.length, rel=5e-4)
@@ -107,7 +107,7 @@ def test_the_answer_comes_first(page: Page, result: RunResult) -> None:
     assert [c.all("h2")[0].flat_text for c in cards] == ["Summer", "Winter (December)"]
     for card, entry in zip(cards, result.plans, strict=True):
         best = next(m for m in result.evaluation.routes if m.season == entry.season)
-        assert f"Go {best.side} about" in card.flat_text
+        assert f"Go {best.way}" in card.flat_text
         assert texts.number(best.fuel) in card.flat_text
 
 
@@ -200,8 +200,8 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
 def test_cards_state_the_saving_of_the_best_route(page: Page, result: RunResult) -> None:
     for card, entry in zip(page.with_class("card"), result.plans, strict=True):
         best, *others = [m for m in result.evaluation.routes if m.season == entry.season]
-        rival = next((m for m in others if m.side != best.side), None)
-        name = f"{rival.side} about" if rival else "the next best route"
+        rival = next((m for m in others if m.main_passage != best.main_passage), None)
+        name = f"the best way {rival.main_passage}" if rival else "the next best route"
         saved = 100 * (1 - best.fuel / (rival or others[0]).fuel)
         assert f"{saved:.1f} % less fuel than {name}" in card.flat_text
 

@@ -25,11 +25,16 @@ BEST = RouteMetrics(
     trials=1430,
     collisions=0,
     land_m=0.0,
-    side="west",
+    passages=("west of 1", "between 2 and 3"),
 )
 TWIN = replace(BEST, rank=2, fuel=910.0)
 OTHER = replace(
-    BEST, rank=3, fuel=1000.0, length_m=960_000.0, duration_s=960_000 / 0.9, side="east"
+    BEST,
+    rank=3,
+    fuel=1000.0,
+    length_m=960_000.0,
+    duration_s=960_000 / 0.9,
+    passages=("east of 1",),
 )
 
 
@@ -76,10 +81,10 @@ def test_a_distance_keeps_its_first_digits(metres: float) -> None:
     assert back == pytest.approx(metres, rel=5.1e-3)
 
 
-def test_the_best_route_is_compared_with_the_best_of_another_side() -> None:
+def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert texts.closest_rival([BEST, TWIN, OTHER]) is OTHER
     text = " ".join(texts.verdict([BEST, TWIN, OTHER], 1.0))
-    assert "West about needs 10.0 % less fuel than the best route east about (rank 3)" in text
+    assert "The way west of 1 needs 10.0 % less fuel than the best way east of 1 (rank 3)" in text
     assert "although it is 40.00 km longer" in text
     assert "averages 1.25 m/s over ground (+0.25 from the current), the other 0.90 m/s" in text
     assert "(−0.10)" in text
@@ -90,7 +95,7 @@ def test_the_best_route_is_compared_with_the_best_of_another_side() -> None:
     assert "can need less fuel than 720.0; this one is within 25.0 % of that bound" in text
 
 
-def test_without_another_side_it_is_compared_with_the_next_best() -> None:
+def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
     assert texts.closest_rival([BEST, TWIN]) is TWIN
     text = texts.verdict([BEST, TWIN], 1.0)[0]
     assert "The best route needs 1.1 % less fuel than the next best (rank 2)" in text
@@ -99,7 +104,7 @@ def test_without_another_side_it_is_compared_with_the_next_best() -> None:
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
     text = texts.verdict([replace(BEST, fuel=1100.0), OTHER], 1.0)[0]
-    assert "was chosen over the best route east about (rank 3) by the mean fuel of its" in text
+    assert "was chosen over the best way east of 1 (rank 3) by the mean fuel of its" in text
     assert "although it needs 10.0 % more fuel" in text
 
 

@@ -39,7 +39,7 @@ def assert_valid(outcome: Outcome) -> None:
     assert outcome.exit_code == 0
     rows = outcome.evaluation.routes
     for season in outcome.scenario.seasons:
-        assert len({row.side for row in rows if row.season == season.name}) == 2
+        assert len({row.main_passage for row in rows if row.season == season.name}) == 2
     assert all(row.land_m == 0 for row in rows)
     assert all(row.collisions == 0 for row in rows)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pipeline.errors import PipelineError
-from pipeline.voyage.region import chosen_region, edge_notes, wider_region
+from pipeline.choices.region import chosen_region, edge_notes, opened_region, wider_region
+from pipeline.errors import NoWayError, PipelineError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from pipeline.choices.region import ChosenRegion
     from pipeline.formats.shared.result import RunResult
     from pipeline.scenario.model import Scenario
     from pipeline.storage.store import Store
@@ -44,10 +45,12 @@ def search_region(
     Raises
     ------
     PipelineError
-        What the first region's run raises. A wider one that fails is given up.
+        What the first region's run raises, unless no way joins start and goal in it; then what the
+        widest one's run raises. Of a wider region than one with a way, a failure does not matter.
     """
-    region = chosen_region(asked, store, offline=offline)
-    result, evaluated = run_in_region(region.complete(asked), region.notes)
+    region, (result, evaluated) = _first_with_a_way(
+        chosen_region(asked, store, offline=offline), asked, run_in_region
+    )
     for _ in range(_MAX_WIDENINGS):
         wider = wider_region(region, _best_paths(result))
         if wider is None:
@@ -60,6 +63,23 @@ def search_region(
     limits = edge_notes(region, _best_paths(result))
     fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
     return replace(result, fetched=fetched, choices=(*result.choices, *limits)), evaluated
+
+
+def _first_with_a_way(
+    region: ChosenRegion,
+    asked: Scenario,
+    run_in_region: Callable[[Scenario, tuple[str, ...]], Staged],
+) -> tuple[ChosenRegion, Staged]:
+    """Open a region up until a way joins start and goal in it; return it, and what its run gave."""
+    for _ in range(_MAX_WIDENINGS):
+        try:
+            return region, run_in_region(region.complete(asked), region.notes)
+        except NoWayError:
+            wider = opened_region(region)
+            if wider is None:
+                raise
+            region = wider
+    return region, run_in_region(region.complete(asked), region.notes)
 
 
 def _best_paths(result: RunResult) -> list[FloatArray]:

@@ -2,7 +2,7 @@
 
 The ways are shortest ones on a coarse grid: the best, and for each larger island that the direct
 line meets the best on either side. Currents are not known yet; where the best route comes near the
-region's edge, :mod:`pipeline.voyage.region_growth` widens it.
+region's edge, :mod:`pipeline.choices.region_growth` widens it.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.choices.water_grid import WaterGrid
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.sources.quality.coverage import common_bounds
-from pipeline.voyage.water_grid import WaterGrid
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import numpy.typing as npt
 
+    from pipeline.choices.water_grid import Way
     from pipeline.sources.quality.coverage import Bounds
     from pipeline.sources.quality.field import LandMask
-    from pipeline.voyage.water_grid import Way
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.intp]

@@ -76,7 +76,7 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     file = write(tmp_path / "field.nc", dataset(field))
     outcome = voyage(chart, outputs, file, name="with-a-file")
     assert outcome.exit_code == 0
-    assert {row.side for row in outcome.evaluation.routes} == {"north", "south"}
+    assert {row.way for row in outcome.evaluation.routes} == {"north of 1", "south of 1"}
     region = outcome.scenario.region
     assert region is not None
     assert region.bbox is not None
@@ -110,6 +110,34 @@ def test_a_region_grows_until_the_best_route_keeps_off_its_edge(chart: Path, out
     assert near.scenario.region is not None
     assert wide.scenario.region.shape.contains(near.scenario.region.shape)
     assert wide.scenario.planner.clearance == 1500.0
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_a_region_that_joins_start_and_goal_by_no_water_grows(
+    tmp_path: Path, outputs: Path
+) -> None:
+    """The first look at the water, in cells of 100 m, sees no breakwater that is 20 m wide."""
+    breakwater = shapely.LineString([(-40.0, 34.96), (-40.0, 35.04)]).buffer(1e-4)
+    file = tmp_path / "breakwater.geojson"
+    file.write_text(shapely.to_geojson(breakwater))
+    outcome = voyage(file, outputs, "still", name="breakwater")
+    assert {row.land_m for row in outcome.evaluation.routes} == {0.0}
+    assert any("as no way joins start and goal in a smaller one" in it for it in outcome.choices)
+    region = outcome.scenario.region
+    assert region is not None
+    assert region.shape.contains(breakwater)
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_where_no_region_joins_start_and_goal_nothing_is_written(
+    tmp_path: Path, outputs: Path
+) -> None:
+    ring = shapely.LineString(shapely.Point(START).buffer(0.04).exterior.coords).buffer(1e-4)
+    file = tmp_path / "ring.geojson"
+    file.write_text(shapely.to_geojson(ring))
+    with pytest.raises(RequestError, match="no water connects them"):
+        voyage(file, outputs, "still", name="ring")
+    assert not (outputs / "ring").exists()
 
 
 def test_a_wrong_request_writes_nothing(tmp_path: Path, chart: Path) -> None:
@@ -181,4 +209,4 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     assert "offing of at least 69" in done.stdout
     assert "planned on Embedded table of surface currents around Palawan" in done.stderr
     (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
-    assert (best["side"], best["land_m"], best["collisions"]) == ("west", "0.0", "0")
+    assert (best["way"], best["land_m"], best["collisions"]) == ("west of 1", "0.0", "0")

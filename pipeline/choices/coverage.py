@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from pipeline.choices.region_choice import Voyage
     from pipeline.scenario.season import Season
     from pipeline.sources.quality.coverage import Bounds
-    from pipeline.voyage.region_choice import Voyage
 
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from pipeline.choices.coverage import covered_by_currents
+from pipeline.choices.region_choice import Voyage
 from pipeline.errors import RequestError
 from pipeline.scenario.season import Season
-from pipeline.voyage.coverage import covered_by_currents
-from pipeline.voyage.region_choice import Voyage
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.voyage.coverage import Coverage
+    from pipeline.choices.coverage import Coverage
 
 PALAWAN = Voyage.between((120.30, 12.80), (116.80, 7.70))
 GLORYS, EMBEDDED = "copernicus-glorys-monthly", "embedded-palawan"

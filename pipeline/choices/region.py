@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import shapely
 
+from pipeline.choices.coverage import REMEDY, Coverage, covered_by_currents
+from pipeline.choices.region_choice import Voyage, choose_region
+from pipeline.choices.region_growth import SIDES, grown, opened, sides_near
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.storage.store import DOWNLOADS, artefact_key
-from pipeline.voyage.coverage import REMEDY, Coverage, covered_by_currents
-from pipeline.voyage.region_choice import Voyage, choose_region
-from pipeline.voyage.region_growth import SIDES, grown, sides_near
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,6 +86,15 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
         return None
     sides = " and ".join(SIDES[side] for side in near)
     note = f"region widened to {_spelled(bounds)}, as the best route came near its {sides} edge"
+    return replace(chosen, bounds=bounds, notes=(*chosen.notes, note))
+
+
+def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
+    """Widen a region in which no way joins start and goal; None where it ends with its currents."""
+    bounds = opened(chosen.bounds, chosen.voyage.distance_m, chosen.coverage.bounds)
+    if bounds == chosen.bounds:
+        return None
+    note = f"region widened to {_spelled(bounds)}, as no way joins start and goal in a smaller one"
     return replace(chosen, bounds=bounds, notes=(*chosen.notes, note))
 
 

@@ -1,4 +1,7 @@
-"""Where a route comes near the edge of its region, there may be a better one beyond."""
+"""Where a route comes near the edge of its region, there may be a better one beyond.
+
+Where there is no route at all, there may be one far beyond.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,8 @@ SIDES = ("west", "south", "east", "north")
 # Distance from the edge at which a route counts as near, and by which the region grows, as shares
 # of the margin that was left around start, goal and the ways between.
 _NEAR, _GROWTH = 0.3, 2.0
+# Growth where no way joins start and goal, as a share of their distance.
+_OPENING = 0.5
 # Least growth that is worth another plan, as a share of the growth wanted.
 _LEAST_GAIN = 0.1
 
@@ -49,7 +54,20 @@ def grown(bounds: Bounds, sides: Sequence[int], margin_m: float, limits: Bounds)
 
     Bounds that would gain hardly anything stay as they are.
     """
-    up = _GROWTH * margin_m / METRES_PER_DEGREE
+    return _moved(bounds, sides, _GROWTH * margin_m, limits)
+
+
+def opened(bounds: Bounds, distance_m: float, limits: Bounds) -> Bounds:
+    """Move all sides of bounds outward by a share of a voyage's distance, as far as limits allow.
+
+    Bounds that would gain hardly anything stay as they are.
+    """
+    return _moved(bounds, range(len(SIDES)), _OPENING * distance_m, limits)
+
+
+def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
+    """Move some sides of bounds outward, as far as limits allow and unless they gain too little."""
+    up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))
     moves = (-aside, -up, aside, up)

@@ -6,7 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from pipeline.voyage.region_growth import SIDES, grown, sides_near
+from pipeline.choices.region_growth import SIDES, grown, opened, sides_near
 
 BOUNDS = (10.0, 50.0, 12.0, 51.0)
 WORLD = (-180.0, -89.0, 360.0, 89.0)
@@ -30,6 +30,15 @@ def test_near_is_a_share_of_the_margin_on_the_ground() -> None:
     for share, is_near in ((0.25, True), (0.35, False)):
         lon = GEOD.fwd(10, 50.5, 90, share * MARGIN_M)[0]
         assert (near((lon, 50.5)) == ["west"]) is is_near
+
+
+def test_a_shut_region_opens_on_all_sides_as_far_as_the_limits_allow() -> None:
+    west, south, east, north = opened(BOUNDS, 100_000.0, WORLD)
+    assert GEOD.inv(west, 51, 10, 51)[2] == pytest.approx(50_000.0, rel=0.02)
+    assert GEOD.inv(east, 51, 12, 51)[2] == pytest.approx(50_000.0, rel=0.02)
+    assert GEOD.inv(11, south, 11, 50)[2] == pytest.approx(50_000.0, rel=0.02)
+    assert GEOD.inv(11, north, 11, 51)[2] == pytest.approx(50_000.0, rel=0.02)
+    assert opened(BOUNDS, 100_000.0, BOUNDS) == BOUNDS
 
 
 def test_sides_move_outward_as_far_as_the_limits_allow() -> None:

@@ -1,0 +1,266 @@
+"""Names of ways that a navigator reads: "west of 1", "between 2 and 5".
+
+The islands are those by whose rays the planner spelled the routes' classes, under the same numbers
+(:mod:`renew.classes.h_signature`: the largest is 1), or under the chart's own names. A name has no
+more of them than tell a route from the others of its season. All seasons share one numbering, and
+one main island, which every name begins with: the largest that tells any two routes apart.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.model import NumberedIsland
+from renew.classes.choices import rays_that_matter
+from renew.classes.h_signature import Rays
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import numpy.typing as npt
+    from shapely.geometry import LineString, Polygon
+
+    from pipeline.model import Evaluation, PlaceName, RouteKey, Scene, SeasonPlan
+
+    FloatArray = npt.NDArray[np.float64]
+
+_COMPASS = ("north", "east", "south", "west")
+# Points of a route that are looked at, and distance from an island's centre within which a route
+# comes past it, in its least one.
+_SAMPLES, _NEAR = 1000, 2.0
+
+
+def with_way_names(
+    evaluation: Evaluation, scene: Scene, plans: Sequence[SeasonPlan], places: Sequence[PlaceName]
+) -> Evaluation:
+    """Name the way of each route; `places` are the names that the chart has for its land."""
+    routes = {
+        (plan.season, rank): _Passed(np.asarray(route.path), _letters(route.homotopy))
+        for plan in plans
+        for rank, route in enumerate(plan.ranked_routes, start=1)
+    }
+    namer = _WayNamer(scene, routes, tuple(places))
+    rows = [
+        replace(row, passages=namer.passages((row.season, row.rank))) for row in evaluation.routes
+    ]
+    return replace(evaluation, routes=tuple(rows), islands=namer.islands())
+
+
+@dataclass(frozen=True, slots=True)
+class _Passed:
+    """A route's path (n, 2), planar metres, and the numbers that its class is spelled with."""
+
+    path: FloatArray
+    spelled: frozenset[int]
+
+
+def _letters(homotopy: str) -> frozenset[int]:
+    """Numbers in a class's name, such as "s2.p1"."""
+    return frozenset(int(number) for number in re.findall(r"\d+", homotopy))
+
+
+class _WayNamer:
+    """Names the ways of all routes of a run."""
+
+    def __init__(
+        self, scene: Scene, routes: dict[RouteKey, _Passed], places: tuple[PlaceName, ...]
+    ) -> None:
+        self._scene, self._routes, self._places = scene, routes, places
+        self._rays = Rays.of(scene.chart)
+        # How often each route passes each island's north, eastward less westward: two routes pass
+        # it on different sides if and only if these differ.
+        self._turns = {key: self._turns_of(route.path) for key, route in routes.items()}
+        self._used: set[int] = set()
+
+    def passages(self, key: RouteKey) -> tuple[str, ...]:
+        """What a route passes: the main island first, the others as it comes by them."""
+        if self._main is None:
+            return ()
+        others = self._telling(key, self._main)
+        islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
+        self._used.update(islands)
+        names = {island: f"{self._side(key, island)} of {self._name(island)}" for island in islands}
+        for one, other in self._straits(key, islands):
+            names[one] = f"between {self._name(one)} and {self._name(other)}"
+            names.pop(other)
+        return tuple(names.values())
+
+    def islands(self) -> tuple[NumberedIsland, ...]:
+        """Islands that are in the names so far, the largest first."""
+        return tuple(
+            NumberedIsland(island, self._chart_name(island), *map(float, self._point(island)))
+            for island in sorted(self._used)
+        )
+
+    @cached_property
+    def _telling_any(self) -> list[int]:
+        """Islands of the chart that tell any two routes of a season apart, the largest first."""
+        known = set(self._rays.island.tolist())
+        spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
+        seasons = {season for season, _ in self._routes}
+        return sorted(
+            island
+            for island in spelled
+            if any(len(set(self._values(island, season))) > 1 for season in seasons)
+        )
+
+    @cached_property
+    def _main(self) -> int | None:
+        """The island that all names begin with; the largest on the way where none tells apart."""
+        if self._telling_any or not self._routes:
+            return next(iter(self._telling_any), None)
+        best = next(iter(self._routes.values()))
+        on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
+        return next(iter(on_the_way), None)
+
+    def _telling(self, key: RouteKey, main: int) -> list[int]:
+        """Few islands that, with the main one, tell a route from the others of its season."""
+        mine = self._turns[key]
+        alike = [
+            turns
+            for other, turns in self._turns.items()
+            if other != key and other[0] == key[0] and turns[main] == mine[main]
+        ]
+        chosen = []
+        while alike:
+            told = {i: sum(turns[i] != mine[i] for turns in alike) for i in self._telling_any}
+            best = max(told, key=lambda island: (told[island], -island), default=None)
+            if best is None or not told[best]:
+                break
+            chosen.append(best)
+            alike = [turns for turns in alike if turns[best] == mine[best]]
+        return chosen
+
+    def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
+        """Pairs of islands between which a route passes, the closest first, none twice.
+
+        Where another route of the season winds through the same gap the other way round, that it is
+        between the two would not tell them apart.
+        """
+        gaps = {
+            pair: shapely.shortest_line(*(self._outline(island) for island in pair))
+            for pair in combinations(islands, 2)
+        }
+        free = set(islands)
+        for pair, gap in sorted(gaps.items(), key=lambda item: item[1].length):
+            through = {
+                tuple(turns[island] for island in pair)
+                for other, turns in self._turns.items()
+                if other[0] == key[0] and _crosses(self._routes[other].path, gap)
+            }
+            mine = tuple(self._turns[key][island] for island in pair)
+            if (
+                free.issuperset(pair)
+                and through == {mine}
+                and _crosses(self._routes[key].path, gap)
+            ):
+                free.difference_update(pair)
+                yield pair
+
+    def _side(self, key: RouteKey, island: int) -> str:
+        """Compass point of the side on which a route passes an island.
+
+        It is that of the middle direction in which all routes with the same turns lie from the
+        island, and opposite to that of the others.
+        """
+        mine = self._turns[key][island]
+        values = {turns[island] for turns in self._turns.values()}
+        direction = self._direction(island, mine)
+        if len(values) == 2:
+            direction = direction - self._direction(island, *(values - {mine}))
+        east, north = self._scene.projection.rotate_to_lonlat(
+            self._scene.projection.to_lonlat(self._point(island)), direction
+        )
+        bearing = float(np.degrees(np.arctan2(east, north)))
+        return _COMPASS[round(bearing / 90) % 4]
+
+    def _direction(self, island: int, turns: int) -> FloatArray:
+        """Mean direction (2,) from an island to routes with such turns where they are near it."""
+        centre = self._centre(island)
+        directions = [
+            _direction_abeam(self._routes[key].path, centre)
+            for key, of in self._turns.items()
+            if of[island] == turns
+        ]
+        return np.asarray(np.mean(directions, axis=0))
+
+    def _along(self, key: RouteKey, island: int) -> float:
+        """How far along its route, m, an island is passed."""
+        path = shapely.LineString(self._routes[key].path)
+        return float(path.project(shapely.Point(self._centre(island))))
+
+    def _values(self, island: int, season: str) -> list[int]:
+        """Turns of a season's routes about an island."""
+        return [turns[island] for (of, _), turns in self._turns.items() if of == season]
+
+    def _turns_of(self, path: FloatArray) -> Counter[int]:
+        """How often a path passes the north of each island, eastward less westward."""
+        turns: Counter[int] = Counter()
+        for letter in self._rays.word(path):
+            turns[abs(letter)] += 1 if letter > 0 else -1
+        return turns
+
+    def _name(self, island: int) -> str:
+        """An island's name, or its number."""
+        return self._chart_name(island) or str(island)
+
+    def _chart_name(self, island: int) -> str:
+        """The chart's name of the largest named land that lies on an island; empty if none does."""
+        outline = self._outline(island)
+        named = [
+            place
+            for place in self._places
+            if outline.contains(
+                shapely.Point(self._scene.projection.to_plane(np.array([place.lon, place.lat])))
+            )
+        ]
+        return max(named, key=lambda place: place.area_deg2).name if named else ""
+
+    def _point(self, island: int) -> FloatArray:
+        """A point (2,) on an island."""
+        at = int((self._rays.island == island).argmax())
+        return np.array([self._rays.x[at], self._rays.y[at]])
+
+    def _centre(self, island: int) -> FloatArray:
+        """An island's centroid (2,), or a point on it where that is in water."""
+        outline = self._outline(island)
+        centroid = outline.centroid
+        return (
+            shapely.get_coordinates(centroid)[0]
+            if outline.contains(centroid)
+            else self._point(island)
+        )
+
+    def _outline(self, island: int) -> Polygon:
+        """An island's polygon in the planner's chart."""
+        found = self._land.query(shapely.Point(self._point(island)), predicate="intersects")
+        polygon: Polygon = self._land.geometries[found[0]]
+        return polygon
+
+    @cached_property
+    def _land(self) -> shapely.STRtree:
+        return shapely.STRtree(self._scene.chart.no_go)
+
+
+def _crosses(path: FloatArray, gap: LineString) -> bool:
+    """Whether a path (n, 2) leads through a gap, and not only in and out again."""
+    places = shapely.intersection(shapely.LineString(path), gap)
+    return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1
+
+
+def _direction_abeam(path: FloatArray, centre: FloatArray) -> FloatArray:
+    """Mean direction (2,) from a place to a path (n, 2) where that is near: as it comes past."""
+    line = shapely.LineString(path)
+    steps = np.linspace(0, 1, _SAMPLES)
+    vectors = shapely.get_coordinates(line.interpolate(steps, normalized=True)) - centre
+    distance = np.linalg.norm(vectors, axis=1)
+    near = distance <= _NEAR * max(float(distance.min()), 1e-9)
+    return np.asarray((vectors[near] / np.maximum(distance[near], 1e-9)[:, None]).mean(axis=0))

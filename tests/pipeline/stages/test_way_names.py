@@ -1,0 +1,150 @@
+"""Ways are named by the islands that tell them apart, as a navigator would."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+import renew
+from pipeline.geo.projection import Projection
+from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
+from pipeline.stages.way_names import with_way_names
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
+EXTENT = shapely.box(-500, -500, 500, 500)
+STILL = renew.UniformCurrent(0.0, 0.0)
+
+
+def plane_scene(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.ArrayLike) -> Scene:
+    """Return a scene in metres at 0 N 0 E: north is up."""
+    return Scene(
+        chart=renew.Chart(EXTENT, islands),
+        land=tuple(islands),
+        currents={"still": STILL},
+        start=np.asarray(start, dtype=float),
+        goal=np.asarray(goal, dtype=float),
+        projection=Projection.at(0.0, 0.0),
+        vessel=VESSEL,
+    )
+
+
+def planned(scene: Scene, **options: object) -> SeasonPlan:
+    """Plan the scene's season."""
+    plan = renew.plan(
+        scene.chart,
+        STILL,
+        VESSEL,
+        scene.start,
+        scene.goal,
+        **options,  # type: ignore[arg-type]
+    )
+    return SeasonPlan("still", plan, "", 0.0)
+
+
+def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) -> Evaluation:
+    """Name the ways of some plans."""
+    rows = [
+        RouteMetrics(
+            plan.season, rank, route.homotopy, route.fuel, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0, 0, 0.0
+        )
+        for plan in plans
+        for rank, route in enumerate(plan.ranked_routes, start=1)
+    ]
+    return with_way_names(Evaluation(tuple(rows), {}), scene, plans, places)
+
+
+@given(st.floats(0, 2 * math.pi))
+def test_the_side_is_where_the_way_round_lies(angle: float) -> None:
+    """Two ways round one island: each lies on the named side of it."""
+    ahead = np.array([math.cos(angle), math.sin(angle)])
+    island = shapely.Point(0, 0).buffer(100, quad_segs=3)
+    scene = plane_scene([island, shapely.box(-500, -500, -450, -450)], -300 * ahead, 300 * ahead)
+    plan = planned(scene, classes=2)
+    ways = {}
+    for row, route in zip(named(scene, plan).routes, plan.ranked_routes, strict=True):
+        side, of, number = row.way.split()
+        assert (of, number) == ("of", "1")
+        x, y = route.path[np.abs(route.path @ ahead).argmin()]
+        bearing = {"north": 0, "east": 90, "south": 180, "west": 270}[side]
+        off = abs((math.degrees(math.atan2(x, y)) - bearing + 180) % 360 - 180)
+        assert off <= 45 + 15  # the corners of the island lie 30 degrees apart
+        ways[side] = row
+    assert set(ways) in ({"north", "south"}, {"east", "west"})
+
+
+def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
+    """Going north past three islands in a row there are four ways; each has a name of its own."""
+    row = [shapely.box(x, -w, x + 2 * w, w) for x, w in ((-250, 60), (-90, 70), (90, 50))]
+    scene = plane_scene(row, (0, -300), (0, 300))
+    evaluation = named(scene, planned(scene, classes=4))
+    # The largest is 1: the one in the middle; the western is 2, the eastern 3.
+    ways = {route.way for route in evaluation.routes}
+    assert ways == {
+        "between 1 and 2",
+        "between 1 and 3",
+        "west of 1, west of 2",
+        "east of 1, east of 3",
+    }
+    places = {island.label: island.x for island in evaluation.islands}
+    assert set(places) == {"1", "2", "3"}
+    assert places["2"] < places["1"] < places["3"]
+
+
+def test_numbers_are_those_of_the_homotopy_classes() -> None:
+    """A class that passes north of an island only has its number in its name."""
+    scene = plane_scene([shapely.box(-60, -60, 60, 40), shapely.box(100, 90, 130, 120)],
+                        (-300, 0), (300, 0))  # fmt: skip
+    evaluation = named(scene, planned(scene, classes=4))
+    for route in evaluation.routes:
+        north = {f"s{number}" for number in (1, 2) if f"north of {number}" in route.way}
+        assert north <= set(route.homotopy.split("."))
+    assert len({route.way for route in evaluation.routes}) == len(evaluation.routes)
+
+
+def test_the_charts_own_names_take_the_place_of_numbers() -> None:
+    island = shapely.box(-60, -50, 60, 50)
+    scene = plane_scene([island], (-300, 0), (300, 0))
+    lon, lat = scene.projection.to_lonlat(np.array([10.0, 10.0]))
+    rock, elsewhere = PlaceName("A rock", lon, lat, 1e-9), PlaceName("Far", lon + 1, lat, 1.0)
+    isle = PlaceName("Isle, of Dogs", lon, lat, 1e-6)
+    evaluation = named(scene, planned(scene), places=(rock, isle, elsewhere))
+    assert {row.way for row in evaluation.routes} == {
+        "north of Isle, of Dogs", "south of Isle, of Dogs",
+    }  # fmt: skip
+    assert {row.main_passage for row in evaluation.routes} == {row.way for row in evaluation.routes}
+    assert [(island.number, island.label) for island in evaluation.islands] == [
+        (1, "Isle, of Dogs")
+    ]
+
+
+def test_seasons_share_the_main_island() -> None:
+    """One season has routes on both sides, the other on one side only."""
+    scene = plane_scene([shapely.box(-60, -60, 60, 40)], (-300, 0), (300, 0))
+    both, one = planned(scene), planned(scene, classes=1)
+    evaluation = named(scene, both, SeasonPlan("other", one.plan, "", 0.0))
+    ways = {(row.season, row.rank): row.way for row in evaluation.routes}
+    assert set(ways.values()) == {"north of 1", "south of 1"}
+    assert ways["other", 1] == ways["still", 1]
+
+
+def test_a_single_way_is_named_by_the_largest_island_beside_it() -> None:
+    mainland = shapely.box(-500, 300, 500, 500)
+    scene = plane_scene([shapely.box(-60, -60, 60, 40), mainland], (-300, 0), (300, 0))
+    (row,) = named(scene, planned(scene, classes=1)).routes
+    assert row.way == "north of 1"
+
+
+def test_without_an_island_beside_it_a_way_has_no_name() -> None:
+    mainland = shapely.box(-500, 300, 500, 500)
+    scene = plane_scene([shapely.box(-400, -10, -395, -5), mainland], (-200, 0), (200, 0))
+    evaluation = named(scene, planned(scene, classes=1))
+    assert [row.way for row in evaluation.routes] == [""]
+    assert evaluation.islands == ()
