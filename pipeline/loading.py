@@ -22,6 +22,7 @@ from pipeline.scenario.old_keys import with_current_keys
 from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point, looks_like_path
+from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -115,6 +116,7 @@ class _ValidTables:
     plane: Plane | None
     is_planar: bool
     chart: ChartSpec | None
+    vessel: VesselSpec | None
     endpoints: dict[str, Point]
     seasons: tuple[Season, ...]
 
@@ -135,6 +137,7 @@ class _ValidTables:
             plane=_validated(Plane, data.get("plane")),
             is_planar="plane" in data,
             chart=None if chart is None else _with_chart_paths(chart, folder),
+            vessel=_known_vessel(data.get("vessel")),
             endpoints=endpoints,
             seasons=tuple(_with_files(season, folder) for season in found if season is not None),
         )
@@ -146,6 +149,13 @@ def _validated(model: type[ModelT], data: object) -> ModelT | None:
         return model.model_validate(data)
     except ValidationError:
         return None
+
+
+def _known_vessel(given: object) -> VesselSpec | None:
+    """Return a vessel's table, or that of the catalogue; None where it is unknown or invalid."""
+    if isinstance(given, str):
+        return catalogue.vessel(given) if given in catalogue.names("vessels") else None
+    return _validated(VesselSpec, given)
 
 
 def _with_vessel(data: dict[str, Any]) -> dict[str, Any]:
@@ -217,7 +227,8 @@ def _with_chart_paths(chart: ChartSpec, folder: Path) -> ChartSpec:
         one.model_copy(update={"path": _absolute(one.path, folder)}) if one.path else one
         for one in chart.source
     )
-    return chart.model_copy(update={"source": source})
+    depths = _absolute(chart.depths, folder) if chart.depths else ""
+    return chart.model_copy(update={"source": source, "depths": depths})
 
 
 def _with_files(season: Season, folder: Path) -> Season:
@@ -242,6 +253,9 @@ def _missing_paths(chart: ChartSpec) -> Iterator[str]:
             remedy = "; give a vector file, or a folder of S-57 cells"
             remedy = remedy if reason == NOT_THERE else ""
             yield f"chart.source = '{shown(one.path)}' {reason}{remedy}"
+    if chart.depths and (reason := unreadable_reason(chart.depths)):
+        remedy = "; give a GEBCO or EMODnet grid in NetCDF" if reason == NOT_THERE else ""
+        yield f"chart.depths = '{shown(chart.depths)}' {reason}{remedy}"
 
 
 def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
@@ -285,6 +299,11 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
     """Find what one table alone does not show: charts that are missing, endpoints in vain."""
     if tables.chart is not None:
         yield from _missing_paths(tables.chart)
+        if tables.chart.depths and tables.vessel and tables.vessel.draught_m is None:
+            yield (
+                "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught "
+                "in metres"
+            )
     if not tables.is_planar:
         yield from _endpoints_off_earth(tables.endpoints)
     if len(set(tables.endpoints.values())) == 1 and len(tables.endpoints) == 2:

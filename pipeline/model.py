@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from pipeline.geo.known_cells import KnownCells
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    import numpy as np
     import numpy.typing as npt
     from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
     import renew
+    from pipeline.geo.known_cells import DepthCover
     from pipeline.geo.projection import Projection
 
     FloatArray = npt.NDArray[np.float64]
@@ -73,7 +77,8 @@ class Land:
     source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
     it, but a route that crosses it does so where the two disagree. `places` are the chart's names
-    of land, where it has any.
+    of land, where it has any. `depths` says where the chart has depths; None where it has none at
+    all.
     """
 
     polygons: tuple[Polygon, ...]
@@ -83,6 +88,7 @@ class Land:
     zones: tuple[Zone, ...] = ()
     second_shore: tuple[Polygon, ...] = ()
     places: tuple[PlaceName, ...] = ()
+    depths: DepthCover | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +125,11 @@ class CurrentGrid:
     files: tuple[tuple[str, str], ...] = ()
     climatology_for: str = ""
     passed_over: tuple[PassedOver, ...] = ()
+
+    @property
+    def cells(self) -> KnownCells:
+        """Which of its cells have a figure."""
+        return KnownCells(self.lon, self.lat, np.isfinite(self.u) & np.isfinite(self.v))
 
     @property
     def is_stand_in(self) -> bool:
@@ -199,9 +210,10 @@ class Simplified:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land; `second_shore` is as in Land; `currents` is keyed by
-    season; `start` and `goal` have shape (2,). A scene `is_planar` where it was given in metres,
-    and not on a chart.
+    `land` is the original, unsimplified land; `second_shore` and `depths` are as in Land;
+    `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
+    and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
+    chart.
     """
 
     chart: renew.Chart
@@ -213,6 +225,8 @@ class Scene:
     vessel: renew.Vessel
     is_planar: bool = False
     second_shore: tuple[Polygon, ...] = ()
+    depths: DepthCover | None = None
+    current_cells: Mapping[str, KnownCells] = field(default_factory=dict)
 
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: as a scenario would give it."""
@@ -262,6 +276,9 @@ class RouteMetrics:
     land_m : metres of the route over original land.
     passages : what it passes, to tell it from the season's other routes, such as "west of 1"; the
         main island first, and then in their order on the way.
+    land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
+    filled_share : share of its length in cells where the current's source has no figure.
+    uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
     """
 
     season: str
@@ -278,6 +295,10 @@ class RouteMetrics:
     collisions: int
     land_m: float
     passages: tuple[str, ...] = ()
+    land_lon: float = math.nan
+    land_lat: float = math.nan
+    filled_share: float = 0.0
+    uncharted_share: float = math.nan
 
     @property
     def way(self) -> str:
@@ -322,6 +343,27 @@ class ShoreCrossing:
     lon: float
     lat: float
     length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ShutStrait:
+    """A strait of the original land that no route takes, as margin or padding shuts it.
+
+    Attributes
+    ----------
+    lon, lat : the middle of its narrowest place, degrees.
+    width_m : its width there, between the original coasts, true metres.
+    needed_m : the width from which on it would be open.
+    by : what shuts it.
+    seasons : those in which it is so; all where it does not depend on the current.
+    """
+
+    lon: float
+    lat: float
+    width_m: float
+    needed_m: float
+    by: Literal["margin", "padding"]
+    seasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.model import Evaluation, Fetched, SeasonPlan
+    from pipeline.model import Evaluation, Fetched, SeasonPlan, ShutStrait
     from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "plan", "write"]
@@ -40,7 +40,8 @@ def ignore(event: Event) -> None:
 class Outcome:
     """The outcome of a run; `fresh` is False where the results existed already.
 
-    The scenario is complete: `choices` say what was chosen where it left something out.
+    The scenario is complete: `choices` say what was chosen where it left something out. `straits`
+    are those that are shut, the widest first.
     """
 
     scenario: Scenario
@@ -51,6 +52,7 @@ class Outcome:
     fresh: bool
     seconds: float
     choices: tuple[str, ...] = ()
+    straits: tuple[ShutStrait, ...] = ()
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -58,7 +60,7 @@ class Outcome:
         seasons = [f"season {p.season!r}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
             f"season {row.season!r}: route {row.rank} crosses {row.land_m:.0f} m of the original "
-            "land; raise chart.margin_m"
+            f"land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N; raise chart.margin_m"
             for row in self.evaluation.routes
             if row.land_m > 0
         ]

@@ -13,6 +13,7 @@ from pipeline.choices.offing import Offing
 from pipeline.choices.region_search import search_region
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.outcome import Event, Outcome, ignore
@@ -22,6 +23,7 @@ from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.season_runner import run_tasks
 from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
+from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
@@ -129,17 +131,6 @@ def _refuse_stand_ins(parts: FetchedParts) -> None:
         raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
 
 
-def _unsafe_notes(evaluation: Evaluation, scenario: Scenario) -> tuple[str, ...]:
-    """Name the seasons on whose best route the vessel cannot turn away everywhere."""
-    return tuple(
-        f"not safe everywhere: {row.season}, {row.collisions:,} of {row.trials:,} hard-over turns "
-        f"along the best route met land; it was planned with padding = "
-        f'{scenario.planner.padding!r}, and only "adaptive" is verified'
-        for row in evaluation.routes
-        if row.rank == 1 and row.collisions
-    )
-
-
 def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
     """Say why seasons failed; those that failed for the same reason share a line."""
     seasons: dict[str, list[str]] = {}
@@ -187,6 +178,7 @@ class _StagedRun:
             fresh,
             time.perf_counter() - started,
             result.choices,
+            result.straits,
         )
 
     def run_stages(self) -> tuple[RunResult, list[str]]:
@@ -227,25 +219,34 @@ class _StagedRun:
             tasks = self._season_tasks(parts, simplified_key, scene_key)
             plans, evaluation = self._plan_seasons(parts, tasks)
             evaluation = with_way_names(evaluation, scene, plans, parts.fetched.land.places)
+            evaluated = [task.evaluation_path.name for task in tasks]
+            straits = self.store.load_or_make(
+                "straits",
+                artefact_key("straits", evaluated, scene_key),
+                tuple,
+                lambda: shut_straits(scene, simplified, plans, self.scenario.planner),
+            )
+            result = RunResult(
+                self.scenario,
+                fetched,
+                simplified,
+                scene,
+                plans,
+                evaluation,
+                {},
+                datetime.now(UTC),
+                choices,
+                straits,
+            )
             notes = (
-                *_unsafe_notes(evaluation, self.scenario),
+                *safety_notes(result),
                 *crossing_notes(evaluation.shore_crossings),
+                *result.unknowns,
             )
             for note in notes:
                 self.on_event(Event("plan", "note", detail=note))
-            fetched = replace(fetched, notes=(*fetched.notes, *notes))
-        result = RunResult(
-            self.scenario,
-            fetched,
-            simplified,
-            scene,
-            plans,
-            evaluation,
-            dict(self.timings),
-            datetime.now(UTC),
-            choices,
-        )
-        return result, [task.evaluation_path.name for task in tasks]
+        fetched = replace(fetched, notes=(*fetched.notes, *notes))
+        return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:

@@ -51,7 +51,7 @@ def go(
     turning_circle: Annotated[
         str, typer.Option(help="Diameter of the turning circle, helm hard over, as 400m.")
     ] = "",
-    draught: Annotated[str, typer.Option(help="Draught, needed on charts with depths.")] = "",
+    draught: Annotated[str, typer.Option(help="Draught, as 4m; charts with depths need it.")] = "",
     month: Annotated[
         list[str] | None,
         typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
@@ -62,6 +62,12 @@ def go(
     ] = "",
     name: Annotated[str, typer.Option(help="Name of the folder of results.")] = "",
     charts: ChartsOption = None,
+    depths: Annotated[
+        Path | None,
+        typer.Option(
+            help="A GEBCO or EMODnet grid (NetCDF): what is too shallow is no-go; needs a draught."
+        ),
+    ] = None,
     output: OutputOption = Path("outputs"),
     offline: OfflineOption = False,
     strict: StrictOption = False,
@@ -87,6 +93,7 @@ def go(
             currents=tuple(currents or ()),
             clearance=clearance,
             charts=charts,
+            depths=depths,
             name=name,
         )
         folder_to_write(output, "--output")

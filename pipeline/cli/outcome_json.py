@@ -6,6 +6,7 @@ import json
 import math
 from typing import TYPE_CHECKING
 
+from pipeline.formats.shared.unknowns import unknowns
 from pipeline.stages.write import safe_name
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def outcome_json(outcome: Outcome) -> str:
         "directory": str(outcome.directory),
         "files": files,
         "routes": [_route(row, files) for row in outcome.evaluation.routes],
+        "unknown": list(unknowns(outcome)),
         "notes": list(outcome.fetched.notes),
         "failures": list(outcome.failures),
     }
@@ -44,6 +46,8 @@ def _route(row: RouteMetrics, files: list[str]) -> dict[str, object]:
         "clearance_m": _finite(row.clearance_m),
         "duration_s": row.duration_s,
         "optimality_gap": _finite(row.optimality_gap),
+        "filled_share": row.filled_share,
+        "uncharted_share": _finite(row.uncharted_share),
         "files": [
             name for name in (f"{safe_name(row.season)}{e}" for e in endings) if name in files
         ],

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from pipeline.formats.shared.text import days, hours
+from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,6 +51,8 @@ def season_table(outcome: Outcome) -> str:
     lines = [*_unused_currents(outcome)]
     lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
+    found = unknowns(outcome)
+    lines += ["Not known:", *(f"- {text}" for text in found), ""] * bool(found)
     lines += [
         "  ".join(
             cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)

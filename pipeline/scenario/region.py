@@ -220,10 +220,18 @@ class ChartSpec(StrictModel):
         "name (`renew list`), a path, a table, or a list of them.",
         examples=["osm-land", ["osm-land", {"path": "./piers.gpkg", "accuracy_m": 5}]],
     )
+    depths: PathText = Field(
+        default="",
+        description="Grid of depths in NetCDF, as of GEBCO or EMODnet: what it shows shallower "
+        "than the vessel's draught plus the under-keel clearance is no-go, with one cell around; "
+        "relative paths start at the scenario's folder. Give a NetCDF file, or leave it out.",
+        examples=["gebco.nc"],
+    )
     under_keel_clearance_m: NonNegative = Field(
         default=1.0,
         description="Under-keel clearance, metres: on charts with depths, water shallower than "
-        "the vessel's draught plus this is no-go. Give metres, 0 or more.",
+        "the vessel's draught plus this is no-go; allow for squat, waves and low tide. Give "
+        "metres, 0 or more.",
     )
     margin_m: NonNegative | None = Field(
         default=None,

@@ -22,7 +22,14 @@ def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
     """Return all of a scenario's land sources as one; charts with depths need the draught."""
     from pipeline.sources.land.overlay import Overlay
 
-    return Overlay(tuple(_single_source(source, chart, draught_m) for source in chart.source))
+    overlay = Overlay(tuple(_single_source(source, chart, draught_m) for source in chart.source))
+    if not chart.depths:
+        return overlay
+    from pipeline.sources.depths.depth_file import DepthFile
+    from pipeline.sources.depths.sounded_chart import SoundedChart
+
+    safety_depth_m = _safety_depth_m(chart, draught_m)
+    return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
 
 
 def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
@@ -49,17 +56,22 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
     if is_s57:
         from pipeline.sources.land.s57_adapter import S57Chart, find_cells
 
-        if draught_m is None:
-            find_cells(path)  # what is no chart with depths needs no draught
-            fault = (
-                "vessel.draught_m is missing, and the chart has depths: give the vessel's draught "
-                "in metres"
-            )
-            raise RequestError([fault])
-        return S57Chart(path, draught_m + chart.under_keel_clearance_m)
+        find_cells(path)  # what is no chart with depths needs no draught
+        return S57Chart(path, _safety_depth_m(chart, draught_m))
     from pipeline.sources.land.vector import VectorFile
 
     return VectorFile(path, source, entry if isinstance(entry, catalogue.VectorSpec) else None)
+
+
+def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
+    """Return draught and under-keel clearance."""
+    if draught_m is None:
+        fault = (
+            "vessel.draught_m is missing, and the chart has depths: give the vessel's draught in "
+            "metres"
+        )
+        raise RequestError([fault])
+    return draught_m + chart.under_keel_clearance_m
 
 
 def current_source(named: str | tuple[str, ...]) -> CurrentSource:

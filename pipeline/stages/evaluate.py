@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline.geo.known_cells import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
 from pipeline.stages.second_shoreline import SecondShoreline
@@ -60,13 +61,13 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, scale: float, seed: int) -> 
     routes = plan.ranked_routes
     if not routes:
         return SeasonEvaluation((), {})
-    evaluator = _RouteEvaluator(scene, scene.currents[plan.season], routes, scale, seed)
+    evaluator = _RouteEvaluator(scene, plan.season, routes, scale, seed)
     second_shoreline = SecondShoreline(scene)
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route)
         flown[plan.season, rank] = _thinned(turns)
-        rows.append(evaluator.metrics(route, turns, plan.season, rank))
+        rows.append(evaluator.metrics(route, turns, rank))
         crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
     return SeasonEvaluation(tuple(rows), flown, tuple(crossings))
 
@@ -87,24 +88,23 @@ class _RouteEvaluator:
     def __init__(
         self,
         scene: Scene,
-        current: Current,
+        season: str,
         routes: Sequence[renew.Route],
         scale: float,
         seed: int,
     ) -> None:
-        self._scene, self._current = scene, current
+        self._scene, self._season, self._current = scene, season, scene.currents[season]
         self._scale, self._seed = scale, seed
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
-        self._near_land = land_within_reach(scene, current, routes)
+        self._near_land = land_within_reach(scene, self._current, routes)
 
-    def metrics(
-        self, route: renew.Route, turns: renew.Contingency, season: str, rank: int
-    ) -> RouteMetrics:
+    def metrics(self, route: renew.Route, turns: renew.Contingency, rank: int) -> RouteMetrics:
         """Return all figures of one route."""
         line = shapely.LineString(route.path)
+        land_m, land_lon, land_lat = self._over_land(line)
         return RouteMetrics(
-            season=season,
+            season=self._season,
             rank=rank,
             homotopy=route.homotopy,
             fuel=route.fuel,
@@ -116,7 +116,11 @@ class _RouteEvaluator:
             optimality_gap=route.optimality_gap,
             trials=turns.trials,
             collisions=turns.collisions,
-            land_m=self._over_land_m(line),
+            land_m=land_m,
+            land_lon=land_lon,
+            land_lat=land_lat,
+            filled_share=self._filled_share(route),
+            uncharted_share=self._uncharted_share(route),
         )
 
     def turns(self, route: renew.Route) -> renew.Contingency:
@@ -159,18 +163,33 @@ class _RouteEvaluator:
         true = steps / self._scene.projection.point_scale(middles)
         return float(route.duration * self._scale * true.sum() / steps.sum())
 
-    def _over_land_m(self, line: shapely.LineString) -> float:
-        """Return true metres of a route over original land."""
-        crossed = self._land[self._tree.query(line, predicate="intersects")]
-        if not crossed.size:
+    def _filled_share(self, route: renew.Route) -> float:
+        """Return the share of a route in cells where the current's source has no figure."""
+        cells = self._scene.current_cells.get(self._season)
+        if cells is None:
             return 0.0
-        over = shapely.intersection(line, shapely.union_all(crossed))
-        lines = [part for part in shapely.get_parts(over) if part.length > 0]
-        lengths = [
-            self._scene.projection.geodesic_length_m(shapely.get_coordinates(part))
-            for part in lines
-        ]
-        return float(sum(lengths))
+        return share_without(route.path, self._scene.projection, cells.at)
+
+    def _uncharted_share(self, route: renew.Route) -> float:
+        """Return the share of a route without charted depth; NaN in a chart without depths."""
+        depths = self._scene.depths
+        if depths is None:
+            return math.nan
+        return share_without(route.path, self._scene.projection, depths.at)
+
+    def _over_land(self, line: shapely.LineString) -> tuple[float, float, float]:
+        """Return true metres of a route over original land, and lon, lat amid the longest part."""
+        projection = self._scene.projection
+        crossed = self._land[self._tree.query(line, predicate="intersects")]
+        over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
+        parts = over[shapely.length(over) > 0]
+        if not len(parts):
+            return 0.0, math.nan, math.nan
+        lengths = [projection.geodesic_length_m(shapely.get_coordinates(part)) for part in parts]
+        longest = parts[int(np.argmax(lengths))]
+        middle = shapely.line_interpolate_point(longest, 0.5, normalized=True)
+        lon, lat = projection.to_lonlat(shapely.get_coordinates(middle)[0]).tolist()
+        return float(sum(lengths)), lon, lat
 
 
 def land_within_reach(scene: Scene, current: Current, routes: Sequence[renew.Route]) -> renew.Chart:

@@ -17,6 +17,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
+from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
 from pipeline.stages.endpoints import check_endpoints
 
@@ -57,7 +58,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
     charted = fetched.land
     no_go, inner_land, land, second_shore = (
-        tuple(projection.geometry_to_plane(np.array(polygons, dtype=object)))
+        projection.geometry_to_plane(np.array(polygons, dtype=object))
         for polygons in (
             simplified.polygons,
             simplified.inner_polygons,
@@ -65,11 +66,13 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
             charted.second_shore,
         )
     )
+    # What is valid in degrees need not be in the plane, and a union of what is not may fail.
+    land, second_shore = (extract_polygons(repaired(one)[0]) for one in (land, second_shore))
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
     return Scene(
         chart=chart,
-        land=land,
+        land=tuple(land),
         currents={
             grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
         },
@@ -77,7 +80,9 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         goal=projection.to_plane(scenario.goal),
         projection=projection,
         vessel=scenario.vessel.vessel(),
-        second_shore=second_shore,
+        second_shore=tuple(second_shore),
+        depths=charted.depths,
+        current_cells={grid.season: grid.cells for grid in fetched.currents},
     )
 
 

@@ -22,13 +22,19 @@ _PACKAGES = frozenset({"pipeline", "renew"})
 # `pipeline.model`, so that every stage depends on it.
 _ENTRIES = {
     "region": ("pipeline.choices.region",),
-    "land": ("pipeline.sources.land", "pipeline.stages.planar", "pipeline.model"),
+    "land": (
+        "pipeline.sources.land",
+        "pipeline.sources.depths",
+        "pipeline.stages.planar",
+        "pipeline.model",
+    ),
     "current": ("pipeline.sources.currents", "pipeline.model"),
     "simplify": ("pipeline.stages.simplify", "pipeline.stages.planar", "pipeline.model"),
     "project": ("pipeline.stages.project", "pipeline.model"),
     "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
+    "straits": ("pipeline.stages.shut_straits", "pipeline.model"),
     "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }
 

@@ -30,6 +30,7 @@ ValueT = TypeVar("ValueT")
 # Libraries whose releases change results, or the format of a pickle.
 _LIBRARIES = (
     "renew-planner",
+    "contourpy",
     "numpy",
     "scipy",
     "shapely",

@@ -29,6 +29,7 @@ def go(
     currents: Sequence[str | Path] = (),
     clearance_m: float | None = None,
     charts: Path | None = None,
+    depths: Path | None = None,
     name: str = "",
     output: Path = Path("outputs"),
     offline: bool = False,
@@ -53,6 +54,9 @@ def go(
         chosen where left out.
     charts
         A vector file or a folder of S-57 cells in place of OpenStreetMap's land.
+    depths
+        A grid of depths in NetCDF, as of GEBCO or EMODnet: what is too shallow for the vessel,
+        whose draught must be given, is no-go.
     name
         Name of the scenario, made of the positions where left out.
     output, offline, strict, on_event
@@ -73,6 +77,7 @@ def go(
         currents=tuple(map(str, currents)),
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
+        depths=depths,
         name=name,
     )
     scenario, notes = voyage_scenario(request)

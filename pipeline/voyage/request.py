@@ -46,6 +46,7 @@ class VoyageRequest:
         together; 'still' plans without any.
     clearance : a length, "" for an offing that is chosen.
     charts : a vector file or a folder of S-57 cells.
+    depths : a grid of depths in NetCDF.
     name : name of the scenario, and of its folder of results.
     """
 
@@ -56,6 +57,7 @@ class VoyageRequest:
     currents: tuple[str, ...] = ()
     clearance: str = ""
     charts: Path | None = None
+    depths: Path | None = None
     name: str = ""
 
 
@@ -96,6 +98,9 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         data["planner"] = {"clearance": clearance_m}
     if request.charts is not None:
         data["chart"] = {"source": {"path": str(resolved(request.charts, "--charts"))}}
+    if request.depths is not None:
+        chart = data.setdefault("chart", {})
+        chart["depths"] = str(resolved(request.depths, "--depths"))
     notes = tuple(end.note for end in ends if end.note)
     return parse_scenario(data), notes
 

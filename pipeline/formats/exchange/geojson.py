@@ -50,6 +50,7 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
         "bbox": bounding_box(longitudes),
         "title": document_title(result, season),
         "credits": attribution(result),
+        "unknown": list(result.unknowns),
         "features": features,
     }
     text = json.dumps(json_value(collection), ensure_ascii=False, allow_nan=False)

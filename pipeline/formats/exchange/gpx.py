@@ -13,6 +13,7 @@ from pipeline.formats.exchange.text import (
     attribution,
     document_title,
     leg_text,
+    limits_text,
     time_after,
     waypoint_name,
     wrapped_longitude,
@@ -53,26 +54,27 @@ def write_gpx(
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
     gpx.name = xml_text(document_title(result, season))
+    found = season_waypoints(result, season)
+    known = limits_text(result, found[0].ranked.metrics)
     gpx.description = xml_text(
-        " ".join(part for part in (result.scenario.description, attribution(result)) if part)
+        " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
     )
     gpx.author_name = "RENEW"
     # gpxpy escapes text between tags, but leaves attributes to its caller.
     gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
-    found = season_waypoints(result, season)
-    gpx.routes = [_route(points, departure) for points in found]
+    gpx.routes = [_route(points, result, departure) for points in found]
     gpx.tracks = [_track(found[0].ranked, result, departure)]
     path.write_bytes(gpx.to_xml(version="1.1").encode())
 
 
-def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
+def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
         name=xml_text(" ".join([ranked.season, str(ranked.rank), ranked.metrics.way]).strip()),
-        description=xml_text(_summary(ranked)),
+        description=xml_text(_summary(ranked, result)),
         number=ranked.rank,
     )
     route.points = [
@@ -108,17 +110,17 @@ def _track(
     ]
     track = gpxpy.gpx.GPXTrack(
         name=xml_text(f"{ranked.season} {ranked.rank}, as planned"),
-        description=xml_text(_summary(ranked)),
+        description=xml_text(_summary(ranked, result)),
     )
     track.segments = [segment]
     return track
 
 
-def _summary(ranked: RankedRoute) -> str:
-    """Way, length, duration and clearance of a route."""
+def _summary(ranked: RankedRoute, result: RunResult) -> str:
+    """Way, length, duration and clearance of a route, and what is not known of it."""
     metrics = ranked.metrics
     parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if math.isfinite(metrics.clearance_m):
         parts.append(f"{distance(metrics.clearance_m)} or more from land")
-    return ", ".join(parts)
+    return " ".join(part for part in (f"{', '.join(parts)}.", limits_text(result, metrics)) if part)

@@ -18,6 +18,7 @@ from pipeline.formats.exchange.text import (
     document_title,
     duration,
     leg_text,
+    limits_text,
     time_after,
     vessel_name,
     waypoint_name,
@@ -25,6 +26,7 @@ from pipeline.formats.exchange.text import (
 )
 from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.text import shortened
+from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.formats.shared.xml_text import xml_text
 
 if TYPE_CHECKING:
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
+# How routes are found; in the same place follows what is not known, as a route has no notes.
+_METHOD = "least fuel in the current, sea room for a hard-over turn everywhere"
 # Maximum length of a text, in characters: checkers refuse files of 400 kB.
 _MAX_TEXT_LENGTH = 4_000
 # Decimals of nautical miles: 2 cm.
@@ -100,11 +104,11 @@ def write_rtz(
         routeAuthor="RENEW",
         routeStatus="planned",
         vesselName=vessel_name(result),
-        optimizationMethod="least fuel in the current, sea room for a hard-over turn everywhere",
+        optimizationMethod="; ".join((_METHOD, *route_unknowns(result, points.ranked.metrics))),
     )
     _add_waypoints(root, points)
     _add_schedule(root, points, form, departure)
-    _add_provenance(root, result, season, form)
+    _add_provenance(root, result, points, form)
     path.write_bytes(
         etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
     )
@@ -155,15 +159,18 @@ def _add_schedule(
         _child(calculated, form.schedule_element, **values)
 
 
-def _add_provenance(root: etree._Element, result: RunResult, season: str, form: _Version) -> None:
-    """Add the route's origin, and the credits that the licences of its sources ask for."""
+def _add_provenance(
+    root: etree._Element, result: RunResult, points: Waypoints, form: _Version
+) -> None:
+    """Add the route's origin, what is not known of it, and the credits of its sources."""
     parent = _child(root, "extensions")
     if form.wraps_extensions:
         parent = _child(parent, "extension", manufacturer="RENEW", name="provenance", version="1")
     texts = {
-        "title": document_title(result, season),
+        "title": document_title(result, points.ranked.season),
         "description": result.scenario.description,
-        "way": result.season_routes(season)[0].metrics.way,
+        "way": points.ranked.metrics.way,
+        "unknown": limits_text(result, points.ranked.metrics),
         "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }

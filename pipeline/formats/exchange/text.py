@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from pipeline.formats.exchange.thinning import DECIMALS
 from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M
+from pipeline.formats.shared.unknowns import route_unknowns
 
 if TYPE_CHECKING:
     from pipeline.formats.exchange.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
+    from pipeline.model import RouteMetrics
 
 KNOTS_PER_M_S = 3600 / NAUTICAL_MILE_M
 
@@ -30,6 +32,12 @@ def vessel_name(result: RunResult) -> str:
 def attribution(result: RunResult) -> str:
     """Credits that the licences of the sources ask for, in one line."""
     return "; ".join(dict.fromkeys(credit.text for credit in result.credits if credit.text))
+
+
+def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
+    """Say what is not known of a route, in one line; empty where nothing is to be said."""
+    found = "; ".join(route_unknowns(result, metrics))
+    return f"{found[:1].upper()}{found[1:]}." if found else ""
 
 
 def waypoint_name(index: int, count: int) -> str:

@@ -42,6 +42,15 @@ FIELDS = {
     "collisions": Field("Collisions", "Hard-over turns that met land"),
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
     "name": Field("Name", "Of the island in the chart; empty where it has none"),
+    "filled_share": Field(
+        "Current filled (share)",
+        "Share of the length in cells where the current's source has no figure: it was filled from "
+        "the water around",
+    ),
+    "uncharted_share": Field(
+        "Depth uncharted (share)",
+        "Share of the length where no depth is charted; empty for a chart without depths",
+    ),
     "sequence": Field("Number", "Number of the waypoint in the route; 1 is the start"),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
     "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),

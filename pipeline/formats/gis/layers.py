@@ -66,6 +66,8 @@ def _routes(result: RunResult) -> Table:
             "optimality_gap": _real([m.optimality_gap for m in metrics]),
             "trials": _integer([m.trials for m in metrics]),
             "collisions": _integer([m.collisions for m in metrics]),
+            "filled_share": _real([m.filled_share for m in metrics]),
+            "uncharted_share": _real([m.uncharted_share for m in metrics]),
         },
     )
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.formats.report.unknown import Unknown
 from pipeline.formats.shared import text
 from pipeline.formats.tables.manifest import versions
 
@@ -110,6 +111,7 @@ class Report:
     planner: PlannerOptions
     stand_ins: tuple[StandIn, ...]
     notes: tuple[str, ...]
+    unknown: Unknown
     seasons: tuple[SeasonPart, ...]
     speed_labels: tuple[str, ...]
     map_json: Markup
@@ -180,6 +182,7 @@ def gather(result: RunResult) -> Report:
         planner=scenario.planner,
         stand_ins=_stand_ins(result),
         notes=_other_notes(result),
+        unknown=Unknown.of(result),
         seasons=tuple(_season(result, entry, i) for i, entry in enumerate(result.plans, start=1)),
         speed_labels=speeds.labels,
         # JSON without characters that could end its element.
@@ -238,8 +241,8 @@ def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
 
 
 def _other_notes(result: RunResult) -> tuple[str, ...]:
-    """Notes of the run, without those that `_stand_ins` shows already."""
-    shown = set(result.fetched.stand_in_notes)
+    """Notes of the run, without those that `_stand_ins` and `Unknown` show already."""
+    shown = {*result.fetched.stand_in_notes, *result.unknowns}
     return tuple(note for note in result.fetched.notes if note not in shown)
 
 
@@ -369,7 +372,10 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
             "zone, as harbours do; inside it, a hard-over turn is not guaranteed to be safe."
         )
     if best.metrics.land_m > 0:
-        remarks.append(f"{text.distance(best.metrics.land_m)} of the route lies over land.")
+        remarks.append(
+            f"{text.distance(best.metrics.land_m)} of the route lies over land, the most at "
+            f"{text.place(best.metrics.land_lon, best.metrics.land_lat)}."
+        )
     path = shapely.LineString(best.route.path)
     crossed = dict.fromkeys(
         text.zone_text(zone) for zone, area in result.open_zones if area.intersects(path)

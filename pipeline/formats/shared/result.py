@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.shared.unknowns import unknowns
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
         RouteMetrics,
         Scene,
         SeasonPlan,
+        ShutStrait,
         Simplified,
         Zone,
     )
@@ -47,7 +50,7 @@ class RunResult:
     """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds.
 
     The scenario is complete: `choices` say what was chosen where it left something out. They are
-    among the notes of `fetched`, too.
+    among the notes of `fetched`, too. `straits` are those that are shut, the widest first.
     """
 
     scenario: Scenario
@@ -59,6 +62,7 @@ class RunResult:
     timings: Mapping[str, float]
     created: datetime
     choices: tuple[str, ...] = ()
+    straits: tuple[ShutStrait, ...] = ()
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
@@ -78,6 +82,11 @@ class RunResult:
                 for row in sorted(rows, key=lambda row: row.rank)
             ]
         return tuple(ranked)
+
+    @cached_property
+    def unknowns(self) -> tuple[str, ...]:
+        """What is not known of the routes, one sentence each; among the notes, too."""
+        return unknowns(self)
 
     def season_routes(self, season: str) -> tuple[RankedRoute, ...]:
         """One season's routes, best first; empty where the season could not be planned."""

@@ -66,6 +66,11 @@ def percent(share: float, digits: int = 1) -> str:
     return f"{100 * share:.{digits}f} %" if math.isfinite(share) else ABSENT
 
 
+def place(lon: float, lat: float) -> str:
+    """Format a position in degrees: 119.8710 E 11.5244 N."""
+    return f"{lon:.4f} E {lat:.4f} N"
+
+
 def shortened(text: str, limit: int) -> str:
     """Cut a text to at most `limit` characters, the last of which is then "…"."""
     return text if len(text) <= limit else f"{text[: limit - 1]}…"

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.unknowns import MAX_STRAITS
 from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
     "renew-planner",
+    "contourpy",
     "copernicusmarine",
     "dask",
     "gpxpy",
@@ -71,6 +73,9 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
             }
             for entry in result.plans
         ],
+        "unknown": list(result.unknowns),
+        "shut_straits": [json_value(asdict(strait)) for strait in result.straits[:MAX_STRAITS]],
+        "shut_straits_in_all": len(result.straits),
         "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
         "outputs": {
             path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in outputs
@@ -122,6 +127,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
             "sha256": land.hexdigest(),
             "polygons": len(result.fetched.land.polygons),
             "accuracy_m": result.fetched.land.accuracy_m,
+            "has_depths": result.fetched.land.depths is not None,
         },
         "simplified": {
             "original_vertices": result.simplified.original_vertices,

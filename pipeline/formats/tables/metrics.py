@@ -29,6 +29,10 @@ COLUMNS = {
     "trials": "trials",
     "collisions": "collisions",
     "land_m": "land_m",
+    "land_lon": "land_lon",
+    "land_lat": "land_lat",
+    "filled_share": "filled_share",
+    "uncharted_share": "uncharted_share",
 }
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Land, Zone
 from pipeline.sources.land.polygons import extract_polygons
 
@@ -55,7 +56,14 @@ def overlay(lands: Sequence[Land]) -> Land:
         zones=tuple(zones),
         second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
         places=tuple(place for land in lands for place in land.places),
+        depths=_depths(lands),
     )
+
+
+def _depths(lands: Sequence[Land]) -> DepthCover | None:
+    """Where any of the charts has depths; None where none of them has any."""
+    found = [land.depths for land in lands if land.depths is not None]
+    return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
 
 
 def _uncharted(land: Land) -> BaseGeometry:

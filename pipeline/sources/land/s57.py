@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Credit, Land, Zone
 from pipeline.sources.land.polygons import (
     buffered,
@@ -138,6 +139,7 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
+        depths=DepthCover(areas=tuple(extract_polygons(np.array([covered], dtype=object)))),
     )
 
 

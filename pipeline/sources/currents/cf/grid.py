@@ -6,7 +6,7 @@ The window is cut out of each step before Dask sums the steps, some megabytes at
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -34,6 +34,20 @@ _MAX_NODES = 2_000_000
 _GAP_STEPS = 1.5
 
 
+class Axes(Protocol):
+    """A grid's longitudes (nx,) and latitudes (ny,), degrees, ascending or descending."""
+
+    @property
+    def lon(self) -> FloatArray:
+        """Longitudes."""
+        ...
+
+    @property
+    def lat(self) -> FloatArray:
+        """Latitudes."""
+        ...
+
+
 @dataclass(frozen=True)
 class Window:
     """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and their indices in the files.
@@ -48,10 +62,10 @@ class Window:
     columns: tuple[slice, ...]
 
 
-def find_window(contents: Contents, bounds: Bounds) -> Window:
+def find_window(axes: Axes, bounds: Bounds) -> Window:
     """Find the nodes inside bounds, in the bounds' own longitudes."""
     west, south, east, north = bounds
-    lon, lat = contents.lon, contents.lat
+    lon, lat = axes.lon, axes.lat
     turns = range(int((west - lon.max()) // 360), int((east - lon.min()) // 360) + 1)
     all_lon = np.concatenate([lon + 360 * turn for turn in turns])
     all_columns = np.tile(np.arange(lon.size), len(turns))

@@ -176,4 +176,4 @@ def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
 
 def test_without_land_no_clearance_is_stated(tmp_path: Path) -> None:
     (route,) = written(runs.open_sea(), tmp_path / "a.gpx").routes
-    assert re.fullmatch(r"[\d.]+ km, [\d.]+ h", route.description or "")
+    assert re.match(r"[\d.]+ km, [\d.]+ h\. No depths in this chart", route.description or "")

@@ -1,0 +1,73 @@
+"""The report's part on what is not known: sentences, shares of routes, straits that are shut."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.formats.shared.text import place
+from pipeline.formats.shared.unknowns import MAX_STRAITS
+
+if TYPE_CHECKING:
+    from pipeline.formats.shared.result import RunResult
+
+
+@dataclass(frozen=True)
+class RouteShares:
+    """How much of a route is without figures of the current, and without charted depth."""
+
+    season: str
+    rank: int
+    filled: float
+    uncharted: float
+
+
+@dataclass(frozen=True)
+class Strait:
+    """A strait that is shut: its place as text, widths in true metres, and what shuts it."""
+
+    place: str
+    width_m: float
+    needed_m: float
+    by: str
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """The part's content; `more_straits` are not among those listed."""
+
+    sentences: tuple[str, ...]
+    routes: tuple[RouteShares, ...]
+    straits: tuple[Strait, ...]
+    more_straits: int
+
+    @classmethod
+    def of(cls, result: RunResult) -> Unknown:
+        """Gather what is not known of a run; of its routes, those of which anything is missing."""
+        rows = [
+            RouteShares(
+                result.season_title(row.season), row.rank, row.filled_share, row.uncharted_share
+            )
+            for row in result.evaluation.routes
+            if not result.scenario.is_planar
+        ]
+        return cls(
+            sentences=tuple(f"{text[:1].upper()}{text[1:]}." for text in result.unknowns),
+            routes=tuple(row for row in rows if row.filled > 0 or row.uncharted > 0),
+            straits=tuple(
+                Strait(
+                    place(one.lon, one.lat),
+                    one.width_m,
+                    one.needed_m,
+                    ", ".join((one.by, *map(result.season_title, one.seasons))),
+                )
+                for one in result.straits[:MAX_STRAITS]
+            ),
+            more_straits=max(0, len(result.straits) - MAX_STRAITS),
+        )
+
+    @property
+    def has_depths(self) -> bool:
+        """Whether the chart has depths, by the routes listed."""
+        return any(not math.isnan(row.uncharted) for row in self.routes)

@@ -1,0 +1,28 @@
+"""Where the vessel cannot turn away on a best route: a note for each season."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pipeline.formats.shared.result import RunResult
+
+
+def safety_notes(result: RunResult) -> tuple[str, ...]:
+    """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
+    return tuple(
+        f"not safe everywhere: {row.season}, {row.collisions:,} of {row.trials:,} hard-over turns "
+        f"along the best route met land, the first from {_first_place(result, row.season)}; it was "
+        f'planned with padding = {result.scenario.planner.padding!r}, and only "adaptive" is '
+        "verified"
+        for row in result.evaluation.routes
+        if row.rank == 1 and row.collisions
+    )
+
+
+def _first_place(result: RunResult, season: str) -> str:
+    """Name the first place of a season's best route from which a turn met land."""
+    turns = result.evaluation.contingency[season, 1]
+    return result.scene.place_text(np.asarray(turns.points)[np.asarray(turns.collided)][0])

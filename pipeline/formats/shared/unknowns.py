@@ -1,0 +1,117 @@
+"""What a reader should know that is not known: depths, filled currents, straits that are shut."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from pipeline.formats.shared.text import percent, place
+from pipeline.model import season_notes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait
+    from pipeline.scenario.model import Scenario
+
+MAX_STRAITS = 10
+"""Largest number of straits that are listed, the widest first."""
+
+# Share below which a route counts as none of it: a thousandth, as percentages have one decimal.
+_NONE = 5e-4
+
+
+class Planned(Protocol):
+    """What a run planned: its whole result, or its outcome."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        ...
+
+    @property
+    def fetched(self) -> Fetched:
+        """Land and currents."""
+        ...
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """The routes' figures."""
+        ...
+
+    @property
+    def straits(self) -> tuple[ShutStrait, ...]:
+        """The straits that are shut."""
+        ...
+
+
+def unknowns(planned: Planned) -> tuple[str, ...]:
+    """Say what is not known of a run's routes, one sentence each; nothing of a plane's."""
+    if planned.scenario.is_planar:
+        return ()
+    rows = planned.evaluation.routes
+    seasons = dict.fromkeys(row.season for row in rows)
+    by_season = {
+        season: _of_routes([row for row in rows if row.season == season]) for season in seasons
+    }
+    return (*_of_chart(planned), *season_notes(by_season), *_of_straits(planned.straits))
+
+
+def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[str, ...]:
+    """Say what is not known of one route."""
+    if planned.scenario.is_planar:
+        return ()
+    return (*_of_chart(planned), *_of_routes([metrics]))
+
+
+def _of_chart(planned: Planned) -> Iterator[str]:
+    """Yield that a chart has no depths."""
+    if planned.fetched.land.depths is None:
+        yield "no depths in this chart: the draught was not used, and shoals are not avoided"
+
+
+def _of_routes(rows: Sequence[RouteMetrics]) -> list[str]:
+    """Say how much of a season's routes is without depths, and without figures of the current."""
+    filled = _shares(rows, [row.filled_share for row in rows])
+    depths = [row.uncharted_share for row in rows]
+    blank = _shares(rows, depths)
+    found = []
+    if filled:
+        found.append(
+            f"the source of the current has no figure for {filled}: it was filled from the water "
+            "around"
+        )
+    if blank:
+        found.append(f"no depth is charted for {blank}")
+    elif rows and not math.isnan(depths[0]):
+        found.append(f"depths are charted all along {_named(rows)}")
+    return found
+
+
+def _shares(rows: Sequence[RouteMetrics], shares: Sequence[float]) -> str:
+    """Spell the shares of the routes that have any: of the first, and the largest of the others."""
+    some = [(row.rank, share) for row, share in zip(rows, shares, strict=True) if share > _NONE]
+    texts = [f"{percent(share)} of route {rank}" for rank, share in some if rank == rows[0].rank]
+    others = [one for one in some if one[0] != rows[0].rank]
+    if others:
+        rank, largest = max(others, key=lambda one: one[1])
+        more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
+        texts.append(f"{percent(largest)} of route {rank}{more}")
+    return " and ".join(texts)
+
+
+def _named(rows: Sequence[RouteMetrics]) -> str:
+    """Name routes."""
+    return f"route {rows[0].rank}" if len(rows) == 1 else "every route"
+
+
+def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[str]:
+    """Yield a sentence on the straits that are shut, with the place of the widest."""
+    if not straits:
+        return
+    widest = straits[0]
+    count = "1 strait is" if len(straits) == 1 else f"{len(straits)} straits are"
+    yield (
+        f"{count} shut by margin or padding, the widest at {place(widest.lon, widest.lat)}: "
+        f"{widest.width_m:.0f} m between its coasts, and {widest.needed_m:.0f} m are needed"
+    )

@@ -1,0 +1,1 @@
+"""Depths on a grid: which water is too shallow for the vessel."""

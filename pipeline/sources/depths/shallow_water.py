@@ -1,0 +1,60 @@
+"""The cells of a grid that are too shallow, and one cell around them, as polygons."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from contourpy import FillType, contour_generator
+from scipy import ndimage
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pipeline.sources.depths.depth_file import Heights
+
+    Geometries = npt.NDArray[np.object_]
+
+# Distance below which the points of an outline are on one line, as a share of a cell.
+_STRAIGHT = 1e-6
+
+
+def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
+    """Return valid polygons (lon/lat degrees) of what is shallower, and one cell around.
+
+    Land is shallow, too. The outline is the contour halfway between the nodes of the cells that are
+    taken and those that are not: it lies one cell off every shallow cell, and cuts the corners.
+    """
+    with np.errstate(invalid="ignore"):
+        shallow = heights.height_m > -safety_depth_m
+    taken = ndimage.binary_dilation(shallow, np.ones((3, 3)))
+    if not taken.any():
+        return np.empty(0, dtype=object)
+    # A ring of cells that are not taken around the grid closes the outlines at its edge.
+    taken = np.pad(taken, 1)
+    lon, lat = (
+        np.concatenate([[2 * axis[0] - axis[1]], axis, [2 * axis[-1] - axis[-2]]])
+        for axis in (heights.lon, heights.lat)
+    )
+    contours = contour_generator(
+        lon, lat, taken.astype(np.float64), fill_type=FillType.OuterOffset
+    ).filled(0.5, 2.0)
+    cell_deg = min(np.diff(lon).min(), np.diff(lat).min())
+    polygons = shapely.simplify(
+        np.array(
+            [
+                shapely.Polygon(rings[0], rings[1:])
+                for points, offsets in zip(*contours, strict=True)
+                for rings in [np.split(points, offsets[1:-1])]
+            ],
+            dtype=object,
+        ),
+        _STRAIGHT * cell_deg,
+    )
+    # Where two outlines meet in a point.
+    invalid = ~shapely.is_valid(polygons)
+    polygons[invalid] = shapely.make_valid(
+        polygons[invalid], method="structure", keep_collapsed=False
+    )
+    return np.asarray(shapely.get_parts(polygons))

@@ -1,0 +1,172 @@
+"""The straits of the original land that margin, tolerance or padding shut, and that matter.
+
+A strait matters where the land that it parts is larger than a hundredth of the distance between
+start and goal, so that shutting it makes a way longer by about as much, and where a way through it
+is no longer, as the crow flies, than the longest route that was planned. Beside these stand the
+straits at which classes were rejected because their padding takes all of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.geo.coast.narrow_gaps import narrow_gaps
+from pipeline.model import ShutStrait
+from renew.padding.policy import PaddingPolicy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    import numpy.typing as npt
+
+    from pipeline.model import Scene, SeasonPlan, Simplified
+    from pipeline.scenario.model import PlannerOptions
+    from renew.errors import Strait
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Least size of the land on either side, as a share of the distance between start and goal.
+_PART_SHARE = 0.01
+# Width of water below which a gap is no way, true metres: what rounding leaves.
+_NO_WATER_M = 1.0
+
+
+def shut_straits(
+    scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
+) -> tuple[ShutStrait, ...]:
+    """Return these straits, the widest first; none in a plane."""
+    routes = [route for plan in plans for route in plan.ranked_routes]
+    if scene.is_planar or not routes:
+        return ()
+    policy = PaddingPolicy(
+        options.padding, options.clearance or 0.0, options.risk, options.seed, options.risk_at
+    )
+    padding = policy.likely_width(scene.vessel.turning_radius)
+    finder = _StraitFinder(scene, simplified, padding)
+    rejected = finder.rejected(plans)
+    longest = max(route.length for route in routes)
+    shut = [one for one in finder.shut(longest) if not finder.is_among(one, rejected)]
+    return tuple(sorted([*rejected, *shut], key=lambda strait: -strait.width_m))
+
+
+@dataclass(frozen=True)
+class _StraitFinder:
+    """Finds the straits of one chart; lengths are planar metres unless they are named `_m`.
+
+    `padding` is what hardly any padding stays below.
+    """
+
+    scene: Scene
+    simplified: Simplified
+    padding: float
+
+    @cached_property
+    def _no_go(self) -> npt.NDArray[np.object_]:
+        """The hard no-go zone: disjoint polygons."""
+        return np.array(self.scene.chart.no_go, dtype=object)
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        """The same, searchable."""
+        return shapely.STRtree(self._no_go)
+
+    @property
+    def margins_m(self) -> float:
+        """What margin and tolerance take of a strait at most, true metres."""
+        return 2 * (self.simplified.margin_m + self.simplified.tolerance_m)
+
+    @property
+    def needed_m(self) -> float:
+        """The width from which on a strait is open, but where its padding is wider than most."""
+        return self.margins_m + 2 * self.padding * self.scene.projection.scale
+
+    def shut(self, longest: float) -> Iterator[ShutStrait]:
+        """Yield the straits that matter and are shut, for routes up to some length."""
+        scene, scale = self.scene, self.scene.projection.scale
+        land = np.array(scene.land, dtype=object)
+        near = land[shapely.intersects(scene.chart.extent, land)]
+        least = _PART_SHARE * float(np.linalg.norm(scene.goal - scene.start))
+        for gap in narrow_gaps(near, self.needed_m / scale, self._is_shut):
+            middle = gap.line.mean(axis=0)
+            way = sum(np.linalg.norm(middle - end) for end in (scene.start, scene.goal))
+            is_inside = shapely.intersects_xy(scene.chart.extent, *middle)
+            if gap.part_m < least or way > longest or not is_inside:
+                continue
+            by_margin = self._open_water(gap.line) * scale <= _NO_WATER_M
+            yield self._strait(
+                middle,
+                scene.projection.geodesic_length_m(gap.line),
+                self.margins_m if by_margin else self.needed_m,
+                is_margin=by_margin,
+            )
+
+    def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
+        """Return the straits at which classes were rejected, each once."""
+        found: list[ShutStrait] = []
+        for plan in plans:
+            for one in plan.plan.rejected if plan.plan else ():
+                if one.strait is None:
+                    continue
+                strait = self._padded(one.strait, plan.season)
+                if not self.is_among(strait, found):
+                    found.append(strait)
+        return found
+
+    def is_among(self, strait: ShutStrait, others: Iterable[ShutStrait]) -> bool:
+        """Say whether a strait is so near to one of others that it is the same."""
+        to_plane, scale = self.scene.projection.to_plane, self.scene.projection.scale
+        here = to_plane((strait.lon, strait.lat))
+        return any(
+            np.linalg.norm(to_plane((other.lon, other.lat)) - here) * scale
+            <= max(strait.needed_m, other.needed_m)
+            for other in others
+        )
+
+    def _padded(self, strait: Strait, season: str) -> ShutStrait:
+        """Return the strait at which a season's class was rejected."""
+        land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
+        ends = shapely.points(strait.gap)
+        _, to_land = shapely.STRtree(land).query_nearest(
+            ends, return_distance=True, all_matches=False
+        )
+        taken_m = (strait.padding_left + strait.padding_right) * projection.scale
+        width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
+        return self._strait(
+            strait.gap.mean(axis=0), width_m, self.margins_m + taken_m, is_margin=False,
+            seasons=(season,),
+        )  # fmt: skip
+
+    def _strait(
+        self,
+        middle: FloatArray,
+        width_m: float,
+        needed_m: float,
+        *,
+        is_margin: bool,
+        seasons: tuple[str, ...] = (),
+    ) -> ShutStrait:
+        """Return a strait at a planar place (2,)."""
+        lon, lat = self.scene.projection.to_lonlat(middle).tolist()
+        return ShutStrait(
+            lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", seasons
+        )
+
+    def _is_shut(self, line: FloatArray) -> bool:
+        """Say whether margin, tolerance and padding leave no way through a gap (2, 2)."""
+        scale = self.scene.projection.scale
+        width = float(np.linalg.norm(line[1] - line[0]))
+        # The coast is simplified by the tolerance at most: only then it has to be looked at.
+        if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
+            return True
+        return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)
+
+    def _open_water(self, line: FloatArray) -> float:
+        """Return the length of a line (2, 2) that is outside the hard no-go zone."""
+        gap, no_go = shapely.LineString(line), self._no_go
+        taken = [shapely.intersection(gap, no_go[i]).length for i in self._tree.query(gap)]
+        return float(gap.length - sum(taken))
