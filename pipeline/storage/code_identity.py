@@ -29,6 +29,8 @@ _ENTRIES = {
     "offing": ("pipeline.voyage.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
+    "night-chart": ("pipeline.nightly.chart", "pipeline.model"),
+    "night-case": ("pipeline.nightly.worker", "pipeline.model"),
     "write": ("pipeline.stages.write", "pipeline.model"),
 }
 

@@ -1,0 +1,1 @@
+"""The nightly job: every case on the newest currents, compared with yesterday, published."""
