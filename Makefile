@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean nightly $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -73,6 +73,9 @@ test-no-triangle: $(READY)  ## the planner's tests as where the extra `triangle`
 format: $(READY)  ## let ruff mend what it can
 	$(BIN)/ruff check --fix --exit-zero
 	$(BIN)/ruff format
+
+nightly: $(READY)  ## a night that runs offline: outputs/nightly/latest/
+	$(BIN)/renew nightly run
 
 bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench

@@ -1,10 +1,11 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly`.
 
 Exit codes:
 
 - 0: done.
 - 1: a season failed, the others are written; or this machine could not, or `--strict` refused.
 - 2: the request is wrong: nothing is written, every fault has a line of its own.
+- 4, 5, 10: of `renew nightly` only: another job is at work; come again; published, and look.
 - 3: an error that nobody foresaw: one line of JSON says where to report it.
 - 130 and 143: stopped by Ctrl-C and by SIGTERM; what was done is kept.
 
@@ -26,6 +27,7 @@ from pipeline.cli.ending import end, short_path
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
@@ -136,6 +138,7 @@ def run(
 
 
 app.command(cls=NegativeFigures)(go)
+app.add_typer(nightly_app, name="nightly")
 
 
 @app.command()

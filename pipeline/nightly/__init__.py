@@ -1,1 +1,1 @@
-"""The nightly job: every case planned on the newest currents, compared, published."""
+"""The nightly job: every case on the newest currents, compared with yesterday, published."""

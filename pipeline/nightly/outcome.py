@@ -1,13 +1,25 @@
-"""How a night ends."""
+"""How a night ends, and what it reports while it works."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
+
+from pipeline.errors import StageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
+
+DONE, LOOK_CODE = 0, 10
+"""Exit codes: nothing to see; published, and somebody should look."""
+
+SAME, LOOK, ACT = "same", "look", "act"
+OUTCOMES = (SAME, LOOK, ACT)
+"""How a case ends."""
+
+NightStage = Literal["look", "prepare", "plan", "publish", "check"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +32,10 @@ class NightOutcome:
     started, finished : aware datetimes of this run of the program.
     reference_time : that of the newest currents; None where they have no time.
     exit_code : 0 done, or nothing to do; 10 published, and some case is *look* or *act*.
-    cases_by_outcome : number of cases by how they ended.
+    cases_by_outcome : number of cases that ended as "same", "look" and "act".
     seconds_by_stage : wall time of each stage of this run, s.
+    fresh : whether this run made the cycle; False where there was nothing to do.
+    message : one line for a reader.
     """
 
     cycle: str
@@ -31,3 +45,37 @@ class NightOutcome:
     exit_code: int
     cases_by_outcome: Mapping[str, int]
     seconds_by_stage: Mapping[str, float]
+    fresh: bool = True
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NightEvent:
+    """A stage began, got on, ended, or has a note; `done` of `total` tasks or cases are behind."""
+
+    stage: NightStage
+    status: Literal["begun", "working", "done", "failed", "note"]
+    detail: str = ""
+    done: int = 0
+    total: int = 0
+    seconds: float = 0.0
+
+
+NightEventHandler = Callable[[NightEvent], None]
+
+
+def ignore(event: NightEvent) -> None:
+    """Handle an event by doing nothing."""
+    del event
+
+
+class BusyError(StageError):
+    """Another job is at work on the same output: exit code 4."""
+
+    exit_code = 4
+
+
+class ComeAgainError(StageError):
+    """The currents are not there yet, or older than those of the last cycle: exit code 5."""
+
+    exit_code = 5

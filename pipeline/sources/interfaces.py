@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
+    from datetime import datetime
     from pathlib import Path
 
     from shapely.geometry import Polygon
@@ -16,6 +18,21 @@ if TYPE_CHECKING:
 TimeMethod = Literal["mean", "nearest", "linear"]
 """How a season's field is made of time steps: the mean of those in its period, the step nearest to
 the middle of the period, or linear interpolation between the two around that middle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Issue:
+    """Which issue of its data a source has now.
+
+    `reference` is the reference time of a forecast or analysis (aware, UTC), `last_step` its last
+    time step, `first_step` the first from which on it is of use; each None where the source does
+    not say it. `digest` is a hash of the data, or of what stands for them.
+    """
+
+    reference: datetime | None
+    first_step: datetime | None
+    last_step: datetime | None
+    digest: str
 
 
 class LandSource(Protocol):
@@ -54,6 +71,18 @@ class CurrentSource(Protocol):
         """Return the bounds of the part of a region's bounds for which there are data, or None.
 
         Where a source can't be read there is no such part; `uncovered_reason` says why.
+        """
+        ...
+
+    def issue(self, season: Season) -> Issue:
+        """Return which issue of the data there is now.
+
+        Raises
+        ------
+        StageError
+            The service does not say it.
+        RequestError
+            The user's own file is not there, or invalid.
         """
         ...
 

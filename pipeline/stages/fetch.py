@@ -52,7 +52,7 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
     if scenario.region is None:
         return _plane_parts(scenario)
     land = land_source(scenario.chart, scenario.vessel.draught_m)
-    fetcher = _Fetcher(scenario.region, land, store, offline)
+    fetcher = Fetcher(scenario.region, land, store, offline)
     found = {season.name: fetcher.current(season) for season in scenario.seasons}
     grids = tuple(current.grid for current in found.values() if current.grid is not None)
     failures = {
@@ -79,7 +79,7 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
 
 
 @dataclass(frozen=True, slots=True)
-class _SeasonCurrent:
+class SeasonCurrent:
     """A season's current and its key in the store, or none; and the sources passed over.
 
     `was_asked` says that a source was asked and failed, which is not the request's fault.
@@ -92,7 +92,7 @@ class _SeasonCurrent:
 
 
 @dataclass(frozen=True)
-class _Fetcher:
+class Fetcher:
     """Fetches land and currents of one region."""
 
     region: Region
@@ -125,7 +125,7 @@ class _Fetcher:
         """The region as text that identifies it exactly."""
         return str(self.region.shape.wkt)
 
-    def current(self, season: Season) -> _SeasonCurrent:
+    def current(self, season: Season) -> SeasonCurrent:
         """Fetch the season's current from the first of its sources that has it."""
         passed_over: list[PassedOver] = []
         was_asked = False
@@ -148,8 +148,8 @@ class _Fetcher:
                 self.store.save("current", key, grid)
             # Not part of the artefact: another run may have a preferred source again.
             grid = replace(grid, passed_over=tuple(passed_over))
-            return _SeasonCurrent(grid, key, grid.passed_over, was_asked)
-        return _SeasonCurrent(None, "", tuple(passed_over), was_asked)
+            return SeasonCurrent(grid, key, grid.passed_over, was_asked)
+        return SeasonCurrent(None, "", tuple(passed_over), was_asked)
 
     def _refusal(self, source: CurrentSource, named: str | tuple[str, ...], season: Season) -> str:
         """Say why a source can't be asked; empty when it can."""

@@ -51,7 +51,7 @@ def run_on_scheduler(
         cluster = _Cluster(address)
         cluster.wait_for_workers()
         with cluster.client() as client:
-            cluster.check_workers(client, tasks[0])
+            refuse_unfit_workers(client, address, tasks[0].scene_path)
             waiting = {
                 client.submit(plan_on_worker, task, pure=False, retries=_RETRIES): task
                 for task in tasks
@@ -103,6 +103,36 @@ def own_identity() -> str:
     return artefact_key("evaluate", code_hash("plan"))
 
 
+def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
+    """Refuse workers that can't do the work, or read a path; one that is silent, too.
+
+    Raises
+    ------
+    StageError
+        One line that names them.
+    """
+    ask = partial(client.run, worker_fault, own_identity(), str(path), on_error="return")
+    try:
+        answers = within(_WORKERS_S, ask)  # they import what plans first
+    except Exception as error:
+        reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_S:g} s"
+        raise StageError(
+            f"workers of the Dask scheduler at {address!r} do not answer ({reason}); restart them"
+        ) from error
+    faults: dict[str, list[str]] = {}
+    for worker, answer in answers.items():
+        if isinstance(answer, BaseException):
+            answer = (  # noqa: PLW2901
+                f"can't run RENEW ({type(answer).__name__}: {' '.join(str(answer).split())}); "
+                "install the same version on all machines"
+            )
+        if answer:
+            faults.setdefault(answer, []).append(worker)
+    if faults:
+        lines = [f"Dask worker {', '.join(names)} {fault}" for fault, names in faults.items()]
+        raise StageError("; ".join(lines))
+
+
 class _Cluster:
     """A scheduler, and when it last answered and last had workers."""
 
@@ -141,32 +171,6 @@ class _Cluster:
         finally:
             with contextlib.suppress(Exception):
                 within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
-
-    def check_workers(self, client: Client, task: SeasonTask) -> None:
-        """Refuse workers that can't do the work; one that does not answer is the scheduler's."""
-        ask = partial(
-            client.run, worker_fault, own_identity(), str(task.scene_path), on_error="return"
-        )
-        try:
-            answers = within(_WORKERS_S, ask)  # they import what plans first
-        except Exception as error:
-            reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_S:g} s"
-            raise StageError(
-                f"workers of the Dask scheduler at {self._address!r} do not answer ({reason}); "
-                "restart them"
-            ) from error
-        faults: dict[str, list[str]] = {}
-        for worker, answer in answers.items():
-            if isinstance(answer, BaseException):
-                answer = (  # noqa: PLW2901
-                    f"can't run RENEW ({type(answer).__name__}: {' '.join(str(answer).split())}); "
-                    "install the same version on all machines"
-                )
-            if answer:
-                faults.setdefault(answer, []).append(worker)
-        if faults:
-            lines = [f"Dask worker {', '.join(names)} {fault}" for fault, names in faults.items()]
-            raise StageError("; ".join(lines))
 
     def status(self, future: Future[Status], task: SeasonTask) -> Status:
         """Return how a task ended."""

@@ -14,6 +14,8 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import near_miss
+from pipeline.scenario.period import period
+from pipeline.sources.interfaces import Issue
 from pipeline.sources.quality.coverage import cell_bounds, common_bounds, sides_beyond
 from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
@@ -84,6 +86,15 @@ class EmbeddedTable:
         """Return the part that the table's cells cover."""
         part = self._part(season)
         return None if part is None else common_bounds(region.bounds, self._bounds(part))
+
+    def issue(self, season: Season) -> Issue:
+        """Return the table's hash, and the last day of the season's part."""
+        part = self._part(season)
+        digest = hashlib.sha256(self._bytes).hexdigest()
+        if part is None:
+            return Issue(None, None, None, digest)
+        last = period(self.spec.seasons[part].valid.rpartition("/")[2]).begin
+        return Issue(None, last, last, digest)
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the season's whole grid, as it is small."""

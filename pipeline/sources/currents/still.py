@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.model import Credit, CurrentGrid
+from pipeline.sources.interfaces import Issue
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,6 +56,11 @@ class StillWater:
         del season
         west, south, east, north = region.bounds
         return west, south, east, north
+
+    def issue(self, season: Season) -> Issue:
+        """Never changes."""
+        del season
+        return Issue(None, None, None, self.spec.name)
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return zeros on a coarse grid over the region."""

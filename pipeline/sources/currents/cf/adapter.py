@@ -25,7 +25,9 @@ from pipeline.sources.currents.cf.grid import (
     find_window,
     read_field,
 )
+from pipeline.sources.currents.cf.reference_time import reference_time
 from pipeline.sources.currents.cf.time import select_steps
+from pipeline.sources.interfaces import Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
 from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
@@ -115,6 +117,23 @@ class CfFiles:
             return covered_bounds(_read(find_files(self.paths)), region.bounds)
         except RequestError:
             return None
+
+    def issue(self, season: Season) -> Issue:
+        """Return the files' reference time, or their last time step and their hash."""
+        del season
+        files = find_files(self.paths)
+        moments = _read(files).steps.moments
+        reference = reference_time(files)
+        digest = hashlib.sha256()
+        if reference is None:
+            for file in files:
+                digest.update(_hash(file, _stamp(file)).encode())
+        return Issue(
+            reference,
+            moments[0] if moments else None,
+            moments[-1] if moments else None,
+            digest.hexdigest(),
+        )
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the region's part, checked against the land of the world in a wider window."""

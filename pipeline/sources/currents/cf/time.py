@@ -106,13 +106,13 @@ def read_steps(time: xr.DataArray | None, bounds: FloatArray | None) -> TimeStep
     months = _months(time, values, units)
     if months:
         return TimeSteps(months=months, labels=_month_names(months))
-    stamps = _decoded(time, values, units)
+    stamps = decoded_times(time, values, units)
     if "climatology" in time.attrs:
         months = tuple(stamp.month for stamp in stamps)
         return TimeSteps(months=months, labels=_month_names(months))
     labels = tuple(label(stamp) for stamp in stamps)
     if bounds is not None:
-        begins, ends = (_decoded(time, side, units) for side in bounds.T)
+        begins, ends = (decoded_times(time, side, units) for side in bounds.T)
         widths = [end - begin for begin, end in zip(begins, ends, strict=True)]
         middles = [begin + width / 2 for begin, width in zip(begins, widths, strict=True)]
         if all(abs(m - s) <= w for m, s, w in zip(middles, stamps, widths, strict=True)):
@@ -179,7 +179,7 @@ def _months(time: xr.DataArray, values: FloatArray, units: str) -> tuple[int, ..
     return ()
 
 
-def _decoded(time: xr.DataArray, values: FloatArray, units: str) -> list[datetime]:
+def decoded_times(time: xr.DataArray, values: FloatArray, units: str) -> list[datetime]:
     """Moments in UTC, rounded to the second: days in float32 are not more exact."""
     import netCDF4
 

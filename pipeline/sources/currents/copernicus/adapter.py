@@ -20,8 +20,9 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
-from pipeline.sources.currents.copernicus.download import download
+from pipeline.sources.currents.copernicus.download import download, last_step
 from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
+from pipeline.sources.interfaces import Issue
 from pipeline.sources.quality.acceptance import Expected, accept
 from pipeline.sources.quality.coverage import MARGIN_CELLS, common_bounds, widened
 
@@ -124,6 +125,14 @@ class Copernicus:
         west, south, east, north = region.bounds
         lowest, highest = self.spec.latitudes
         return common_bounds((west, south, east, north), (west, lowest, east, highest))
+
+    def issue(self, season: Season) -> Issue:
+        """Ask for the dataset's last step; a forecast is of use for `days_ahead` before it."""
+        del season
+        last, version_label = last_step(self.spec)
+        first = last - timedelta(days=self.spec.days_ahead)
+        digest = hashlib.sha256(f"{self.spec.dataset} {version_label} {last}".encode()).hexdigest()
+        return Issue(None, first, last, digest)
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the file from the cache, or download, check and cache it."""

@@ -8,6 +8,7 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import StageError
@@ -26,6 +27,8 @@ AcceptedT = TypeVar("AcceptedT")
 
 # Factor by which the pause before another attempt grows each time.
 _PAUSE_GROWTH = 3.0
+# Time within which the service must say which steps it has, s.
+_LOOK_S = 120.0
 # Errors of the client that another attempt does not solve, and what does.
 _LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
 _PERMANENT_ERRORS = {
@@ -101,6 +104,26 @@ def download(
             raise StageError(f"{spec.name}: {answer.reason}{attempts}")
         time.sleep(pause)
         pause, attempt = pause * _PAUSE_GROWTH, attempt + 1
+
+
+def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
+    """Ask for a dataset's last time step (aware, UTC) and its version, once.
+
+    Raises
+    ------
+    StageError
+        The service does not answer, or not that.
+    """
+    request = {
+        "parent_pid": os.getpid(),
+        "version": spec.version,
+        "dataset_id": spec.dataset,
+        "variables": [spec.eastward],
+    }
+    answer = _attempt(request, min(spec.deadline_s, _LOOK_S))
+    if isinstance(answer, _Failure):
+        raise StageError(f"{spec.name}: {answer.reason}")
+    return datetime.fromisoformat(answer["last_step"]), str(answer["version"])
 
 
 def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:

@@ -2,7 +2,8 @@
 
 Reads the request as JSON from standard input: the dataset, the labels of the time steps, and the
 other arguments of `copernicusmarine.subset`. It looks up the dataset's own time axis, downloads
-exactly those steps, and writes as JSON to standard output what it got, or its `error`. Exit code
+exactly those steps, and writes as JSON to standard output what it got, or its `error`. Without
+`subset` it only looks which steps there are. Exit code
 NO_ANSWER: the client returned nothing and raised nothing, as it does without credentials.
 """
 
@@ -101,7 +102,7 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
     # Imported here: it takes seconds, and the parent imports this module for its exit code.
     import copernicusmarine
 
-    arguments = request["subset"]
+    arguments = request.get("subset", request)
     described = copernicusmarine.describe(
         dataset_id=arguments["dataset_id"], show_all_versions=True, disable_progress_bar=True
     )
@@ -109,6 +110,8 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
     version = dataset.get_version(request["version"] or None)
     part = version.get_part(None)
     times = _time_axis(part, arguments["variables"][0])
+    if "subset" not in request:
+        return {"version": version.label, "last_step": times[-1].isoformat()}
     stamps = _with_labels(times, request["label_format"], request["labels"])
     answer = copernicusmarine.subset(
         **arguments,

@@ -1,0 +1,49 @@
+"""Report the progress of a night: one JSON object per line on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pipeline.nightly.outcome import NightEvent, NightEventHandler
+
+# Time between two lines that say how far a stage has got, s.
+_PROGRESS_S = 10.0
+
+
+@contextlib.contextmanager
+def night_progress() -> Iterator[NightEventHandler]:
+    """Provide the event handler."""
+    import structlog
+
+    log = structlog.wrap_logger(
+        structlog.WriteLogger(sys.stderr),
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.JSONRenderer(ensure_ascii=False),
+        ],
+    )
+    said = 0.0
+
+    def on_event(event: NightEvent) -> None:
+        nonlocal said
+        fields: dict[str, object] = {"stage": event.stage}
+        if event.status == "working":
+            if time.monotonic() - said < _PROGRESS_S and event.done < event.total:
+                return
+            said = time.monotonic()
+            fields |= {"done": event.done, "total": event.total}
+        if event.detail:
+            fields["detail"] = event.detail
+        if event.seconds:
+            fields["seconds"] = round(event.seconds, 3)
+        level = {"failed": log.error, "note": log.warning}.get(event.status, log.info)
+        level(event.status, **fields)
+
+    yield on_event

@@ -1,0 +1,132 @@
+"""`renew nightly check | run | status | show`: every case on the newest currents, unattended."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipeline.cli.failures import reported_errors
+
+if TYPE_CHECKING:
+    from pipeline.nightly.config import NightConfig
+
+app = typer.Typer(
+    help="Plan all cases of a night on the newest currents, and publish what changed.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="The night's TOML file; left out, one that comes with RENEW and runs offline."
+    ),
+]
+NightOutputOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder of all cycles, in place of the file's; outputs/nightly by default."),
+]
+OnlyOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CASE", help="A case, or the first parts of its name: only it is planned."
+    ),
+]
+YesOption = Annotated[bool, typer.Option("--yes", help="Plan more than 100,000 cases.")]
+
+
+@app.command()
+def check(
+    *,
+    config: ConfigOption = None,
+    output: NightOutputOption = None,
+    only: OnlyOption = None,
+    yes: YesOption = False,
+) -> None:
+    """List all faults of a night's file, with file and line; write nothing."""
+    with reported_errors():
+        from pipeline.errors import RequestError
+        from pipeline.nightly.expansion import expand
+        from pipeline.nightly.pairs_in_water import pairs_on_land
+
+        loaded = _loaded(config, output)
+        cases = expand(loaded, only=only, yes=yes)
+        if faults := pairs_on_land(loaded, cases):
+            raise RequestError(faults)
+        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
+        typer.echo(f"{loaded.path.name}: valid, {len(cases):,} cases ({sizes})")
+
+
+@app.command()
+def run(
+    *,
+    config: ConfigOption = None,
+    output: NightOutputOption = None,
+    only: OnlyOption = None,
+    part: Annotated[
+        str | None,
+        typer.Option(metavar="I/N", help="Plan one share of N, as in a job array: 3/64."),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
+    ] = None,
+    yes: YesOption = False,
+) -> None:
+    """Plan every case on the newest currents; point OUTPUT/latest at them once they are whole."""
+    with reported_errors():
+        loaded, share = _loaded(config, output), _share(part)
+        from pipeline.cli.night_progress import night_progress
+        from pipeline.nightly.night import run_night
+
+        with night_progress() as on_event:
+            outcome = run_night(
+                loaded, only=only, part=share, scheduler=scheduler, yes=yes, on_event=on_event
+            )
+        typer.echo(outcome.message)
+        raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
+def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
+    """Say what `latest` is, whether a job is at work, and how far it has got."""
+    with reported_errors():
+        from pipeline.nightly.status import status_lines
+
+        for line in status_lines(_loaded(config, output).output):
+            typer.echo(line)
+
+
+@app.command()
+def show(
+    case: Annotated[str, typer.Argument(help="A case, or the first parts of its name.")],
+    *,
+    config: ConfigOption = None,
+    output: NightOutputOption = None,
+) -> None:
+    """Print what the last cycle says of a case: its route, and what changed."""
+    with reported_errors():
+        from pipeline.nightly.status import case_lines
+
+        for line in case_lines(_loaded(config, output).output, case):
+            typer.echo(line)
+
+
+def _loaded(config: Path | None, output: Path | None) -> NightConfig:
+    """Load the night's file."""
+    from pipeline.nightly.config import load_config
+
+    return load_config(config, output)
+
+
+def _share(text: str | None) -> tuple[int, int]:
+    """Read `--part`: (i, n)."""
+    from pipeline.errors import RequestError
+
+    if text is None:
+        return 1, 1
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise RequestError([f"--part = {text!r} is no share; give it as 3/64, from 1/64 to 64/64"])
+    return int(found[1]), int(found[2])

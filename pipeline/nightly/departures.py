@@ -1,0 +1,83 @@
+"""Departures of a night: times of day, counted from the reference time of its currents."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from pipeline.scenario.strict import Integer, StrictModel
+
+_TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
+_EVERY = re.compile(r"(\d{1,4})(min|h|d)", re.ASCII)
+_UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1)}
+_DAY = timedelta(days=1)
+
+
+def _time_of_day(text: str) -> str:
+    """Refuse what is no time of day in UTC."""
+    if not _TIME.fullmatch(text):
+        raise ValueError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
+    return text
+
+
+def _interval(text: str) -> str:
+    """Refuse what is no interval, or none at all."""
+    found = _EVERY.fullmatch(text)
+    if not found:
+        raise ValueError(f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'")
+    if not int(found[1]):
+        raise ValueError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
+    return text
+
+
+class DepartureSpec(StrictModel):
+    """When the vessels leave: `count` times from the first on, `every` so often."""
+
+    first: Annotated[str, AfterValidator(_time_of_day)] = Field(
+        description="First departure: the first such time at or after the reference time of the "
+        "currents. Give a time of day in UTC, as '06:00Z'."
+    )
+    every: Annotated[str, AfterValidator(_interval)] = Field(
+        default="1d",
+        description="Time from one departure to the next. Give '30min', '6h' or '1d'.",
+    )
+    count: Integer = Field(
+        default=1,
+        ge=1,
+        le=10_000,
+        description="Number of departures. Give a whole number from 1 to 10,000.",
+    )
+
+    def departures(self) -> tuple[Departure, ...]:
+        """Return all of them."""
+        found, every = _TIME.fullmatch(self.first), _EVERY.fullmatch(self.every)
+        if found is None or every is None:
+            raise ValueError("validated when the table was read")
+        first = timedelta(hours=int(found[1]), minutes=int(found[2]))
+        step = int(every[1]) * _UNITS[every[2]]
+        return tuple(Departure(first, i * step) for i in range(self.count))
+
+
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """A time of day, and how long after the first such time the vessel leaves."""
+
+    time_of_day: timedelta
+    later: timedelta
+
+    @property
+    def name(self) -> str:
+        """Name that is the same each night: 0600Z, or 0000Z+1 on the day after the first."""
+        days, rest = divmod(self.time_of_day + self.later, _DAY)
+        minutes = rest // timedelta(minutes=1)
+        return f"{minutes // 60:02}{minutes % 60:02}Z" + (f"+{days}" if days else "")
+
+    def after(self, reference: datetime) -> datetime:
+        """Return its time, given the reference time (aware, UTC) of the night's currents."""
+        midnight = reference.replace(hour=0, minute=0, second=0, microsecond=0)
+        first = midnight + self.time_of_day
+        return (first if first >= reference else first + _DAY) + self.later

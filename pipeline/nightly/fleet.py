@@ -1,0 +1,261 @@
+"""The workers of a night, always by Dask: a cluster of this machine, or a scheduler's own.
+
+As many tasks are under way as there are workers, so that none waits in a worker that another task
+kills. A task whose worker dies is reported, not repeated: what then becomes of it is its owner's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pipeline.errors import PipelineError, StageError
+from pipeline.nightly.worker import DiedBeforeError, refuse_other_version
+from pipeline.stages.scheduler_connection import quiet, scheduler_workers, within
+from pipeline.stages.season_cluster import refuse_unfit_workers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from distributed import Client, Future
+
+# Times within which a scheduler must answer, workers must be there, and an end is orderly, s.
+_ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
+# Times between two looks at tasks, and between two questions whether the scheduler lives, s.
+_PAUSE_S, _HEARTBEAT_S = 0.02, 5.0
+# A local worker is ended at its limit; until then its memory is its own.
+_MEMORY = {
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.scheduler.work-stealing": False,
+}
+_REMEDY = "check the address, or leave --scheduler out"
+
+
+class Task(Protocol):
+    """What a worker does."""
+
+    @property
+    def identity(self) -> str:
+        """Identity of the code that asks for it."""
+        ...
+
+    def make(self) -> Any:  # noqa: ANN401 - each kind of task has its own
+        """Do it."""
+        ...
+
+
+class Work(Protocol):
+    """Tasks to hand out, one at a time, and what becomes of them."""
+
+    def next_task(self, workers: int) -> Task | None:
+        """Return the next task, or None where there is none now; there may be one later."""
+        ...
+
+    def done(self, task: Any, result: Any) -> None:  # noqa: ANN401 - as `Task.make`
+        """Take a task's result."""
+        ...
+
+    def died(self, task: Any) -> None:  # noqa: ANN401 - any task
+        """Take note that a worker died of a task."""
+        ...
+
+    def failed(self, task: Any, error: PipelineError) -> None:  # noqa: ANN401 - any task
+        """Take note that a task can't be done, or raise the error."""
+        ...
+
+
+def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
+    """Do a task on a worker."""
+    refuse_other_version(task.identity)
+    return task.make()
+
+
+@contextlib.contextmanager
+def fleet(
+    address: str | None, *, workers: int | None, memory_gb: float, shared: Path
+) -> Iterator[Fleet]:
+    """Provide workers.
+
+    Parameters
+    ----------
+    address
+        Of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, else a cluster of this machine.
+    workers
+        Number of local workers; None for one a core.
+    memory_gb
+        Memory of a local worker, GB.
+    shared
+        A file in the output folder that all workers must be able to read.
+
+    Raises
+    ------
+    StageError
+        There are none, or some can't do the work.
+    """
+    import dask
+
+    address = address or dask.config.get("scheduler-address", None)
+    with quiet(), contextlib.ExitStack() as held:
+        if address is None:
+            held.enter_context(dask.config.set(_MEMORY))
+            address = held.enter_context(_local_cluster(workers or _cores(), memory_gb))
+        connected = Fleet(address, held.enter_context(_client(address)))
+        connected.wait_for_workers()
+        refuse_unfit_workers(connected.client, address, shared)
+        yield connected
+
+
+class Fleet:
+    """A scheduler's workers."""
+
+    def __init__(self, address: str, client: Client) -> None:
+        self.client = client
+        self._address = address
+        self._slots = 0
+        self._answered = self._had_workers = self._asked = time.monotonic()
+
+    def run(self, work: Work, check: Callable[[], None]) -> None:
+        """Hand out all of some work; `check` is called all the while, and may end it by raising.
+
+        Raises
+        ------
+        StageError
+            The scheduler has died, or has had no workers for long; or a task failed for good.
+        """
+        at_work: dict[Future[Any], Task] = {}
+        try:
+            while True:
+                while len(at_work) < self._slots:
+                    task = work.next_task(self._slots)
+                    if task is None:
+                        break
+                    future = self.client.submit(make, task, pure=False, retries=0)
+                    at_work[future] = task
+                if not at_work:
+                    return
+                for future in [future for future in at_work if future.done()]:
+                    self._settle(work, future, at_work.pop(future))
+                check()
+                self._check_alive()
+                time.sleep(_PAUSE_S)
+        finally:
+            if at_work:
+                with contextlib.suppress(Exception):
+                    within(_CLOSE_S, partial(self.client.cancel, list(at_work), force=True))
+
+    def wait_for_workers(self) -> None:
+        """Wait until there is a worker."""
+        while not self._ask():
+            self._check_workers_since()
+            time.sleep(10 * _PAUSE_S)
+
+    def _settle(self, work: Work, future: Future[Any], task: Task) -> None:
+        """Report how a task ended."""
+        from distributed.scheduler import KilledWorker
+
+        if future.cancelled() or future.status == "lost":
+            raise self._dead()
+        try:
+            result = within(_ANSWER_S, future.result)
+        except (KilledWorker, DiedBeforeError):
+            work.died(task)
+        except PipelineError as error:
+            work.failed(task, error)
+        except TimeoutError:
+            raise self._dead() from None
+        else:
+            work.done(task, result)
+
+    def _check_alive(self) -> None:
+        """Ask the scheduler now and then; give up when it has not answered for long."""
+        if time.monotonic() - self._asked < _HEARTBEAT_S:
+            return
+        try:
+            self._ask()
+        except StageError:
+            if time.monotonic() - self._answered > _ANSWER_S:
+                raise
+        else:
+            self._check_workers_since()
+
+    def _ask(self) -> int:
+        """Ask the scheduler for its workers; return how many tasks they can do at a time."""
+        self._asked = time.monotonic()
+        try:
+            found = scheduler_workers(self._address, _ANSWER_S)
+        except Exception as error:
+            raise self._dead() from error
+        self._answered = time.monotonic()
+        if found:
+            self._had_workers = self._answered
+            self._slots = sum(int(worker["nthreads"]) for worker in found.values())
+        return len(found)
+
+    def _check_workers_since(self) -> None:
+        """Give up when there have been no workers for long."""
+        if time.monotonic() - self._had_workers > _WORKERS_S:
+            raise StageError(
+                f"the Dask scheduler at {self._address!r} has had no workers for {_WORKERS_S:g} s; "
+                "start some (`dask worker`), or leave --scheduler out"
+            )
+
+    def _dead(self) -> StageError:
+        """Return the error that the scheduler has died."""
+        return StageError(
+            f"the Dask scheduler at {self._address!r} does not answer; all parts that were done "
+            f"are kept, run again to continue: {_REMEDY}"
+        )
+
+
+@contextlib.contextmanager
+def _local_cluster(workers: int, memory_gb: float) -> Iterator[str]:
+    """Start a cluster of processes with one thread each; give its address."""
+    from distributed import LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        memory_limit=int(memory_gb * 1e9),
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL + 1,
+    )
+    try:
+        yield str(cluster.scheduler_address)
+    finally:
+        with contextlib.suppress(Exception):
+            within(2 * _CLOSE_S, partial(cluster.close, timeout=_CLOSE_S))
+
+
+@contextlib.contextmanager
+def _client(address: str) -> Iterator[Client]:
+    """Connect; a client that can't be closed in time is left to the end of the program."""
+    from distributed import Client
+
+    connect = partial(Client, address, timeout=_ANSWER_S, set_as_default=False)
+    try:
+        client = within(2 * _ANSWER_S, connect)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or f"no answer within {_ANSWER_S:g} s"
+        raise StageError(
+            f"no Dask scheduler answers at {address!r} ({reason}); {_REMEDY}"
+        ) from error
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(Exception):
+            within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

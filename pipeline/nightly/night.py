@@ -1,0 +1,420 @@
+"""One night, from the newest currents to a new `latest`, or the old one and a plain reason."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import RequestError, StageError
+from pipeline.nightly.cycle import Cycles, writing
+from pipeline.nightly.expansion import expand
+from pipeline.nightly.lock import night_lock
+from pipeline.nightly.newest_currents import newest_currents
+from pipeline.nightly.outcome import (
+    ACT,
+    DONE,
+    LOOK,
+    LOOK_CODE,
+    OUTCOMES,
+    BusyError,
+    ComeAgainError,
+    NightEvent,
+    NightOutcome,
+    ignore,
+)
+from pipeline.storage.locks import file_lock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pipeline.nightly.cases import Cases
+    from pipeline.nightly.config import NightConfig
+    from pipeline.nightly.newest_currents import Newest
+    from pipeline.nightly.outcome import NightEventHandler, NightStage
+    from pipeline.nightly.planning import Planning
+    from pipeline.nightly.publishing import Published
+    from pipeline.storage.store import Store
+
+NIGHT_FILE = "night.json"
+"""When and by what a cycle was made, and how its cases ended: the one file with times of making."""
+_ONLY = "only"
+_HOUR_S = 3600.0
+
+
+def run_night(
+    config: NightConfig,
+    *,
+    only: str | None = None,
+    part: tuple[int, int] = (1, 1),
+    scheduler: str | None = None,
+    yes: bool = False,
+    on_event: NightEventHandler | None = None,
+) -> NightOutcome:
+    """Plan a night's cases on the newest currents, and publish them as a cycle.
+
+    Parameters
+    ----------
+    config
+        What is asked for.
+    only
+        A case, or the first parts of its name: it alone is planned, below `OUTPUT/only/`.
+    part
+        (i, n): this job plans the i-th of n shares; the last one to end publishes.
+    scheduler
+        Address of a Dask scheduler whose workers see the same files; else DASK_SCHEDULER_ADDRESS,
+        else a cluster of this machine.
+    yes
+        Whether more than 100,000 cases are meant.
+    on_event
+        Called for every stage.
+
+    Raises
+    ------
+    RequestError
+        The request is wrong (exit code 2); nothing was written.
+    BusyError
+        Another job is at work (4).
+    ComeAgainError
+        The currents are not there yet, or older than the last cycle's (5).
+    StageError
+        Nothing could be published (1); what was done is kept for the next run.
+    """
+    return _Night(config, expand(config, only=only, yes=yes), only, part, scheduler, on_event).run()
+
+
+@dataclass
+class _Night:
+    """One run of the nightly job."""
+
+    config: NightConfig
+    cases: Cases
+    only: str | None
+    part: tuple[int, int]
+    scheduler: str | None
+    handler: NightEventHandler | None
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))
+    seconds: dict[str, float] = field(default_factory=dict)
+    newest: Newest = field(init=False)
+    cycles: Cycles = field(init=False)
+    _current_stage: NightStage = "look"
+
+    def __post_init__(self) -> None:
+        """Choose the folder."""
+        output = self.config.output
+        if self.only is not None:
+            output = output / _ONLY / self.only.strip("/").replace("/", "_")
+        self.cycles = Cycles(output)
+        self._deadline = time.monotonic() + self.config.table.limit_hours * _HOUR_S
+
+    def run(self) -> NightOutcome:
+        """Do the whole."""
+        with self._stage("look"):
+            self.newest = newest_currents(self.cases)
+            if (settled := self._settled()) is not None:
+                return settled
+            from pipeline.nightly.pairs_in_water import pairs_on_land
+
+            if faults := pairs_on_land(self.config, self.cases):
+                raise RequestError(faults)
+            self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
+        is_alone = self.part[1] == 1
+        with self._alone(shared=not is_alone):
+            if (settled := self._settled() or self._named()) is not None:
+                return settled
+            planning = self._planning(is_alone=is_alone)
+            if not (planning.partial.folder / NIGHT_FILE).exists():
+                self._plan(planning)
+            if is_alone:
+                return self._publish(planning)
+        return self._publish_if_last(planning)
+
+    # --- before there is anything to do ---
+
+    def _settled(self) -> NightOutcome | None:
+        """Return the outcome where this cycle is in place already; else None.
+
+        Raises
+        ------
+        ComeAgainError
+            The currents are older than the last cycle's.
+        """
+        latest, cycle = self.cycles.latest, self.newest.cycle
+        if latest == cycle:
+            return self._outcome_of(cycle, "nothing to do: these currents have been planned on")
+        if self.cycles.is_older(latest, self.newest.time):
+            raise ComeAgainError(
+                f"the currents of {cycle} are older than those of the last cycle, {latest}; come "
+                "again later"
+            )
+        return None
+
+    def _named(self) -> NightOutcome | None:
+        """Point `latest` at this cycle where a killed job had finished it, and no more."""
+        cycle = self.newest.cycle
+        if not self.cycles.folder(cycle).is_dir():
+            return None
+        self.cycles.point_at(cycle)
+        self.cycles.prune(self.config.table.keep)
+        return self._outcome_of(cycle, "", fresh=True)
+
+    @contextlib.contextmanager
+    def _alone(self, *, shared: bool) -> Iterator[None]:
+        """Hold the locks of the output folder and its store."""
+        from pipeline.storage.store import remove_unfinished
+
+        output = self.cycles.output
+        with writing(output):
+            output.mkdir(parents=True, exist_ok=True)
+        store = output / ".artefacts"
+        with night_lock(output, shared=shared), contextlib.ExitStack() as held:
+            with writing(store):
+                shares = held.enter_context(
+                    file_lock(store / "store.lock", shared=True, wait_s=60.0)
+                )
+            if not shares:
+                raise BusyError(f"another program cleans {store}: wait until it has ended")
+            if not shared:
+                self.cycles.remove_leftovers()
+                remove_unfinished(store, "nightly")
+            yield
+
+    def _planning(self, *, is_alone: bool) -> Planning:
+        """Open the cycle's folder, and gather what planning needs."""
+        from pipeline.nightly.comparison import Rules
+        from pipeline.nightly.earlier import CASES_FILE, EarlierRoutes
+        from pipeline.nightly.partial import Partial
+        from pipeline.nightly.planning import Planning
+        from pipeline.stages.season_cluster import own_identity
+        from pipeline.storage.store import Store
+
+        identity = own_identity()
+        partial = Partial.opened(
+            self.cycles.partial(self.newest.cycle),
+            self._request(identity),
+            self.cycles.latest,
+            is_alone=is_alone,
+        )
+        earlier = None
+        if partial.earlier:
+            folder = self.cycles.folder(partial.earlier)
+            earlier = EarlierRoutes(partial.earlier, folder / CASES_FILE)
+        return Planning(
+            self.cases,
+            self.newest,
+            Store(self.cycles.output / ".artefacts", "nightly"),
+            partial,
+            Rules(self.config.table.look_percent, self._stale(partial.started)),
+            earlier,
+            identity,
+            self._progress,
+            self._check_time,
+        )
+
+    def _request(self, identity: str) -> str:
+        """Return a hash of all that the results depend on, but for the currents' data."""
+        described = [
+            identity,
+            self.config.table.model_dump_json(exclude={"output", "keep", "limit_hours", "workers"}),
+            str(len(self.cases)),
+            *(
+                block.scenario.model_dump_json()
+                + str([one.vessels, one.members, one.pairs, [s.name for s in one.seasons]])
+                for block in self.cases.blocks
+                for one in (block,)
+            ),
+        ]
+        return hashlib.sha256("\n".join(described).encode()).hexdigest()
+
+    def _stale(self, started: datetime) -> str:
+        """Say that the currents are too old, if so; a clock that is behind them says nothing."""
+        if self.newest.time is None:
+            return ""
+        age = started - self.newest.time
+        limit_hours = self.config.table.stale_hours
+        if age <= timedelta(hours=limit_hours):
+            return ""
+        hours = age / timedelta(hours=1)
+        return f"the currents are {hours:,.0f} h old, more than {limit_hours:g}"
+
+    # --- the work ---
+
+    def _plan(self, planning: Planning) -> None:
+        """Prepare and plan whatever no part holds."""
+        from pipeline.nightly.fleet import fleet
+        from pipeline.nightly.part import gaps
+        from pipeline.nightly.planning import Share
+
+        total = len(self.cases)
+        if not gaps(planning.partial.parts(), 0, total):
+            return
+        with fleet(
+            self.scheduler,
+            workers=self.config.table.workers,
+            memory_gb=self.config.table.memory_gb,
+            shared=planning.partial.request_file,
+        ) as workers:
+            with self._stage("prepare"):
+                planning.prepare(workers)
+            with self._stage("plan"):
+                planning.plan(workers, Share.of_night(total, *self.part))
+
+    def _publish_if_last(self, planning: Planning) -> NightOutcome:
+        """Publish once all shares are done; else leave it to the one that ends last."""
+        from pipeline.nightly.part import gaps
+
+        i, n = self.part
+        if not gaps(planning.partial.parts(), 0, len(self.cases)):
+            with contextlib.suppress(BusyError), self._alone(shared=False):
+                if (settled := self._settled()) is not None:
+                    return settled
+                return self._publish(planning)
+        message = f"part {i}/{n} is done; the last part to end publishes the cycle"
+        return self._outcome(
+            self.cycles.latest, DONE, dict.fromkeys(OUTCOMES, 0), message, fresh=False
+        )
+
+    def _publish(self, planning: Planning) -> NightOutcome:
+        """Make the files, check them, and put them in place."""
+        from pipeline.nightly.partial import write_whole
+        from pipeline.nightly.publishing import Publishing
+
+        partial = planning.partial
+        if not (partial.folder / NIGHT_FILE).exists():
+            earlier = self.cycles.folder(partial.earlier) if partial.earlier else None
+            publishing = Publishing(planning, partial.folder, earlier)
+            with self._stage("publish"):
+                published = publishing.write()
+            with self._stage("check"):
+                publishing.check()
+                with writing(partial.folder):
+                    text = json.dumps(self._described(planning, published), indent=2)
+                    write_whole(partial.folder / NIGHT_FILE, text + "\n")
+        partial.clear()
+        self.cycles.publish(self.newest.cycle)
+        self.cycles.prune(self.config.table.keep)
+        self._prune_store(planning.store)
+        return self._outcome_of(self.newest.cycle, "", fresh=True)
+
+    def _prune_store(self, store: Store) -> None:
+        """Prune a store that is too large, but for what this night used."""
+        from pipeline.storage.pruning import MAX_STORE_BYTES, prune
+
+        with contextlib.suppress(OSError):
+            since = self.started.timestamp()
+            prune(store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
+
+    # --- what is said ---
+
+    def _described(self, planning: Planning, published: Published) -> dict[str, Any]:
+        """Return the content of `night.json`."""
+        from pipeline.formats.tables.manifest import versions
+
+        by_outcome = published.by_outcome
+        code = LOOK_CODE if by_outcome[ACT] or by_outcome[LOOK] else DONE
+        reference = self.newest.time
+        return {
+            "cycle": self.newest.cycle,
+            "reference_time": reference.isoformat() if reference else None,
+            "earlier_cycle": planning.partial.earlier or None,
+            "cases": len(self.cases),
+            "cases_by_outcome": by_outcome,
+            "cases_by_status": published.by_status,
+            "exit_code": code,
+            "begun": planning.partial.started.isoformat(timespec="seconds"),
+            "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+            "seconds_by_stage": {key: round(value, 3) for key, value in self.seconds.items()},
+            "planning_seconds": round(published.planning_s, 3),
+            "versions": dict(versions()),
+        }
+
+    def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
+        """Return the outcome that a finished cycle states; 0 where this run did nothing."""
+        said = night_of(self.cycles.folder(cycle))
+        counts = {name: int(said["cases_by_outcome"][name]) for name in OUTCOMES}
+        code = int(said["exit_code"]) if fresh else DONE
+        text = message or _summary(cycle, counts, said["cases_by_status"])
+        return self._outcome(cycle, code, counts, text, fresh=fresh)
+
+    def _outcome(
+        self, cycle: str, code: int, counts: dict[str, int], message: str, *, fresh: bool
+    ) -> NightOutcome:
+        """Return how this run ended."""
+        return NightOutcome(
+            cycle,
+            self.started,
+            datetime.now(UTC),
+            self.newest.time,
+            code,
+            counts,
+            dict(self.seconds),
+            fresh,
+            message,
+        )
+
+    @contextlib.contextmanager
+    def _stage(self, stage: NightStage) -> Iterator[None]:
+        """Report a stage's begin and end, and time it."""
+        self._current_stage = stage
+        begun = time.perf_counter()
+        self._event(NightEvent(stage, "begun"))
+        try:
+            yield
+        except Exception as error:
+            detail = str(error).replace("\n", "; ")
+            self._event(NightEvent(stage, "failed", detail))
+            raise
+        finally:
+            self.seconds[stage] = time.perf_counter() - begun
+        self._event(NightEvent(stage, "done", seconds=self.seconds[stage]))
+
+    def _progress(self, done: int, total: int) -> None:
+        """Report how far a stage has got."""
+        self._event(NightEvent(self._current_stage, "working", done=done, total=total))
+
+    def _note(self, text: str) -> None:
+        """Report a note."""
+        self._event(NightEvent(self._current_stage, "note", text))
+
+    def _event(self, event: NightEvent) -> None:
+        """Report an event."""
+        (self.handler or ignore)(event)
+
+    def _check_time(self) -> None:
+        """End the night when its time is up."""
+        if time.monotonic() > self._deadline:
+            raise StageError(
+                f"the limit of {self.config.table.limit_hours:g} h is reached; nothing is "
+                "published, and the parts that are done are kept: run again to continue"
+            )
+
+
+def night_of(folder: Path) -> dict[str, Any]:
+    """Read what a finished cycle says of its making.
+
+    Raises
+    ------
+    StageError
+        It can't be read: somebody has changed the cycle.
+    """
+    try:
+        said: dict[str, Any] = json.loads((folder / NIGHT_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StageError(
+            f"{folder / NIGHT_FILE} can't be read ({error}); remove {folder}"
+        ) from error
+    return said
+
+
+def _summary(cycle: str, counts: dict[str, int], by_status: dict[str, int]) -> str:
+    """Say in one line how a cycle ended."""
+    outcomes = ", ".join(f"{counts[name]:,} {name}" for name in OUTCOMES)
+    others = ", ".join(
+        f"{n:,} {name}" for name, n in sorted(by_status.items()) if name != "planned"
+    )
+    return f"{cycle}: {outcomes}" + (f"; {others}" if others else "")

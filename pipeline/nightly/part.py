@@ -1,0 +1,171 @@
+"""Parquet parts: rows of cases and of their routes, whole in their place or not there at all.
+
+A part holds neighbouring cases, from `first` up to `end`: a row of rank 0 for each case, and a row
+for each of its routes, rank 1 the best. Geometries are WKB in lon/lat.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.errors import StageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+_TIME = pa.timestamp("ms", tz="UTC")
+# What each row says, of a case or of a route.
+_SHARED = (
+    ("index", pa.int64()),
+    ("case", pa.string()),
+    ("scenario", pa.string()),
+    ("season", pa.string()),
+    ("pair", pa.string()),
+    ("departure", pa.string()),
+    ("vessel", pa.string()),
+    ("member", pa.string()),
+)
+_ROUTE = (
+    ("side", pa.string()),
+    ("class", pa.string()),
+    ("fuel", pa.float64()),
+    ("fuel_per_distance", pa.float64()),
+    ("length_m", pa.float64()),
+    ("duration_s", pa.float64()),
+    ("clearance_m", pa.float64()),
+    ("optimality_gap", pa.float64()),
+    ("trials", pa.int64()),
+    ("collisions", pa.int64()),
+    ("arrival", _TIME),
+    ("geometry", pa.binary()),
+)
+_CASE = (
+    ("status", pa.string()),
+    ("reason", pa.string()),
+    ("outcome", pa.string()),
+    ("why", pa.string()),
+    ("leaves", _TIME),
+    ("currents", pa.string()),
+    ("source", pa.string()),
+    ("stand_in", pa.string()),
+    ("routes", pa.int64()),
+    ("rejected", pa.int64()),
+    ("earlier_cycle", pa.string()),
+    ("earlier_side", pa.string()),
+    ("earlier_class", pa.string()),
+    ("earlier_arrival", _TIME),
+    ("keep_fuel", pa.float64()),
+    ("keep_arrival", _TIME),
+    ("saving_percent", pa.float64()),
+    ("apart_m", pa.float64()),
+)
+CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
+"""Columns of `cases.parquet`: a case, its best route, and what changed."""
+ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", pa.int64()), *_ROUTE])
+"""Columns of `routes.parquet`."""
+PART_SCHEMA = pa.schema(
+    [*_SHARED, ("rank", pa.int64()), *_CASE, *_ROUTE, ("seconds", pa.float64())]
+)
+"""Columns of a part; `seconds` is how long the case took."""
+_PART_NAME = re.compile(r"(\d{8})-(\d{8})\.parquet", re.ASCII)
+_UNFINISHED = ".tmp"
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part in its place: the cases from `first` up to `end`."""
+
+    path: Path
+    first: int
+    end: int
+
+
+def part_path(folder: Path, first: int, end: int) -> Path:
+    """Return the path of the part for some cases."""
+    return folder / f"{first:08}-{end:08}.parquet"
+
+
+def write_part(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows under a temporary name, wait until they are on the disk, and rename.
+
+    Raises
+    ------
+    StageError
+        The disk refuses.
+    """
+    fresh = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_UNFINISHED}")
+    try:
+        try:
+            with fresh.open("xb") as file:
+                pq.write_table(pa.Table.from_pylist(list(rows), PART_SCHEMA), file)
+                file.flush()
+                os.fsync(file.fileno())
+            fresh.replace(path)
+        finally:
+            fresh.unlink(missing_ok=True)
+    except (OSError, pa.ArrowException) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StageError(
+            f"can't write {path.name} in {path.parent}: {reason}; free some space and run again"
+        ) from error
+
+
+def parts_in(folder: Path) -> list[Part]:
+    """Return the whole parts of a folder, by their first case; others are left out."""
+    found = []
+    for path in folder.glob("*.parquet"):
+        name = _PART_NAME.fullmatch(path.name)
+        if name is not None and _is_whole(path):
+            found.append(Part(path, int(name[1]), int(name[2])))
+    return sorted(found, key=lambda part: (part.first, -part.end))
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what killed workers left unfinished."""
+    for path in folder.glob(f".*{_UNFINISHED}"):
+        path.unlink(missing_ok=True)
+
+
+def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
+    """Give the parts, sorted as by `parts_in`, with the cases that are to be taken from each.
+
+    Parts may overlap, where a worker outlived the job that started it: a case is taken once.
+    """
+    covered = 0
+    for part in parts:
+        first = max(part.first, covered)
+        if first < part.end:
+            yield part, first, part.end
+            covered = part.end
+
+
+def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
+    """Return the ranges of cases from `first` up to `end` that no part holds."""
+    found, covered = [], first
+    for part in parts:
+        if part.end <= covered or part.first >= end:
+            continue
+        if part.first > covered:
+            found.append((covered, part.first))
+        covered = max(covered, part.end)
+    if covered < end:
+        found.append((covered, end))
+    return found
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file is Parquet with our columns."""
+    try:
+        return bool(pq.read_schema(path).equals(PART_SCHEMA))
+    except (OSError, pa.ArrowException):
+        return False

@@ -1,0 +1,108 @@
+"""What `renew nightly status` and `renew nightly show` say of an output folder."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError
+from pipeline.nightly.cases import matches
+from pipeline.nightly.changes import rows_of
+from pipeline.nightly.cycle import Cycles
+from pipeline.nightly.earlier import CASES_FILE
+from pipeline.nightly.lock import holder_of, is_busy
+from pipeline.nightly.night import night_of
+from pipeline.nightly.outcome import OUTCOMES
+from pipeline.nightly.part import covering, parts_in
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+# Most cases that `show` prints.
+_MAX_SHOWN = 20
+_SHOWN = (
+    "case",
+    "outcome",
+    "why",
+    "status",
+    "reason",
+    "currents",
+    "source",
+    "stand_in",
+    "leaves",
+    "arrival",
+    "side",
+    "class",
+    "fuel",
+    "length_m",
+    "duration_s",
+    "clearance_m",
+    "optimality_gap",
+    "routes",
+    "rejected",
+    "collisions",
+    "earlier_cycle",
+    "earlier_side",
+    "earlier_class",
+    "earlier_arrival",
+    "keep_fuel",
+    "keep_arrival",
+    "saving_percent",
+    "apart_m",
+)
+
+
+def status_lines(output: Path) -> Iterator[str]:
+    """Say what is there, one line each."""
+    cycles = Cycles(output)
+    latest = cycles.latest
+    if latest:
+        said = night_of(cycles.folder(latest))
+        finished = datetime.fromisoformat(said["finished"])
+        hours = (datetime.now(UTC) - finished).total_seconds() / 3600
+        counts = ", ".join(f"{said['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
+        yield f"latest: {latest}, {said['cases']:,} cases ({counts}), made {hours:.1f} h ago"
+    else:
+        yield f"latest: none in {output}"
+    for cycle in cycles.partials():
+        parts = parts_in(cycles.partial(cycle) / "parts")
+        done = sum(end - first for _, first, end in covering(parts))
+        yield f"under way: {cycle}, {done:,} cases done"
+    yield f"at work: {holder_of(output)}" if is_busy(output) else "at work: nobody"
+    yield f"kept: {', '.join(cycles.finished()) or 'none'}"
+
+
+def case_lines(output: Path, asked: str) -> Iterator[str]:
+    """Say what the last cycle has of a case, or of those whose names begin like that.
+
+    Raises
+    ------
+    RequestError
+        There is no cycle, or no such case in it.
+    """
+    cycles = Cycles(output)
+    if not cycles.latest:
+        raise RequestError([f"{output} has no finished cycle; `renew nightly run` makes one"])
+    folder, found = cycles.folder(cycles.latest), 0
+    for row in rows_of(folder / CASES_FILE, _SHOWN):
+        if not matches(row["case"], asked):
+            continue
+        found += 1
+        if found > _MAX_SHOWN:
+            yield f"… more than {_MAX_SHOWN}; give more of the name"
+            return
+        if found > 1:
+            yield ""
+        for key, value in row.items():
+            if value not in {None, ""}:
+                yield f"{key}: {_spelled(value)}"
+    if not found:
+        raise RequestError([f"no case is called {asked!r} in {cycles.latest}; see {CASES_FILE}"])
+
+
+def _spelled(value: object) -> str:
+    """Spell a value for a reader."""
+    if isinstance(value, datetime):
+        return value.strftime("%Y-%m-%d %H:%MZ")
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,40 @@
+"""A scheduler and a worker for all nights of a session: to start them takes longer than a night."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.pipeline.processes import started, wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@contextlib.contextmanager
+def dask_cluster(folder: Path, workers: int = 1) -> Iterator[str]:
+    """Start a scheduler and workers, each a process of its own; give the address."""
+    file = folder / "scheduler.json"
+    dask = (sys.executable, "-m", "dask")
+    command = (*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    with contextlib.ExitStack() as held:
+        held.enter_context(started(*command, "--scheduler-file", str(file)))
+        wait_until(lambda: file.exists() and file.read_text(), 120)
+        for _ in range(workers):
+            worker = (*dask, "worker", "--scheduler-file", str(file), "--nworkers", "1")
+            held.enter_context(
+                started(*worker, "--nthreads", "1", "--memory-limit", "2GiB", "--no-dashboard")
+            )
+        yield str(json.loads(file.read_text())["address"])
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Give the address of a scheduler with one worker."""
+    with dask_cluster(tmp_path_factory.mktemp("cluster")) as address:
+        yield address

@@ -1,0 +1,248 @@
+"""Whole nights, one after the other, in small plane and chart scenarios."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sqlite3
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import geopandas
+import pyarrow.parquet as pq
+import pystac
+import pytest
+
+from pipeline.errors import RequestError, StageError
+from pipeline.nightly.config import load_config
+from pipeline.nightly.night import run_night
+from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.status import case_lines, status_lines
+from tests.pipeline.nightly.nights import (
+    REFERENCE,
+    contents,
+    plane_night,
+    region_night,
+    rows,
+    write_forecast,
+    write_night,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
+    tmp_path: Path, cluster: str
+) -> None:
+    config = load_config(plane_night(tmp_path), tmp_path / "out")
+    outcome = run_night(config, scheduler=cluster)
+    assert (outcome.exit_code, outcome.reference_time, outcome.fresh) == (0, None, True)
+    assert outcome.cases_by_outcome == {"same": 6, "look": 0, "act": 0}
+    assert set(outcome.seconds_by_stage) == {"look", "prepare", "plan", "publish", "check"}
+
+    latest = tmp_path / "out" / "latest"
+    assert {path.name for path in latest.iterdir()} == {
+        "cases.parquet",
+        "changes.csv",
+        "history.parquet",
+        "index.html",
+        "item.json",
+        "night.json",
+        "routes.gpkg",
+        "routes.parquet",
+    }
+    assert (latest / "changes.csv").read_text().count("\n") == 1
+    table = rows(tmp_path / "out")
+    assert [row["case"] for row in table] == [f"quick/still/p{i:04}" for i in range(6)]
+    assert {row["status"] for row in table} == {"planned"}
+    routes = geopandas.read_parquet(latest / "routes.parquet")
+    assert len(routes) == sum(row["routes"] for row in table) == len(routes.geometry.is_valid)
+    layer = geopandas.read_file(latest / "routes.gpkg")
+    assert set(layer[layer["rank"] == 1]["case"]) == {row["case"] for row in table}
+
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*")}
+    again = run_night(config, scheduler=cluster)
+    assert (again.exit_code, again.fresh, again.cycle) == (0, False, outcome.cycle)
+    assert "nothing to do" in again.message
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*")} == before
+
+
+def test_a_second_night_sails_the_first_ones_routes_again(tmp_path: Path, cluster: str) -> None:
+    output = tmp_path / "out"
+    file = region_night(tmp_path)
+    write_forecast(tmp_path / "currents" / "m1.nc")
+    first = run_night(load_config(file, output), scheduler=cluster)
+    assert first.cycle == "2026-11-21T00Z"
+    assert [row["case"] for row in rows(output)] == [
+        "around/now/-/0600Z/-/m1",
+        "around/now/-/1200Z/-/m1",
+    ]
+    assert rows(output)[0]["leaves"].isoformat() == "2026-11-21T06:00:00+00:00"
+
+    write_forecast(tmp_path / "currents" / "m1.nc", REFERENCE + timedelta(days=1), seed=7)
+    second = run_night(load_config(file, output), scheduler=cluster)
+    assert second.cycle == "2026-11-22T00Z"
+    with (output / "latest" / "changes.csv").open(newline="") as changes:
+        changed = list(csv.DictReader(changes))
+    assert [row["earlier_cycle"] for row in changed] == ["2026-11-21T00Z"] * 2
+    for row in rows(output):
+        # Tonight's best is best: keeping yesterday's route never costs less.
+        assert row["keep_fuel"] >= row["fuel"] * (1 - 1e-3)
+        assert row["saving_percent"] == pytest.approx(100 * (1 - row["fuel"] / row["keep_fuel"]))
+        assert row["apart_m"] >= 0
+        assert (row["outcome"] == "same") == (not row["why"])
+    history = pq.read_table(output / "latest" / "history.parquet").to_pylist()
+    assert [row["cycle"] for row in history] == ["2026-11-21T00Z"] * 2 + ["2026-11-22T00Z"] * 2
+
+    write_forecast(tmp_path / "currents" / "m1.nc")
+    with pytest.raises(ComeAgainError, match="older than those of the last cycle"):
+        run_night(load_config(file, output), scheduler=cluster)
+    assert (output / "latest").resolve().name == "2026-11-22T00Z"
+
+
+def test_the_item_is_valid_by_the_schemas_that_pystac_carries(tmp_path: Path, cluster: str) -> None:
+    run_night(load_config(plane_night(tmp_path, pairs=1), tmp_path / "out"), scheduler=cluster)
+    item = pystac.Item.from_file(str(tmp_path / "out" / "latest" / "item.json"))
+    assert item.validate()
+    for asset in item.assets.values():
+        assert (tmp_path / "out" / "latest" / asset.href).is_file()
+
+
+def test_currents_that_are_not_there_yet(tmp_path: Path, cluster: str) -> None:
+    with pytest.raises(ComeAgainError, match=r"no currents are there yet: no file matches"):
+        run_night(load_config(region_night(tmp_path), tmp_path / "out"), scheduler=cluster)
+    assert not (tmp_path / "out").exists()
+
+
+def test_half_a_forecast_is_planned_as_far_as_it_goes(tmp_path: Path, cluster: str) -> None:
+    write_forecast(tmp_path / "currents" / "m1.nc", steps=3)
+    file = region_night(tmp_path, departures=4)
+    outcome = run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
+    assert outcome.exit_code == 10
+    assert [row["status"] for row in rows(tmp_path / "out")] == ["planned"] * 2 + ["failed"] * 2
+    assert "none within" in rows(tmp_path / "out")[3]["reason"]
+
+
+def test_no_case_at_all_could_be_planned(tmp_path: Path, cluster: str) -> None:
+    plane_night(tmp_path)
+    text = (tmp_path / "quick.toml").read_text()
+    wall = "[[[40, 0], [60, 0], [60, 100], [40, 100]]]"
+    text = text.replace("[[[40, 30], [60, 30], [60, 70], [40, 70]]]", wall)
+    (tmp_path / "quick.toml").write_text(text)
+    with pytest.raises(StageError, match="no case could be planned"):
+        run_night(load_config(tmp_path / "night.toml", tmp_path / "out"), scheduler=cluster)
+    (partial,) = (tmp_path / "out").glob("*.partial")
+    assert partial.is_dir()
+    assert not (tmp_path / "out" / "latest").exists()
+
+
+def test_the_oldest_cycles_go_and_latest_stays(tmp_path: Path, cluster: str) -> None:
+    output = tmp_path / "out"
+    file = region_night(tmp_path, departures=1, keep=2, workers=1)
+    for day in range(3):
+        write_forecast(tmp_path / "currents" / "m1.nc", REFERENCE + timedelta(days=day))
+        run_night(load_config(file, output), scheduler=cluster)
+    cycles = sorted(path.name for path in output.iterdir() if path.name.startswith("2026"))
+    assert cycles == ["2026-11-22T00Z", "2026-11-23T00Z"]
+    assert (output / "latest").resolve().name == "2026-11-23T00Z"
+    assert len(rows(output, "history.parquet")) == 3
+
+
+def test_a_case_alone_has_an_output_of_its_own(tmp_path: Path, cluster: str) -> None:
+    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
+    run_night(config, only="quick/still/p0002", scheduler=cluster)
+    assert not (tmp_path / "out" / "latest").exists()
+    (row,) = rows(tmp_path / "out" / "only" / "quick_still_p0002")
+    assert row["case"] == "quick/still/p0002"
+    with pytest.raises(RequestError, match="no case is called 'quick/still/p9'"):
+        run_night(config, only="quick/still/p9", scheduler=cluster)
+
+
+def test_the_last_part_of_a_job_array_publishes(tmp_path: Path, cluster: str) -> None:
+    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
+    first = run_night(config, part=(1, 2), scheduler=cluster)
+    assert "part 1/2 is done" in first.message
+    assert not (tmp_path / "out" / "latest").exists()
+    second = run_night(config, part=(2, 2), scheduler=cluster)
+    assert second.fresh
+    alone = load_config(plane_night(tmp_path / "alone", workers=1), tmp_path / "alone" / "out")
+    run_night(alone, scheduler=cluster)
+    assert contents(tmp_path / "out") == contents(tmp_path / "alone" / "out")
+
+
+def test_what_is_left_between_the_last_two_renames(tmp_path: Path, cluster: str) -> None:
+    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
+    cycle = run_night(config, scheduler=cluster).cycle
+    (tmp_path / "out" / "latest").unlink()
+    again = run_night(config, scheduler=cluster)
+    assert (again.cycle, again.exit_code) == (cycle, 0)
+    assert (tmp_path / "out" / "latest").resolve().name == cycle
+
+
+def test_status_and_show(tmp_path: Path, cluster: str) -> None:
+    output = tmp_path / "out"
+    with pytest.raises(RequestError, match="no finished cycle"):
+        list(case_lines(output, "quick"))
+    assert next(status_lines(output)).startswith("latest: none")
+    run_night(load_config(plane_night(tmp_path, workers=1), output), scheduler=cluster)
+    assert "6 cases (6 same, 0 look, 0 act)" in next(status_lines(output))
+    assert "case: quick/still/p0003" in list(case_lines(output, "quick/still/p0003"))
+    with pytest.raises(RequestError, match="no case is called 'p3'"):
+        list(case_lines(output, "p3"))
+
+
+def test_damage_is_found_before_anything_is_published(tmp_path: Path, cluster: str) -> None:
+    from pipeline.nightly.publishing import Publishing
+
+    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
+    run_night(config, scheduler=cluster)
+    folder = (tmp_path / "out" / "latest").resolve()
+    from types import SimpleNamespace
+
+    publishing = Publishing(SimpleNamespace(cases=range(6)), folder, None)  # type: ignore[arg-type]
+    publishing.check()
+    publishing = Publishing(SimpleNamespace(cases=range(7)), folder, None)  # type: ignore[arg-type]
+    with pytest.raises(StageError, match="6 rows for 7 cases"):
+        publishing.check()
+    with sqlite3.connect(folder / "routes.gpkg") as database:
+        database.execute("DROP TABLE routes")
+    with pytest.raises(StageError, match="a file does not open"):
+        Publishing(SimpleNamespace(cases=range(6)), folder, None).check()  # type: ignore[arg-type]
+
+
+def test_the_file_of_a_night_says_when_it_was_made(tmp_path: Path, cluster: str) -> None:
+    run_night(
+        load_config(plane_night(tmp_path, pairs=1, workers=1), tmp_path / "out"), scheduler=cluster
+    )
+    said = json.loads((tmp_path / "out" / "latest" / "night.json").read_text())
+    assert said["cases_by_status"] == {"planned": 1}
+    assert said["begun"] <= said["finished"]
+
+
+@pytest.mark.parametrize("says_reference", [True, False])
+def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
+    from pipeline.nightly.expansion import expand
+    from pipeline.nightly.newest_currents import newest_currents
+
+    file = region_night(tmp_path)
+    write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)
+    write_forecast(
+        tmp_path / "currents" / "m2.nc",
+        REFERENCE - timedelta(hours=12),
+        says_reference=says_reference,
+    )
+    found = newest_currents(expand(load_config(file, tmp_path)))
+    if says_reference:
+        assert found.cycle == "2026-11-21T00Z"
+    else:
+        assert found.cycle.startswith("2026-11-23T00Z-")
+    assert found.departures_from == REFERENCE
+
+
+def test_write_night_is_refused_with_file_and_line(tmp_path: Path) -> None:
+    file = write_night(tmp_path, 'scenario = "single-gyre"\nevery = 1\n', keep=0)
+    with pytest.raises(RequestError) as caught:
+        load_config(file)
+    assert caught.value.faults[0].startswith("night.toml, line 1: keep = 0 is below 1")
+    assert caught.value.faults[1].startswith("night.toml, line 4: unknown key cases[0].every")
