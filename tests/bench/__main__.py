@@ -14,6 +14,7 @@ from rich.table import Table
 
 from tests.bench import (
     archipelago_figures,
+    bitstar_figures,
     chart_figures,
     eddy_figures,
     fault_figures,
@@ -38,6 +39,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "eddies": eddy_figures.eddies,
     "walls": eddy_figures.thin_walls,
     "order": eddy_figures.order,
+    "bitstar": bitstar_figures.figures,
     "palawan": palawan_figures.figures,
     "islands": archipelago_figures.islands,
     "growth": archipelago_figures.growth,
