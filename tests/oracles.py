@@ -65,6 +65,32 @@ def grid_dijkstra(
     those at coprime offsets of up to `radius` steps along either axis, and the start and the goal
     to every node within that range. Returns inf and an empty path if no edges lead to the goal.
     """
+    points, graph = grid_graph(
+        chart, current, vessel, start, goal, spacing, clearance, drift, radius=radius
+    )
+    first, last = len(points) - 2, len(points) - 1
+    time, predecessor = dijkstra(graph, indices=first, return_predecessors=True)
+    if not math.isfinite(time[last]):
+        return math.inf, np.empty((0, 2))
+    row = [last]
+    while row[-1] != first:
+        row.append(int(predecessor[row[-1]]))
+    return float(vessel.fuel_rate * time[last]), points[row[::-1]]
+
+
+def grid_graph(
+    chart: renew.Chart,
+    current: Field,
+    vessel: renew.Vessel,
+    start: FloatArray,
+    goal: FloatArray,
+    spacing: float,
+    clearance: float = 0.0,
+    drift: str = "projected",
+    *,
+    radius: int = STENCIL_RADIUS,
+) -> tuple[FloatArray, csr_array]:
+    """Nodes (n, 2) of the grid, the last two start and goal, and times (n, n), s, of its edges."""
     water = _Water.of(chart, clearance)
     nodes, (columns, rows) = _grid(chart, spacing)
     count = len(nodes)
@@ -103,13 +129,7 @@ def grid_dijkstra(
         shape=(count + 2, count + 2),
     )
     graph.data[~np.isfinite(graph.data)] = np.inf
-    time, predecessor = dijkstra(graph, indices=count, return_predecessors=True)
-    if not math.isfinite(time[count + 1]):
-        return math.inf, np.empty((0, 2))
-    row = [count + 1]
-    while row[-1] != count:
-        row.append(int(predecessor[row[-1]]))
-    return float(vessel.fuel_rate * time[count + 1]), points[row[::-1]]
+    return points, graph
 
 
 def tighten(

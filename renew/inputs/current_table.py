@@ -83,16 +83,28 @@ def tabulated(
     """Table of a field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
     xmin, ymin, xmax, ymax = bounds
     cells, last = _MIN_CELLS, np.inf
+    uv = field(_mesh(np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)))
     while True:
-        x, y = np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)
-        uv = field(np.stack(np.meshgrid(x, y), axis=-1))
-        middles = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2), axis=-1)
+        # Every second node is one of this table, the others are its cells' and edges' middles.
+        x, y = np.linspace(xmin, xmax, 2 * cells + 1), np.linspace(ymin, ymax, 2 * cells + 1)
+        middles = field(_mesh(x[1::2], y[1::2]))
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
-        error = float(np.linalg.norm(field(middles) - halfway, axis=-1).max())
-        table = table_of(x, y, uv, error)
+        error = float(np.linalg.norm(middles - halfway, axis=-1).max())
+        table = table_of(x[::2], y[::2], uv, error)
         if table.is_fine or cells >= _MAX_CELLS or error > _MAX_ERROR_RATIO * last:
             return table
-        cells, last = 2 * cells, error
+        level, upright = _mesh(x[1::2], y[::2]), _mesh(x[::2], y[1::2])
+        on_edges = field(np.vstack([level.reshape(-1, 2), upright.reshape(-1, 2)]))
+        finer = np.empty((2 * cells + 1, 2 * cells + 1, 2))
+        finer[::2, ::2], finer[1::2, 1::2] = uv, middles
+        finer[::2, 1::2] = on_edges[: level.size // 2].reshape(level.shape)
+        finer[1::2, ::2] = on_edges[level.size // 2 :].reshape(upright.shape)
+        uv, cells, last = finer, 2 * cells, error
+
+
+def _mesh(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Points (ny, nx, 2) of a grid."""
+    return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 @kernel

@@ -14,7 +14,9 @@ from rich.table import Table
 
 from tests.bench import (
     archipelago_figures,
+    bitstar_figures,
     chart_figures,
+    class_figures,
     eddy_figures,
     fault_figures,
     output_figures,
@@ -38,6 +40,9 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "eddies": eddy_figures.eddies,
     "walls": eddy_figures.thin_walls,
     "order": eddy_figures.order,
+    "classes": class_figures.each_class,
+    "first-classes": class_figures.first_classes,
+    "bitstar": bitstar_figures.figures,
     "palawan": palawan_figures.figures,
     "islands": archipelago_figures.islands,
     "growth": archipelago_figures.growth,

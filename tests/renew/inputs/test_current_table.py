@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,9 +12,12 @@ from shapely import box
 
 import renew
 from renew.inputs.current import TabulatedCurrent
-from renew.inputs.current_table import table_of, velocities, velocity
+from renew.inputs.current_table import table_of, tabulated, velocities, velocity
 from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
 
@@ -46,6 +51,21 @@ def test_a_fine_table_is_as_good_as_its_field(seed: int) -> None:
     error = np.linalg.norm(TabulatedCurrent(table)(points) - field(points), axis=1).max()
     assert error <= 2 * table.error
     assert table.strongest == pytest.approx(0.8, rel=0.01)
+
+
+def test_a_table_is_the_field_at_its_nodes_and_asks_for_no_point_twice() -> None:
+    field, asked = StreamFunctionCurrent(3, 0.8), []
+
+    def counted(points: FloatArray) -> FloatArray:
+        asked.append(points.reshape(-1, 2))
+        return field(points)
+
+    table = tabulated(counted, (0.0, 0.0, SIZE, SIZE / 3))
+    assert len(table.x) > 65, "the scene must need a second table"
+    nodes = np.stack(np.meshgrid(table.x, table.y), axis=-1)
+    assert table.uv == pytest.approx(field(nodes), abs=1e-12)
+    points = np.vstack(asked).round(9)
+    assert len(np.unique(points, axis=0)) == len(points)
 
 
 def test_a_field_with_a_step_has_no_fine_table() -> None:

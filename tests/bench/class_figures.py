@@ -1,0 +1,115 @@
+"""Each class beside the oracle's path of that class, and the first classes beside the oracle's."""
+
+from __future__ import annotations
+
+import statistics
+from typing import TYPE_CHECKING
+from unittest import mock
+
+import renew
+from renew.classes.h_signature import Rays, name
+from renew.search.class_planner import ClassPlanner
+from tests.bench.figure import Figure, at_most
+from tests.class_oracle import paths_by_class
+from tests.eddies import SCENES, eddy_scene
+from tests.strategies import PAPER_VESSEL, SIZE, random_scene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from renew._types import FloatArray
+    from renew.paths.corridor import Corridor
+
+CLASSES, FIRST = 8, 16
+"""Classes of a scene that are compared, and number of first ones that are looked for."""
+LABELS = 16
+"""Classes that the oracle follows: those that wind about islands are among them."""
+CELLS = 80
+"""Cells a side of the oracle's grid, for its paths of each class."""
+
+
+def each_class() -> Iterator[Figure]:
+    """Fuel over the oracle's in the same class, before and after corners are rounded."""
+    before, after, missing = [], [], 0
+    for spec in SCENES:
+        if spec[2] < 3:
+            continue
+        scene = eddy_scene(*spec)
+        unrounded, plan = _planned(*spec)
+        least = _least(
+            scene.chart,
+            paths_by_class(
+                scene.chart,
+                scene.current,
+                PAPER_VESSEL,
+                scene.start,
+                scene.goal,
+                spec[3] / CELLS,
+                labels=LABELS,
+            ),
+        )
+        for route in plan.routes:
+            if route.homotopy not in least:
+                missing += 1
+                continue
+            after.append(route.fuel / least[route.homotopy])
+            before.append(unrounded[route.homotopy] / least[route.homotopy])
+    title = f"{len(after)} classes of scenes of small eddies beside the oracle's"
+    yield at_most(f"{title}, before rounding: dearest", max(before), 1.002, digits=5)
+    yield at_most(f"{title}, before rounding: median", statistics.median(before), 1.0005, digits=5)
+    share = sum(ratio > 1.002 for ratio in before)
+    yield Figure(f"{title}, before rounding: above 1.002", "0", str(share), share == 0)
+    yield Figure(f"{title}, rounded: dearest", "", f"{max(after):.5f}")
+    yield Figure(f"{title}, rounded: median", "", f"{statistics.median(after):.5f}")
+    yield Figure("classes that the oracle doesn't follow", "", str(missing))
+
+
+def first_classes() -> Iterator[Figure]:
+    """How many of the true first classes are among the first that are planned."""
+    for islands in (7, 25, 50):
+        shared = []
+        for seed in range(3):
+            chart, current, start, goal = random_scene(seed, islands=islands)
+            found = paths_by_class(
+                chart, current, PAPER_VESSEL, start, goal, SIZE / 150, labels=LABELS
+            )
+            # In the order of their fuel.
+            true = list(_least(chart, found))[:FIRST]
+            plan = renew.plan(
+                chart, current, PAPER_VESSEL, start, goal, padding="none", classes=FIRST
+            )
+            ours = {route.homotopy for route in plan.routes}
+            shared.append(len(ours & set(true)))
+        text = ", ".join(map(str, shared))
+        asked = "at least 14" if islands > 7 else ""
+        is_met = min(shared) >= 14 if asked else None
+        yield Figure(f"of the true first {FIRST} classes, {islands} islands", asked, text, is_met)
+
+
+def _least(chart: renew.Chart, found: list[tuple[float, FloatArray]]) -> dict[str, float]:
+    """Fuel by the name of the class, from fuels in ascending order and paths (n, 2)."""
+    rays = Rays.of(chart)
+    least: dict[str, float] = {}
+    for fuel, path in found:
+        least.setdefault(name(rays.word(path)), fuel)
+    return least
+
+
+def _planned(
+    seed: int, waves: int, islands: int, side: float
+) -> tuple[dict[str, float], renew.Plan]:
+    """Least fuel by class before corners were rounded, and the plan."""
+    least: dict[str, float] = {}
+    steered = ClassPlanner._steered
+
+    def noted(
+        planner: ClassPlanner, corridor: Corridor, used: Corridor, path: FloatArray
+    ) -> object:
+        found = steered(planner, corridor, used, path)
+        fuel, key = planner.problem.voyage.fuel(path), corridor.channel.name
+        least[key] = min(fuel, least.get(key, fuel))
+        return found
+
+    with mock.patch.object(ClassPlanner, "_steered", noted):
+        plan = eddy_scene(seed, waves, islands, side).plan(padding="none", classes=CLASSES)
+    return least, plan
