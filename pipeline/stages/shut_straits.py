@@ -3,12 +3,12 @@
 A strait matters where the land that it parts is larger than a hundredth of the distance between
 start and goal, so that shutting it makes a way longer by about as much, and where a way through it
 is no longer, as the crow flies, than the longest route that was planned. Beside these stand the
-straits at which classes were rejected because their padding takes all of it.
+wider straits at which classes were rejected because adaptive padding takes all of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -48,10 +48,9 @@ def shut_straits(
     )
     padding = policy.likely_width(scene.vessel.turning_radius)
     finder = _StraitFinder(scene, simplified, padding)
-    rejected = finder.rejected(plans)
     longest = max(route.length for route in routes)
-    shut = [one for one in finder.shut(longest) if not finder.is_among(one, rejected)]
-    return tuple(sorted([*rejected, *shut], key=lambda strait: -strait.width_m))
+    found = [*finder.rejected(plans), *finder.shut(longest)]
+    return tuple(sorted(found, key=lambda strait: -strait.width_m))
 
 
 @dataclass(frozen=True)
@@ -106,26 +105,31 @@ class _StraitFinder:
             )
 
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
-        """Return the straits at which classes were rejected, each once."""
+        """Return the straits at which classes were rejected, each once with all its seasons.
+
+        They are wider than most padding: the others are found by what margin and padding take.
+        """
         found: list[ShutStrait] = []
         for plan in plans:
             for one in plan.plan.rejected if plan.plan else ():
-                if one.strait is None:
+                strait = self._padded(one.strait, plan.season) if one.strait else None
+                if strait is None or strait.width_m <= self.needed_m:
                     continue
-                strait = self._padded(one.strait, plan.season)
-                if not self.is_among(strait, found):
+                same = next(
+                    (i for i, other in enumerate(found) if self._is_same(strait, other)), None
+                )
+                if same is None:
                     found.append(strait)
+                else:
+                    found[same] = _combined(found[same], strait)
         return found
 
-    def is_among(self, strait: ShutStrait, others: Iterable[ShutStrait]) -> bool:
-        """Say whether a strait is so near to one of others that it is the same."""
-        to_plane, scale = self.scene.projection.to_plane, self.scene.projection.scale
-        here = to_plane((strait.lon, strait.lat))
-        return any(
-            np.linalg.norm(to_plane((other.lon, other.lat)) - here) * scale
-            <= max(strait.needed_m, other.needed_m)
-            for other in others
+    def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
+        """Say whether two straits are nearer to each other than what they need."""
+        apart_m = self.scene.projection.geodesic_length_m(
+            self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
         )
+        return apart_m <= max(one.needed_m, other.needed_m)
 
     def _padded(self, strait: Strait, season: str) -> ShutStrait:
         """Return the strait at which a season's class was rejected."""
@@ -170,3 +174,9 @@ class _StraitFinder:
         gap, no_go = shapely.LineString(line), self._no_go
         taken = [shapely.intersection(gap, no_go[i]).length for i in self._tree.query(gap)]
         return float(gap.length - sum(taken))
+
+
+def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
+    """Return the same strait in the seasons of both, with the larger need."""
+    seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
+    return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)
