@@ -2,8 +2,8 @@
 
 A strait matters where the land that it parts is larger than a hundredth of the distance between
 start and goal, so that shutting it makes a way longer by about as much, and where a way through it
-is no longer, as the crow flies, than the longest route that was planned. Beside these stand the
-wider straits at which classes were rejected because adaptive padding takes all of them.
+is hardly longer, as the crow flies, than a season's best route. Beside these stand the wider
+straits at which classes were rejected because adaptive padding takes all of them.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 # Least size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01
+# Length of a way through a strait, as the crow flies, in lengths of the best route: others need not
+# be much longer to need less fuel.
+_LONGER = 1.05
 # Width of water below which a gap is no way, true metres: what rounding leaves.
 _NO_WATER_M = 1.0
 
@@ -40,16 +43,15 @@ def shut_straits(
     scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
 ) -> tuple[ShutStrait, ...]:
     """Return these straits, the widest first; none in a plane."""
-    routes = [route for plan in plans for route in plan.ranked_routes]
-    if scene.is_planar or not routes:
+    best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
+    if scene.is_planar or not best:
         return ()
     policy = PaddingPolicy(
         options.padding, options.clearance or 0.0, options.risk, options.seed, options.risk_at
     )
     padding = policy.likely_width(scene.vessel.turning_radius)
     finder = _StraitFinder(scene, simplified, padding)
-    longest = max(route.length for route in routes)
-    found = [*finder.rejected(plans), *finder.shut(longest)]
+    found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
     return tuple(sorted(found, key=lambda strait: -strait.width_m))
 
 
