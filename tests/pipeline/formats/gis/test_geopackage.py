@@ -41,6 +41,7 @@ LAYERS = {
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "side", "fuel", "fuel_per_distance", "length_m"),
     *("clearance_m", "duration_s", "optimality_gap", "trials", "collisions"),
+    *("filled_share", "uncharted_share"),
 }
 
 
