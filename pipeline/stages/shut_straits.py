@@ -35,6 +35,8 @@ _PART_SHARE = 0.01
 # Length of a way through a strait, as the crow flies, in lengths of the best route: others need not
 # be much longer to need less fuel.
 _LONGER = 1.05
+# Distance of a bank from the original land, in margins and tolerances: it is at most about one.
+_AT_LAND = 1.1
 # Width of water below which a gap is no way, true metres: what rounding leaves.
 _NO_WATER_M = 1.0
 
@@ -133,13 +135,18 @@ class _StraitFinder:
         )
         return apart_m <= max(one.needed_m, other.needed_m)
 
-    def _padded(self, strait: Strait, season: str) -> ShutStrait:
-        """Return the strait at which a season's class was rejected."""
+    def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
+        """Return the strait at which a season's class was rejected; None where a bank is water.
+
+        A gap of the planner may end at a corner of its channel, where more water is beyond.
+        """
         land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
         ends = shapely.points(strait.gap)
         _, to_land = shapely.STRtree(land).query_nearest(
             ends, return_distance=True, all_matches=False
         )
+        if to_land.max() * projection.scale > _AT_LAND * self.margins_m / 2:
+            return None
         taken_m = (strait.padding_left + strait.padding_right) * projection.scale
         width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
         return self._strait(
