@@ -302,7 +302,7 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
         if tables.chart.depths and tables.vessel and tables.vessel.draught_m is None:
             yield (
                 "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught "
-                "in metres"
+                "in metres (--draught)"
             )
     if not tables.is_planar:
         yield from _endpoints_off_earth(tables.endpoints)

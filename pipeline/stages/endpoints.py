@@ -46,6 +46,8 @@ def not_in_water(
     """Say how far an endpoint is from the nearest water, and where that is."""
     distance, place = _nearest_water(scenario, here, chart.water, projection)
     obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
+    if scenario.chart.depths:
+        obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
         f"{name} = {list(endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
         f"nearest water at {place}; move it there or beyond"

@@ -2,13 +2,13 @@
 
 A strait matters where the land that it parts is larger than a hundredth of the distance between
 start and goal, so that shutting it makes a way longer by about as much, and where a way through it
-is no longer, as the crow flies, than the longest route that was planned. Beside these stand the
-straits at which classes were rejected because their padding takes all of it.
+is hardly longer, as the crow flies, than a season's best route. Beside these stand the wider
+straits at which classes were rejected because adaptive padding takes all of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 
 # Least size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01
+# Length of a way through a strait, as the crow flies, in lengths of the best route: others need not
+# be much longer to need less fuel.
+_LONGER = 1.05
+# Distance of a bank from the original land, in margins and tolerances: it is at most about one.
+_AT_LAND = 1.1
 # Width of water below which a gap is no way, true metres: what rounding leaves.
 _NO_WATER_M = 1.0
 
@@ -40,18 +45,16 @@ def shut_straits(
     scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
 ) -> tuple[ShutStrait, ...]:
     """Return these straits, the widest first; none in a plane."""
-    routes = [route for plan in plans for route in plan.ranked_routes]
-    if scene.is_planar or not routes:
+    best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
+    if scene.is_planar or not best:
         return ()
     policy = PaddingPolicy(
         options.padding, options.clearance or 0.0, options.risk, options.seed, options.risk_at
     )
     padding = policy.likely_width(scene.vessel.turning_radius)
     finder = _StraitFinder(scene, simplified, padding)
-    rejected = finder.rejected(plans)
-    longest = max(route.length for route in routes)
-    shut = [one for one in finder.shut(longest) if not finder.is_among(one, rejected)]
-    return tuple(sorted([*rejected, *shut], key=lambda strait: -strait.width_m))
+    found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
+    return tuple(sorted(found, key=lambda strait: -strait.width_m))
 
 
 @dataclass(frozen=True)
@@ -106,34 +109,44 @@ class _StraitFinder:
             )
 
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
-        """Return the straits at which classes were rejected, each once."""
+        """Return the straits at which classes were rejected, each once with all its seasons.
+
+        They are wider than most padding: the others are found by what margin and padding take.
+        """
         found: list[ShutStrait] = []
         for plan in plans:
             for one in plan.plan.rejected if plan.plan else ():
-                if one.strait is None:
+                strait = self._padded(one.strait, plan.season) if one.strait else None
+                if strait is None or strait.width_m <= self.needed_m:
                     continue
-                strait = self._padded(one.strait, plan.season)
-                if not self.is_among(strait, found):
+                same = next(
+                    (i for i, other in enumerate(found) if self._is_same(strait, other)), None
+                )
+                if same is None:
                     found.append(strait)
+                else:
+                    found[same] = _combined(found[same], strait)
         return found
 
-    def is_among(self, strait: ShutStrait, others: Iterable[ShutStrait]) -> bool:
-        """Say whether a strait is so near to one of others that it is the same."""
-        to_plane, scale = self.scene.projection.to_plane, self.scene.projection.scale
-        here = to_plane((strait.lon, strait.lat))
-        return any(
-            np.linalg.norm(to_plane((other.lon, other.lat)) - here) * scale
-            <= max(strait.needed_m, other.needed_m)
-            for other in others
+    def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
+        """Say whether two straits are nearer to each other than what they need."""
+        apart_m = self.scene.projection.geodesic_length_m(
+            self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
         )
+        return apart_m <= max(one.needed_m, other.needed_m)
 
-    def _padded(self, strait: Strait, season: str) -> ShutStrait:
-        """Return the strait at which a season's class was rejected."""
+    def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
+        """Return the strait at which a season's class was rejected; None where a bank is water.
+
+        A gap of the planner may end at a corner of its channel, where more water is beyond.
+        """
         land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
         ends = shapely.points(strait.gap)
         _, to_land = shapely.STRtree(land).query_nearest(
             ends, return_distance=True, all_matches=False
         )
+        if to_land.max() * projection.scale > _AT_LAND * self.margins_m / 2:
+            return None
         taken_m = (strait.padding_left + strait.padding_right) * projection.scale
         width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
         return self._strait(
@@ -170,3 +183,9 @@ class _StraitFinder:
         gap, no_go = shapely.LineString(line), self._no_go
         taken = [shapely.intersection(gap, no_go[i]).length for i in self._tree.query(gap)]
         return float(gap.length - sum(taken))
+
+
+def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
+    """Return the same strait in the seasons of both, with the larger need."""
+    seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
+    return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)

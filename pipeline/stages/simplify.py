@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
     from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
 
     FloatArray = npt.NDArray[np.float64]
     Geometries = npt.NDArray[np.object_]
@@ -115,7 +116,7 @@ def simplify_land(
     )
     outer = area.within(cover.land)
     inner = area.within(inner_land(land, tolerance_m, rounding_m))
-    check(outer, inner, area.within(land), area.endpoints)
+    check(outer, inner, area.within(land), area.endpoints, plane)
     simplified = Simplified(
         polygons=tuple(plane.geometry_to_lonlat(outer).tolist()),
         inner_polygons=tuple(plane.geometry_to_lonlat(inner).tolist()),
@@ -182,28 +183,42 @@ def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tupl
     return max(margin_m or 0.0, accuracy_m), (note,) if note else ()
 
 
-def check(outer: Geometries, inner: Geometries, land: Geometries, endpoints: FloatArray) -> None:
+def check(
+    outer: Geometries,
+    inner: Geometries,
+    land: Geometries,
+    endpoints: FloatArray,
+    plane: Projection,
+) -> None:
     """Raise StageError unless all is valid, and inner land < land < outer land, by area.
 
-    All are planar; endpoints (n, 2) on outer land are a fault but for those on land.
+    All are planar; endpoints (n, 2) on outer land are a fault but for those on land. The message
+    has places in lon/lat.
     """
     faults = []
     for name, polygons in (("outer", outer), ("inner", inner)):
         if not (valid := shapely.is_valid(polygons)).all():
-            reason = shapely.is_valid_reason(polygons[~valid][0])
-            faults.append(f"{(~valid).sum()} {name} polygons are invalid ({reason})")
+            first = polygons[~valid][0]
+            reason = shapely.is_valid_reason(first).partition("[")[0]
+            place = _place(shapely.centroid(first), plane)
+            faults.append(f"{(~valid).sum()} {name} polygons are invalid ({reason}, {place})")
     if not faults:
-        if (uncovered := _uncovered_m2(land, outer)) > _UNCOVERED_M2:
-            faults.append(f"{uncovered:.0f} m² of land are uncovered")
-        if (beyond := _uncovered_m2(inner, land)) > _UNCOVERED_M2:
-            faults.append(f"{beyond:.0f} m² of inner land are no land")
+        for beyond, what in (
+            (_beyond(land, outer), "land are uncovered"),
+            (_beyond(inner, land), "inner land are no land"),
+        ):
+            if (m2 := float(shapely.area(beyond).sum())) > _UNCOVERED_M2:
+                largest = beyond[int(np.argmax(shapely.area(beyond)))]
+                faults.append(f"{m2:.0f} m² of {what}, {_place(largest, plane)}")
         points = shapely.points(endpoints)
         on_land, on_outer = (
             np.isin(np.arange(len(points)), shapely.STRtree(some).query(points, "intersects")[0])
             for some in (land, outer)
         )
-        if covered := int((on_outer & ~on_land).sum()):
-            faults.append(f"{covered} of start and goal are covered by land")
+        covered = points[on_outer & ~on_land]
+        if len(covered):
+            places = " and ".join(_place(point, plane) for point in covered)
+            faults.append(f"{len(covered)} of start and goal are covered by land, {places}")
     if faults:
         raise StageError(
             f"simplify: {' and '.join(faults)}: an error in the program; try another "
@@ -211,20 +226,23 @@ def check(outer: Geometries, inner: Geometries, land: Geometries, endpoints: Flo
         )
 
 
-def _uncovered_m2(areas: Geometries, cover: Geometries) -> float:
-    """Return the area (m²) of some areas beyond those of a cover, counted once for each."""
+def _place(area: BaseGeometry, plane: Projection) -> str:
+    """Name a place in an area of the plane."""
+    lon, lat = plane.to_lonlat(shapely.get_coordinates(shapely.point_on_surface(area))[0])
+    return f"at {lon:.4f} E {lat:.4f} N"
+
+
+def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
+    """Return the parts (n,) of areas beyond those of a cover, where areas overlap once for each."""
     # Nearly all areas lie in one polygon of the cover, which is quick to see.
     covered = shapely.STRtree(areas).query(cover, predicate="covers")[1]
     left = np.delete(areas, np.unique(covered))
     tree = shapely.STRtree(cover)
-    return sum(
-        float(
-            shapely.difference(
-                area, shapely.union_all(cover[tree.query(area, predicate="intersects")])
-            ).area
-        )
+    beyond = [
+        shapely.difference(area, shapely.union_all(cover[tree.query(area, predicate="intersects")]))
         for area in left
-    )
+    ]
+    return np.array(beyond, dtype=object)
 
 
 def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon) -> Geometries:

@@ -34,6 +34,18 @@ def test_the_region_may_be_left_out() -> None:
     assert "both [region] and [plane]" in "".join(faults(plane={"extent": [0, 0, 9, 9]}))
 
 
+def test_depths_need_a_file_and_a_draught() -> None:
+    given = {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0}
+    missing, draught = faults(chart={"depths": "nowhere.nc"}, vessel=given)
+    assert missing.startswith("chart.depths = '")
+    assert missing.endswith("nowhere.nc' does not exist; give a GEBCO or EMODnet grid in NetCDF")
+    assert draught.startswith("vessel.draught_m is missing, and chart.depths needs it")
+    (only,) = faults(chart={"depths": "nowhere.nc"}, vessel={**given, "draught_m": 0.5})
+    assert "nowhere.nc" in only
+    unknown = faults(chart={"depths": "nowhere.nc"}, vessel="no-such-vessel")
+    assert not any("draught" in fault for fault in unknown)
+
+
 @pytest.mark.parametrize("version", [None, 9])
 def test_a_missing_or_wrong_version_hides_no_other_fault(version: int | None) -> None:
     lines = faults(

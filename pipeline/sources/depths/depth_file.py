@@ -46,8 +46,8 @@ _DEPTHS = {
 }
 _HEIGHTS = "height_above_"
 _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
-# A height above the ellipsoid is up to 100 m off the sea's surface. Earlier releases of GEBCO call
-# theirs so, and say in the long name what it is.
+# A height above the ellipsoid is up to 100 m off the sea's surface. GEBCO calls its own so, and its
+# long name says what it is.
 _ELLIPSOID, _AT_SEA_LEVEL = "height_above_reference_ellipsoid", "sea level"
 # Names of variables without such a standard name, and the sign by which they become heights.
 _NAMES = {"elevation": 1.0, "depth": -1.0}

@@ -14,8 +14,11 @@ if TYPE_CHECKING:
 
     from pipeline.sources.depths.depth_file import Heights
 
+    FloatArray = npt.NDArray[np.float64]
     Geometries = npt.NDArray[np.object_]
 
+# Rings of cells that are added around a grid.
+_RINGS = 2
 # Distance below which the points of an outline are on one line, as a share of a cell.
 _STRAIGHT = 1e-6
 
@@ -28,15 +31,11 @@ def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
     """
     with np.errstate(invalid="ignore"):
         shallow = heights.height_m > -safety_depth_m
-    taken = ndimage.binary_dilation(shallow, np.ones((3, 3)))
-    if not taken.any():
+    if not shallow.any():
         return np.empty(0, dtype=object)
-    # A ring of cells that are not taken around the grid closes the outlines at its edge.
-    taken = np.pad(taken, 1)
-    lon, lat = (
-        np.concatenate([[2 * axis[0] - axis[1]], axis, [2 * axis[-1] - axis[-2]]])
-        for axis in (heights.lon, heights.lat)
-    )
+    # Two rings more: the cell around those at the grid's edge, and one that closes the outlines.
+    taken = ndimage.binary_dilation(np.pad(shallow, _RINGS), np.ones((3, 3)))
+    lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
     contours = contour_generator(
         lon, lat, taken.astype(np.float64), fill_type=FillType.OuterOffset
     ).filled(0.5, 2.0)
@@ -58,3 +57,10 @@ def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
         polygons[invalid], method="structure", keep_collapsed=False
     )
     return np.asarray(shapely.get_parts(polygons))
+
+
+def _extended(axis: FloatArray) -> FloatArray:
+    """Continue an axis beyond both ends."""
+    steps = np.arange(1, _RINGS + 1)
+    before = axis[0] - (axis[1] - axis[0]) * steps[::-1]
+    return np.concatenate([before, axis, axis[-1] + (axis[-1] - axis[-2]) * steps])

@@ -46,6 +46,7 @@ def test_the_first_line_names_the_currents_that_were_not_used(
     assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly (")
     assert "needs the network" in first
     assert "Routes keep an offing of at least" in result.stdout
+    assert "- no depths in this chart: the draught was not used" in result.stdout
 
 
 def test_what_was_chosen_is_said_and_no_land_was_missed(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -11,11 +12,14 @@ import pytest
 import shapely
 
 import renew
+from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene, SeasonPlan
+from pipeline.model import Evaluation, Scene, SeasonPlan
+from pipeline.outcome import Outcome
 from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
 from renew.inputs.fuel import passage_times
 from renew.turns.reach_bound import TurnReach
+from tests.pipeline.formats import small_run
 from tests.true_scale import clearance_m
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -135,6 +139,14 @@ def test_a_route_over_land_is_detected(
     inside = shapely.get_coordinates(shapely.intersection(shapely.segmentize(legs, 0.01), island))
     assert row.land_m == pytest.approx(GEOD.line_length(*inside.T), rel=0.03)
     assert row.land_m > 20_000
+    assert island.buffer(1e-3).contains(shapely.Point(row.land_lon, row.land_lat))
+    assert legs.distance(shapely.Point(row.land_lon, row.land_lat)) < 0.02
+    result = small_run.parts()
+    fetched, evaluation = result.fetched, Evaluation((row,), {})
+    (fault,) = Outcome(
+        result.scenario, Path(), (), evaluation, fetched, fresh=True, seconds=1.0
+    ).failures
+    assert f"m of the original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N" in fault
     assert row.clearance_m == 0
     assert row.collisions > 0
 
@@ -159,3 +171,29 @@ def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
     rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
     chart = land_within_reach(replace(scene, land=(rock,)), current, (west,))
     assert bool(chart.no_go) == is_included
+
+
+def test_shares_without_figures_are_those_of_the_grids(
+    planned: tuple[Scene, shapely.Polygon, SeasonPlan],
+) -> None:
+    """Of both routes, the part north of 10 N has no figure of the current, none west of 118 E."""
+    scene, _, plan = planned
+    lon, lat = np.arange(110.5, 130), np.arange(0.5, 20)
+    north = KnownCells(lon, lat, np.repeat((lat < 10)[:, None], lon.size, axis=1))
+    west = DepthCover((shapely.box(110, 0, 118, 20),))
+    known = replace(scene, current_cells={"still": north}, depths=west)
+    for row in evaluate_season(scene, plan, SCALE, seed=0).routes:
+        assert row.filled_share == 0
+        assert math.isnan(row.uncharted_share)
+    rows = evaluate_season(known, plan, SCALE, seed=0).routes
+    for row, route in zip(rows, plan.ranked_routes, strict=True):
+        line = shapely.segmentize(shapely.LineString(route.path), 0.2)
+        points = scene.projection.to_lonlat(shapely.get_coordinates(line))
+        lengths = GEOD.line_lengths(*points.T)
+        middles = (points[1:] + points[:-1]) / 2
+        for share, missing in (
+            (row.filled_share, middles[:, 1] > 10),
+            (row.uncharted_share, middles[:, 0] > 118),
+        ):
+            assert 0 < share < 1
+            assert share == pytest.approx(lengths[missing].sum() / lengths.sum(), abs=1e-3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyproj
 import pytest
@@ -12,8 +14,9 @@ from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, CurrentGrid
-from pipeline.stages.project import extent_polygon, fill_gaps, planar_current
+from pipeline.model import Credit, CurrentGrid, Simplified
+from pipeline.stages.project import extent_polygon, fill_gaps, planar_current, project
+from tests.pipeline.formats import small_run
 
 CREDIT = Credit("made up", "current", "", "")
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -129,3 +132,19 @@ def test_gaps_are_filled_from_water_only(field: np.ndarray, random: object) -> N
 def test_a_current_without_values_is_refused() -> None:
     with pytest.raises(RequestError, match="no values at all"):
         fill_gaps(np.full((3, 3, 2), np.nan))
+
+
+def test_land_that_the_plane_makes_invalid_is_mended() -> None:
+    """A ring that is thinner than rounding crosses itself there: its union with others failed."""
+    asked = small_run.scenario(seasons=[small_run.scenario().seasons[1].model_dump()])
+    got = small_run.fetched(asked)
+    bow = shapely.Polygon([(119.2, 9.2), (119.3, 9.3), (119.3, 9.2), (119.2, 9.3)])
+    assert not bow.is_valid
+    land = replace(got.land, polygons=(*got.land.polygons, bow), second_shore=(bow,))
+    simplified = Simplified(got.land.polygons, got.land.polygons, 9, 9, 0.0, 0.0)
+    scene = project(asked, replace(got, land=land), simplified)
+    for polygons, count in ((scene.land, 4), (scene.second_shore, 2)):
+        assert shapely.is_valid(np.array(polygons, dtype=object)).all()
+        assert len(polygons) == count
+    assert scene.depths is None
+    assert scene.current_cells["winter"].known.sum() == 8 * 9 - 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -180,6 +181,20 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
         (credits_,) = root.iter("{urn:renew:provenance:1}credits")
         for credit in any_run.credits:
             assert credit.text in credits_.text
+
+
+def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
+    result = runs.across_180()
+    rows = tuple(replace(row, filled_share=0.125) for row in result.evaluation.routes)
+    result = replace(result, evaluation=replace(result.evaluation, routes=rows))
+    for version in VERSIONS:
+        root = written(result, tmp_path / "a.rtz", version=version)
+        assert not any(rtz_faults(root, version))
+        (unknown,) = root.iter("{urn:renew:provenance:1}unknown")
+        (info,) = all_of(root, "routeInfo")
+        for place in (unknown.text, info.get("optimizationMethod")):
+            assert "o depths in this chart: the draught was not used" in place
+            assert "no figure for 12.5 % of route 1" in place
 
 
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import shapely
 
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared import text as texts
-from pipeline.model import Credit
+from pipeline.model import Credit, ShutStrait
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 
@@ -310,3 +310,48 @@ def test_the_page_is_small_and_has_styles_for_dark_print_and_phone(page: Page) -
     used = set(re.findall(r"var\((--[a-z0-9-]+)[),]", page.html))
     # The map's own element has its ratio; the script sets the vessel's colour to its season's.
     assert used <= set(re.findall(r"(--[a-z0-9-]+):", style)) | {"--ratio", "--vessel"}
+
+
+def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
+    rows = tuple(
+        replace(row, filled_share=0.25 if row.rank == 2 else 0.0)
+        for row in result.evaluation.routes
+    )
+    straits = tuple(
+        ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())
+        for i in range(12)
+    )
+    changed = replace(
+        without_stand_ins(result),
+        evaluation=replace(result.evaluation, routes=rows),
+        straits=straits,
+    )
+    changed = replace(
+        changed, fetched=replace(changed.fetched, notes=("a note", *changed.unknowns))
+    )
+    page = Page(render(gather(changed)))
+    (part,) = [
+        e for e in page.all("section") if e.attributes.get("aria-labelledby") == "unknown-title"
+    ]
+    sentences = [item.flat_text for item in part.all("li")]
+    assert sentences[0].startswith("No depths in this chart: the draught was not used")
+    assert any("25.0 % of route 2" in text for text in sentences)
+    routes, shut = part.all("table")
+    cells = [[cell.flat_text for cell in row.children] for row in routes.all("tr")]
+    assert cells[1:] == [
+        ["Summer (July 2024)", "2", "25.0 %"],
+        ["Winter (December)", "2", "25.0 %"],
+    ]
+    cells = [[cell.flat_text for cell in row.children] for row in shut.all("tr")]
+    assert len(cells) == 11
+    assert cells[1] == ["119.6000 E 9.5000 N", "900.0 m", "1.00 km", "padding, Winter (December)"]
+    assert "2 narrower ones are not listed" in part.flat_text
+    # What stands there is no note any more.
+    notes = [item.flat_text for item in page.all("li") if item not in part.all("li")]
+    assert "a note" in notes
+    assert not any("draught" in text for text in notes)
+
+
+def test_a_plane_has_nothing_unknown() -> None:
+    page = Page(render(gather(small_run.parts(planar=True))))
+    assert "unknown-title" not in {e.attributes.get("id") for e in page.elements}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from pipeline.formats.tables.manifest import manifest, write_manifest
+from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
@@ -71,3 +72,24 @@ def test_the_manifest_names_a_failed_season(result: RunResult) -> None:
     assert isinstance(seasons, list)
     assert seasons[1]["status"] == "failed"
     assert seasons[1]["failure"].startswith("no water joins")
+
+
+def test_what_is_not_known_and_straits_are_in_the_manifest(result: RunResult) -> None:
+    straits = tuple(ShutStrait(119.5, 9.5, 900.0 - i, 1000.0, "padding") for i in range(12))
+    content = manifest(replace(result, straits=straits), [])
+    unknown = content["unknown"]
+    assert isinstance(unknown, list)
+    assert unknown[0].startswith("no depths in this chart")
+    assert unknown[1].startswith("12 straits are shut by margin or padding, the widest at 119.5000")
+    assert content["shut_straits_in_all"] == 12
+    listed = content["shut_straits"]
+    assert isinstance(listed, list)
+    assert [one["width_m"] for one in listed] == [900.0 - i for i in range(10)]
+    assert json.loads(json.dumps(listed[0])) == {
+        "lon": 119.5,
+        "lat": 9.5,
+        "width_m": 900.0,
+        "needed_m": 1000.0,
+        "by": "padding",
+        "seasons": [],
+    }

@@ -1,0 +1,84 @@
+"""What is not known is said: for each route, each season, and the chart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.formats.shared.unknowns import route_unknowns, unknowns
+from pipeline.geo.known_cells import DepthCover
+from pipeline.model import ShutStrait
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from pipeline.formats.shared.result import RunResult
+
+NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
+
+
+def with_shares(
+    result: RunResult, filled: dict[int, float], uncharted: float | None = None
+) -> RunResult:
+    """The same run with shares of the summer's routes by rank, and of depths for all of them."""
+    rows = tuple(
+        replace(
+            row,
+            filled_share=filled.get(row.rank, 0.0) if row.season == "summer" else 0.0,
+            uncharted_share=float("nan") if uncharted is None else uncharted,
+        )
+        for row in result.evaluation.routes
+    )
+    land = replace(result.fetched.land, depths=None if uncharted is None else DepthCover(areas=()))
+    return replace(
+        result,
+        evaluation=replace(result.evaluation, routes=rows),
+        fetched=replace(result.fetched, land=land),
+    )
+
+
+def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
+    assert unknowns(with_shares(small_run.parts(), {})) == (NO_DEPTHS,)
+
+
+def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
+    result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
+    _, text = unknowns(result)
+    assert text == (
+        "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
+        "3 (the most of 2 others): it was filled from the water around"
+    )
+    best, second = result.season_routes("summer")[:2]
+    assert "12.3 % of route 1:" in route_unknowns(result, best.metrics)[1]
+    assert "20.0 % of route 2:" in route_unknowns(result, second.metrics)[1]
+    winter = result.season_routes("winter")[0].metrics
+    assert route_unknowns(result, winter) == (NO_DEPTHS,)
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.0, "summer, winter: depths are charted all along every route"),
+        (0.04, "no depth is charted for 4.0 % of route 1 and 4.0 % of route"),
+    ],
+)
+def test_depths_are_told(share: float, expected: str) -> None:
+    texts = unknowns(with_shares(small_run.parts(), {}, share))
+    assert len(texts) == 1
+    assert expected in texts[0]
+
+
+def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
+    widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
+    straits = (widest, replace(widest, width_m=300.0))
+    result = replace(with_shares(small_run.parts(), {}), straits=straits)
+    assert unknowns(result)[1] == (
+        "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1579 m "
+        "between its coasts, and 1714 m are needed"
+    )
+    (one,) = unknowns(replace(result, straits=(widest,)))[1:]
+    assert one.startswith("1 strait is shut")
+    planar = small_run.parts(planar=True)
+    assert unknowns(planar) == ()
+    assert route_unknowns(planar, planar.routes[0].metrics) == ()
