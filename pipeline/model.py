@@ -314,6 +314,20 @@ class NumberedIsland:
 
 
 @dataclass(frozen=True, slots=True)
+class GapShares:
+    """The parts of the optimality gap of a season's best route, as shares of the bound on fuel.
+
+    `chart` is what simplification, margin and offing cost, `padding` what room for hard-over turns
+    costs, `bound` how far even the best route off the land itself is above the bound.
+    """
+
+    season: str
+    chart: float
+    padding: float
+    bound: float
+
+
+@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
 
@@ -329,10 +343,16 @@ class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where none touches land, about a thousand per route are
-    stored. `shore_crossings` are those of all routes, `islands` those that name their ways.
+    stored. `shore_crossings` are those of all routes, `islands` those that name their ways,
+    `gap_shares` those of the seasons for which they were asked.
     """
 
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     islands: tuple[NumberedIsland, ...] = ()
+    gap_shares: tuple[GapShares, ...] = ()
+
+    def gap_shares_of(self, season: str) -> GapShares | None:
+        """The parts of a season's gap, if they were asked for."""
+        return next((shares for shares in self.gap_shares if shares.season == season), None)

@@ -29,6 +29,7 @@ from pipeline.cli.interruption import ending_promptly
 from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
+    ExplainGapOption,
     OfflineOption,
     OutputOption,
     ScenarioArgument,
@@ -103,6 +104,7 @@ def run(
     charts: ChartsOption = None,
     currents: CurrentsOption = None,
     strict: StrictOption = False,
+    explain_gap: ExplainGapOption = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -123,7 +125,7 @@ def run(
 
         with progress(wanted.scenario, wanted.notes) as on_event:
             outcome = run_scenario(
-                wanted.scenario,
+                wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
                 output,
                 offline=offline,
                 strict=strict,

@@ -28,7 +28,7 @@ _ENTRIES = {
     "project": ("pipeline.stages.project", "pipeline.model"),
     "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
-    "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
+    "evaluate": ("pipeline.stages.evaluate", "pipeline.stages.gap_shares", "pipeline.model"),
     "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }
 
