@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
     Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent
+
+Side = Literal["north", "east", "south", "west", "between"]
 
 RouteKey = tuple[str, int]
 """A route of a scenario: (season, rank); rank 1 is the route to take."""
@@ -263,6 +266,32 @@ class SeasonPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class Passage:
+    """How a route passes islands, which are given by names or numbers: on a side of all of them.
+
+    Or between two.
+    """
+
+    side: Side
+    islands: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The passage for readers: "west of 1", "west of 1, 4 and 6", "between 2 and 5"."""
+        *first, last = self.islands
+        names = f"{', '.join(first)} and {last}" if first else last
+        return f"between {names}" if self.side == "between" else f"{self.side} of {names}"
+
+
+def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
+    """Group neighbours on the same side of their islands; a strait stays by itself."""
+    for (side, _), alike in groupby(
+        enumerate(passages), key=lambda item: (item[1].side, item[1].side == "between" and item[0])
+    ):
+        yield side, [passage for _, passage in alike]
+
+
+@dataclass(frozen=True, slots=True)
 class RouteMetrics:
     """One route's figures, measured against the original land.
 
@@ -274,8 +303,8 @@ class RouteMetrics:
     duration_s : seconds at true scale.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
-    passages : what it passes, to tell it from the season's other routes, such as "west of 1"; the
-        main island first, and then in their order on the way.
+    passages : what tells it from the season's other routes; how it passes the main island first,
+        and then the others in their order on the way.
     land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
     filled_share : share of its length in cells where the current's source has no figure.
     uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
@@ -294,7 +323,7 @@ class RouteMetrics:
     trials: int
     collisions: int
     land_m: float
-    passages: tuple[str, ...] = ()
+    passages: tuple[Passage, ...] = ()
     land_lon: float = math.nan
     land_lat: float = math.nan
     filled_share: float = 0.0
@@ -302,13 +331,16 @@ class RouteMetrics:
 
     @property
     def way(self) -> str:
-        """The way round, for readers: "west of 1, between 2 and 5"; empty without islands."""
-        return ", ".join(self.passages)
+        """The way round, for readers: "west of 1 and 4, between 2 and 5"; empty without islands."""
+        return ", ".join(
+            Passage(side, tuple(name for one in alike for name in one.islands)).text
+            for side, alike in _alike(self.passages)
+        )
 
     @property
     def main_passage(self) -> str:
         """How it passes the main island; empty without islands."""
-        return self.passages[0] if self.passages else ""
+        return self.passages[0].text if self.passages else ""
 
     @property
     def has_land(self) -> bool:
@@ -332,6 +364,20 @@ class NumberedIsland:
     def label(self) -> str:
         """What readers call it: its name, or else its number."""
         return self.name or str(self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class GapShares:
+    """The parts of the optimality gap of a season's best route, as shares of the bound on fuel.
+
+    `chart` is what simplification, margin and offing cost, `padding` what room for hard-over turns
+    costs, `bound` how far even the best route off the land itself is above the bound.
+    """
+
+    season: str
+    chart: float
+    padding: float
+    bound: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,10 +417,16 @@ class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where none touches land, about a thousand per route are
-    stored. `shore_crossings` are those of all routes, `islands` those that name their ways.
+    stored. `shore_crossings` are those of all routes, `islands` those that name their ways,
+    `gap_shares` those of the seasons for which they were asked.
     """
 
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     islands: tuple[NumberedIsland, ...] = ()
+    gap_shares: tuple[GapShares, ...] = ()
+
+    def gap_shares_of(self, season: str) -> GapShares | None:
+        """The parts of a season's gap, if they were asked for."""
+        return next((shares for shares in self.gap_shares if shares.season == season), None)

@@ -337,7 +337,8 @@ class _StagedRun:
                 self._scene_inputs(),
                 options.model_dump(mode="json"),
             )
-            evaluation_key = artefact_key("evaluate", plan_key, parts.land_key)
+            explains_gap = self.scenario.outputs.explain_gap
+            evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
             tasks.append(
                 SeasonTask(
                     season=season,
@@ -348,6 +349,7 @@ class _StagedRun:
                     scale=self.scenario.scale,
                     owner=self.store.owner,
                     limit_s=self.options.limit_s,
+                    explains_gap=explains_gap,
                 )
             )
         return tasks

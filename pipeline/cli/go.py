@@ -14,6 +14,7 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
+    ExplainGapOption,
     OfflineOption,
     OutputOption,
     StrictOption,
@@ -71,6 +72,7 @@ def go(
     output: OutputOption = Path("outputs"),
     offline: OfflineOption = False,
     strict: StrictOption = False,
+    explain_gap: ExplainGapOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object in place of the table.")
     ] = False,
@@ -98,6 +100,7 @@ def go(
         )
         folder_to_write(output, "--output")
         scenario, notes = voyage_scenario(request)
+        scenario = scenario.explaining_gap() if explain_gap else scenario
         from pipeline.cli.progress import progress
         from pipeline.voyage.one_line import run_voyage
 

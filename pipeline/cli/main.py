@@ -31,6 +31,7 @@ from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
+    ExplainGapOption,
     OfflineOption,
     OutputOption,
     ScenarioArgument,
@@ -105,6 +106,7 @@ def run(
     charts: ChartsOption = None,
     currents: CurrentsOption = None,
     strict: StrictOption = False,
+    explain_gap: ExplainGapOption = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -125,7 +127,7 @@ def run(
 
         with progress(wanted.scenario, wanted.notes) as on_event:
             outcome = run_scenario(
-                wanted.scenario,
+                wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
                 output,
                 offline=offline,
                 strict=strict,

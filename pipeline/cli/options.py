@@ -31,6 +31,13 @@ CurrentsOption = Annotated[
 ]
 
 
+ExplainGapOption = Annotated[
+    bool,
+    typer.Option(
+        "--explain-gap",
+        help="Tell what the optimality gap is made of; takes up to as long again as planning.",
+    ),
+]
 StrictOption = Annotated[
     bool,
     typer.Option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.text import days, hours
+from pipeline.formats.shared.text import days, gap_text, hours
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def season_table(outcome: Outcome) -> str:
         ).rstrip()
         for row in rows
     ]
+    lines += [f"\n{one.season}: {gap_text(one)}" for one in outcome.evaluation.gap_shares]
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     lines.append(
         "\nThe best route by each passage of the main island. All "

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
-    from pipeline.model import Current, RouteKey, Scene, SeasonPlan
+    from pipeline.model import Current, GapShares, RouteKey, Scene, SeasonPlan
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -54,6 +54,7 @@ class SeasonEvaluation:
     routes: tuple[RouteMetrics, ...]
     contingency: Mapping[RouteKey, renew.Contingency]
     shore_crossings: tuple[ShoreCrossing, ...] = ()
+    gap_shares: GapShares | None = None
 
 
 def evaluate_season(scene: Scene, plan: SeasonPlan, scale: float, seed: int) -> SeasonEvaluation:
@@ -79,6 +80,7 @@ def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
         routes=tuple(row for part in parts for row in part.routes),
         contingency={key: turns for part in parts for key, turns in part.contingency.items()},
         shore_crossings=tuple(one for part in parts for one in part.shore_crossings),
+        gap_shares=tuple(part.gap_shares for part in parts if part.gap_shares is not None),
     )
 
 

@@ -7,13 +7,14 @@ soon as they are complete, so that a killed run continues from there.
 from __future__ import annotations
 
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError, StageError
 from pipeline.model import Scene, SeasonPlan
 from pipeline.stages.evaluate import SeasonEvaluation, evaluate_season
+from pipeline.stages.gap_shares import gap_shares
 from pipeline.stages.plan import plan_season
 from pipeline.storage.store import load_artefact, save_artefact
 
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 class SeasonTask:
     """All that is needed to plan and evaluate one season.
 
-    `owner` is the scenario's name; `limit_s` is the time that the task may take, or None.
+    `owner` is the scenario's name; `limit_s` is the time that the task may take, or None. With
+    `explains_gap` the evaluation says what the optimality gap is made of.
     """
 
     season: str
@@ -38,6 +40,7 @@ class SeasonTask:
     scale: float
     owner: str = ""
     limit_s: float | None = None
+    explains_gap: bool = False
 
     def result(self) -> tuple[SeasonPlan, SeasonEvaluation] | None:
         """Load plan and evaluation from the store; None where one is missing or damaged."""
@@ -59,6 +62,8 @@ def plan_and_evaluate(task: SeasonTask) -> str:
         plan = plan_season(scene, task.season, task.options)
         save_artefact(task.plan_path, plan, task.owner)
     evaluation = evaluate_season(scene, plan, task.scale, task.options.seed)
+    if task.explains_gap:
+        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, task.options))
     save_artefact(task.evaluation_path, evaluation, task.owner)
     return plan.failure
 

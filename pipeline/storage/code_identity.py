@@ -33,7 +33,7 @@ _ENTRIES = {
     "project": ("pipeline.stages.project", "pipeline.model"),
     "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
-    "evaluate": ("pipeline.stages.evaluate", "pipeline.model"),
+    "evaluate": ("pipeline.stages.evaluate", "pipeline.stages.gap_shares", "pipeline.model"),
     "night-chart": ("pipeline.nightly.chart", "pipeline.model"),
     "night-case": ("pipeline.nightly.worker", "pipeline.model"),
     "straits": ("pipeline.stages.shut_straits", "pipeline.model"),

@@ -34,6 +34,7 @@ def go(
     output: Path = Path("outputs"),
     offline: bool = False,
     strict: bool = False,
+    explain_gap: bool = False,
     on_event: EventHandler | None = None,
 ) -> Outcome:
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
@@ -59,6 +60,8 @@ def go(
         whose draught must be given, is no-go.
     name
         Name of the scenario, made of the positions where left out.
+    explain_gap
+        Tell what the optimality gap is made of.
     output, offline, strict, on_event
         As for `pipeline.run.run`.
 
@@ -81,6 +84,7 @@ def go(
         name=name,
     )
     scenario, notes = voyage_scenario(request)
+    scenario = scenario.explaining_gap() if explain_gap else scenario
     on_event = on_event or ignore
     for note in notes:
         on_event(Event("fetch", "note", detail=note))

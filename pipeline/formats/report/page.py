@@ -268,7 +268,7 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         valid=_valid(result, entry.season),
         best=metrics[0] if metrics else None,
         saving=_saving(metrics),
-        verdict=text.verdict(metrics, result.scene.vessel.speed) if metrics else (),
+        verdict=_verdict(result, metrics),
         remarks=_remarks(result, ranked[0]) if ranked else (),
         rows=_rows(metrics),
         rejected=_rejected(result, entry),
@@ -277,6 +277,14 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         profile=Markup(profile),  # noqa: S704 - our own
         padding=Markup(padding),  # noqa: S704 - our own
     )
+
+
+def _verdict(result: RunResult, metrics: list[RouteMetrics]) -> tuple[str, ...]:
+    """Why a season's best route was chosen, in sentences; none without a route."""
+    if not metrics:
+        return ()
+    gap = result.evaluation.gap_shares_of(metrics[0].season)
+    return text.verdict(metrics, result.scene.vessel.speed, gap)
 
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.model import RouteMetrics, Zone
+    from pipeline.model import GapShares, RouteMetrics, Zone
 
 ABSENT = "–"
 # Distances, metres, from which kilometres are given with one decimal, and with two.
@@ -87,10 +87,13 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
-def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, ...]:
+def verdict(
+    routes: Sequence[RouteMetrics], vessel_speed: float, gap: GapShares | None = None
+) -> tuple[str, ...]:
     """Explain in sentences why a season's best route was chosen, and how safe it is.
 
-    `routes` are best first, at least one; `vessel_speed` is through water, m/s.
+    `routes` are best first, at least one; `vessel_speed` is through water, m/s; `gap` says what the
+    best one's optimality gap is made of, where that is known.
     """
     best, others = routes[0], routes[1:]
     rival = closest_rival(routes)
@@ -108,7 +111,20 @@ def verdict(routes: Sequence[RouteMetrics], vessel_speed: float) -> tuple[str, .
     elif others:
         sentences.append("It is also the shortest route found.")
     sentences.append(_safety(best))
+    if gap is not None:
+        sentences.append(gap_text(gap))
     return tuple(sentences)
+
+
+def gap_text(gap: GapShares) -> str:
+    """Say in a sentence what an optimality gap is made of."""
+    whole = gap.chart + gap.padding + gap.bound
+    return (
+        f"Of the optimality gap of {percent(whole)}, {percent(gap.chart)} is the chart's "
+        f"(simplification, margin and offing), {percent(gap.padding)} is the padding's "
+        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route off the "
+        "land itself was found that is nearer to it."
+    )
 
 
 def closest_rival(routes: Sequence[RouteMetrics]) -> RouteMetrics | None:

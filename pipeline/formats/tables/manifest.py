@@ -70,6 +70,7 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
                 "classes": len(entry.plan.routes) if entry.plan else 0,
                 "rejected": len(entry.plan.rejected) if entry.plan else 0,
                 "seconds": round(entry.seconds, 3),
+                **_gap_shares(result, entry.season),
             }
             for entry in result.plans
         ],
@@ -81,6 +82,14 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
             path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in outputs
         },
     }
+
+
+def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
+    """The parts of a season's optimality gap, where they were asked for."""
+    shares = result.evaluation.gap_shares_of(season)
+    if shares is None:
+        return {}
+    return {"gap_shares": {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}}
 
 
 def provenance(result: RunResult) -> dict[str, object]:

@@ -17,6 +17,7 @@ import shapely
 
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Credit, Land, Zone
+from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
     extract_polygons,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
+    from pipeline.model import PlaceName
     from pipeline.sources.land.s57_cells import Cell
 
     Geometries = npt.NDArray[np.object_]
@@ -140,7 +142,16 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
         depths=DepthCover(areas=tuple(extract_polygons(np.array([covered], dtype=object)))),
+        places=tuple(place for part in parts for place in _places(part)),
     )
+
+
+def _places(part: _Part) -> Iterator[PlaceName]:
+    """Yield the names of a part's land."""
+    objects = part.cell.objects.get("LNDARE")
+    if objects is not None:
+        inside = shapely.intersection(objects.geometry, part.area)
+        yield from named_places(objects.texts("OBJNAM"), inside)
 
 
 def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:

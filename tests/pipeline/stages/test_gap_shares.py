@@ -1,0 +1,74 @@
+"""The parts of an optimality gap add up to it, and each is there only where its cause is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.geo.projection import Projection
+from pipeline.model import Scene, SeasonPlan
+from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.gap_shares import gap_shares
+from pipeline.stages.plan import plan_season
+
+EXTENT = shapely.box(-200, -100, 200, 100)
+LAND = shapely.box(-20, -60, 20, 60)
+MARGIN = 10.0
+
+
+def scene(margin: float) -> Scene:
+    """An island on the way, in a steady current, with a margin on the planner's chart."""
+    no_go = LAND.buffer(margin, quad_segs=4) if margin else LAND
+    return Scene(
+        chart=renew.Chart(EXTENT, [no_go], land=[LAND]),
+        land=(LAND,),
+        currents={"steady": renew.UniformCurrent(0.2, 0.1)},
+        start=np.array([-150.0, 0.0]),
+        goal=np.array([150.0, 10.0]),
+        projection=Projection.at(0.0, 0.0),
+        vessel=renew.Vessel(speed=1.0, turn_rate=math.radians(10)),
+    )
+
+
+@pytest.mark.parametrize("margin", [0.0, MARGIN])
+@pytest.mark.parametrize("padding", ["adaptive", "none"])
+@pytest.mark.parametrize("clearance", [0.0, 4.0])
+def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearance: float) -> None:
+    options = PlannerOptions(padding=padding, clearance=clearance, classes=2)
+    asked = scene(margin)
+    season = plan_season(asked, "steady", options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    parts = (shares.chart, shares.padding, shares.bound)
+    assert min(parts) >= 0
+    assert sum(parts) == pytest.approx(season.plan.best.optimality_gap)
+    # The way round the corners of the land is longer by any metre that is kept off it.
+    assert (shares.chart > 1e-3) is bool(margin or clearance)
+    assert (shares.padding > 1e-3) is (padding == "adaptive")
+
+
+def test_the_charts_part_is_what_its_margin_costs() -> None:
+    """In still water fuel is length: the shortest ways round the two outlines."""
+    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
+    asked = replace(scene(MARGIN), currents={"steady": renew.UniformCurrent(0.0, 0.0)})
+    season = plan_season(asked, "steady", options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    corners = shapely.get_coordinates(LAND)[:4]
+    top = corners[corners[:, 1] > 0]
+    ends = np.array([asked.start, *top[np.argsort(top[:, 0])], asked.goal])
+    shortest = float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
+    bound = season.plan.best.fuel / (1 + season.plan.best.optimality_gap)
+    assert shares.chart * bound == pytest.approx(season.plan.best.fuel - shortest, rel=0.02)
+
+
+def test_a_season_without_a_plan_has_no_gap() -> None:
+    failed = SeasonPlan("steady", None, "no way", 0.0)
+    assert gap_shares(scene(0.0), failed, PlannerOptions()) is None
