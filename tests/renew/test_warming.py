@@ -60,6 +60,17 @@ with event.install_recorder("numba:compile") as recorder:
     found["single precision"] = number(chart, gyre, start, ends[1], drift="crab")
     still = renew.UniformCurrent(0, 0)
     found["open water"] = number(renew.Chart(chart.extent, []), still, *ends)
+    # As pandas and xarray hand arrays over, and numpy views of one element.
+    nodes = grid.x.copy(), grid.y.copy(), grid.uv[..., 0], np.asfortranarray(grid.uv[..., 1])
+    path = np.array([ends[0], (50.0, 15.0), ends[1]])
+    for array in (*nodes, start, path):
+        array.flags.writeable = False
+    fixed = renew.GriddedCurrent(*nodes)
+    found["read only"] = number(chart, fixed, start, ends[1])
+    before = len(recorder.buffer)
+    renew.fuel(path, fixed, PAPER_VESSEL)
+    renew.fuel(np.asfortranarray(path), gyre, PAPER_VESSEL)
+    found["read-only path"] = len(recorder.buffer) - before
     found["point risk"] = number(chart, grid, *ends, risk_at="point", risk=0.001, drift="crab")
     before = len(recorder.buffer)
     numba.njit(lambda x: x + 1)(1)
