@@ -21,6 +21,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+import numpy.typing as npt
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -47,6 +49,14 @@ def kernel(function: FunctionT) -> FunctionT:
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
+
+
+def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Floats in C order that may be written to: for all else kernels would be compiled once more.
+
+    A copy only where it has to be one.
+    """
+    return np.require(array, np.float64, ["C", "W"])
 
 
 @cache

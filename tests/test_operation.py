@@ -145,3 +145,60 @@ def test_the_crontabs_line_has_no_fault(tmp_path: Path) -> None:
     script = tmp_path / "night.sh"
     script.write_text(f"#!/bin/sh\n# shellcheck source=/dev/null\n{command}\n")
     checked(SCRIPTS / "shellcheck", "--exclude=SC1091", script)
+
+
+@pytest.fixture
+def programs(tmp_path: Path) -> dict[str, str]:
+    """Give an environment in which `renew` prints its arguments and ends with the code of a file.
+
+    `srun` runs what it is given, as on a machine of one node: SLURM itself can't be had here.
+    """
+    folder = tmp_path / "programs"
+    folder.mkdir()
+    for name, body in (
+        ("renew", f'echo "$@"; exit "$(cat {tmp_path}/code)"'),
+        ("srun", 'shift; exec "$@"'),
+    ):
+        (folder / name).write_text(f"#!/bin/sh\n{body}\n")
+        (folder / name).chmod(0o755)
+    return {"PATH": f"{folder}:/usr/bin:/bin"}
+
+
+CODES = [(0, 0), (10, 0), (1, 1), (2, 2), (5, 5)]
+
+
+@pytest.mark.parametrize(("code", "ends_with"), CODES)
+def test_a_part_of_the_array_is_asked_for_and_a_look_is_no_failure(
+    tmp_path: Path, programs: dict[str, str], code: int, ends_with: int
+) -> None:
+    (tmp_path / "code").write_text(str(code))
+    done = subprocess.run(
+        ["/bin/bash", OPERATION / "nightly.slurm", "my night.toml", "/shared/out", "--yes"],
+        env=programs | {"SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "64"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (ends_with, "")
+    assert done.stdout == (
+        "nightly run --config my night.toml --output /shared/out --part 3/64 --yes\n"
+    )
+
+
+@pytest.mark.parametrize(("code", "ends_with"), CODES)
+def test_the_job_of_the_cluster_takes_a_look_for_no_failure(
+    tmp_path: Path, programs: dict[str, str], code: int, ends_with: int
+) -> None:
+    objects = yaml.safe_load_all((OPERATION / "kubernetes.yaml").read_text("utf-8"))
+    (job,) = (one for one in objects if one["kind"] == "CronJob")
+    (container,) = _pods(job)[0]["containers"]
+    (tmp_path / "code").write_text(str(code))
+    done = subprocess.run(
+        container["command"] + container["args"],
+        env=programs,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (ends_with, "")
+    assert done.stdout.startswith("nightly run --config /etc/renew/nightly.toml --output /data/")

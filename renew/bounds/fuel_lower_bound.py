@@ -43,7 +43,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from renew._compiled import kernel
+from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.interpolation_error import deviation_radius
 from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
@@ -112,7 +112,7 @@ def _grid(voyage: Voyage) -> TravelGrid:
     x = _axis(xmin, xmax, float(start[0]), max(step, wide / _MAX_CELLS))
     y = _axis(ymin, ymax, float(start[1]), max(step, high / _MAX_CELLS))
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    velocity = np.ascontiguousarray(voyage.current(nodes))
+    velocity = for_kernels(voyage.current(nodes))
     deviation = deviation_radius(voyage.current, x, y, velocity)
     return TravelGrid(x, y, velocity, deviation, _wet(chart, x, y), voyage.polar)
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from renew._compiled import kernel
+from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
@@ -83,7 +83,7 @@ class Rays:
 
     def word(self, path: FloatArray) -> Word:
         """Reduced word of a path (n, 2)."""
-        letters = _word(self.x, self.y, self.island, np.ascontiguousarray(path, dtype=float))
+        letters = _word(self.x, self.y, self.island, for_kernels(path))
         return tuple(letters.tolist())
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
 from renew.errors import ParameterError
 from renew.inputs.current_table import Table, table_of, tabulated, velocities
@@ -67,7 +67,7 @@ CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]
 
 def sample_statistics(velocity: FloatArray) -> CurrentStatistics:
     """Mean and spread over the samples (axis 1) of velocities (n, samples, 2)."""
-    return CurrentStatistics(*_sample_statistics(np.ascontiguousarray(velocity, dtype=np.float64)))
+    return CurrentStatistics(*_sample_statistics(for_kernels(velocity)))
 
 
 @kernel
@@ -198,7 +198,7 @@ class TabulatedCurrent(CurrentField):
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) by bilinear interpolation at points (..., 2)."""
-        points = np.ascontiguousarray(points, dtype=float)
+        points = for_kernels(points)
         return velocities(self.nodes, points.reshape(-1, 2)).reshape(points.shape)
 
     def table(self, bounds: tuple[float, float, float, float]) -> Table:

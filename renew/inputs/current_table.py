@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
 
 # Largest error of a table that counts as fine, as a share of its strongest current, in the middle
@@ -62,7 +62,7 @@ class Table(NamedTuple):
 
 def table_of(x: FloatArray, y: FloatArray, uv: FloatArray, error: float = 0.0) -> Table:
     """Table of nodes and velocities; see :class:`Table`."""
-    x, y, uv = (np.ascontiguousarray(array, dtype=float) for array in (x, y, uv))
+    x, y, uv = (for_kernels(array) for array in (x, y, uv))
     return Table(x, y, uv, error, _per_metre(x), _per_metre(y))
 
 

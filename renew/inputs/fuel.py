@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentLike, as_field
@@ -43,8 +44,8 @@ def ground_speed(
     """
     velocity, tangent = np.broadcast_arrays(velocity, tangent)
     flat = ground_speeds(
-        np.ascontiguousarray(velocity.reshape(-1, 2), dtype=float),
-        np.ascontiguousarray(tangent.reshape(-1, 2), dtype=float),
+        for_kernels(velocity.reshape(-1, 2)),
+        for_kernels(tangent.reshape(-1, 2)),
         Polar(speed, drift == "crab"),
     )
     return flat.reshape(velocity.shape[:-1])

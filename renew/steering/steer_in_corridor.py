@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
+from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, legs_are_clear
@@ -71,8 +72,7 @@ def _steered(
             "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
         )
     trajectory = steer(path, field, vessel)
-    # Contiguous as all else is: for views the compiler would make these kernels once more.
-    track = np.ascontiguousarray(trajectory[:, 1:3])
+    track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
     clear = legs_are_clear(track[:-1], track[1:], land)

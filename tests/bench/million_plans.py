@@ -1,0 +1,114 @@
+"""What 1,000,000 plans a night take: `python -m tests.bench.million_plans`.
+
+It prints the tables of docs/a-million-plans.md; a test compares them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+PLANS = 1_000_000
+HOURS = 6.0
+"""Time from the forecast to the morning: `limit_hours` of the night's configuration."""
+KEPT = 14
+"""Cycles that are kept: `keep` of the night's configuration."""
+
+# Time for batching, scheduling and writing, as a share of the time for planning: at most, as asked
+# of `python -m tests.bench nightly`. To be replaced by what that measures.
+OVERHEAD = 0.10
+# Memory of the job's own process, MB, at most, in the same way.
+MAIN_MB = 500.0
+PER_CORE_HOUR = {"reserved or spot": 0.012, "on demand": 0.045}
+"""Prices of a core for an hour in a data centre, euro: assumptions, to be replaced by one's own."""
+PER_GB_MONTH = 0.08
+"""Price of a gigabyte on a shared disk for a month, euro: an assumption likewise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What one plan takes, measured with compiled kernels on one core.
+
+    Attributes
+    ----------
+    name : which case.
+    plan_s : processor time to plan all classes of a case, with bound and verification, s.
+    worker_mb : memory of a worker at its largest, with libraries and chart, MB.
+    stored_kb : a case's routes, twice: in the Parquet tables and in the GeoPackage, kB.
+    """
+
+    name: str
+    plan_s: float
+    worker_mb: float
+    stored_kb: float
+
+
+PALAWAN = Case("Palawan, 7 m vessel, full chart", plan_s=6.0, worker_mb=377, stored_kb=25)
+GYRE = Case("single gyre", plan_s=0.36, worker_mb=253, stored_kb=9)
+CASES = (PALAWAN, GYRE)
+
+
+def core_hours(case: Case, plans: int = PLANS) -> float:
+    """Hours that one core would need for all plans."""
+    return plans * case.plan_s * (1 + OVERHEAD) / 3600
+
+
+def cores(case: Case, plans: int = PLANS, hours: float = HOURS) -> int:
+    """Cores that are done with all plans in time."""
+    return math.ceil(core_hours(case, plans) / hours)
+
+
+def plans_a_night(case: Case, number: int, hours: float = HOURS) -> int:
+    """Plans that a number of cores makes in a night."""
+    return math.floor(number * hours * 3600 / (case.plan_s * (1 + OVERHEAD)))
+
+
+def memory_gb(case: Case) -> float:
+    """Memory of all workers and of the job's own process, GB."""
+    return (cores(case) * case.worker_mb + MAIN_MB) / 1000
+
+
+def disk_gb(case: Case, cycles: int = 1) -> float:
+    """Disk that the cycles take which are kept, GB."""
+    return PLANS * case.stored_kb * cycles / 1e6
+
+
+def table() -> str:
+    """The reckoning as a table in Markdown."""
+    rows = [
+        ("", *(case.name for case in CASES)),
+        ("---", *("---:" for _ in CASES)),
+        ("one plan, processor time", *(f"{case.plan_s:g} s" for case in CASES)),
+        ("core hours", *(f"{core_hours(case):,.0f}" for case in CASES)),
+        (f"cores for a night of {HOURS:g} h", *(f"{cores(case):,}" for case in CASES)),
+        ("memory", *(f"{memory_gb(case):,.0f} GB" for case in CASES)),
+        ("disk a night", *(f"{disk_gb(case):,.0f} GB" for case in CASES)),
+        (f"disk, {KEPT} nights", *(f"{disk_gb(case, KEPT):,.0f} GB" for case in CASES)),
+        *(
+            (
+                f"cores, {how}, a night",
+                *(f"{core_hours(case) * price:,.2f} €" for case in CASES),
+            )
+            for how, price in PER_CORE_HOUR.items()
+        ),
+        ("disk, a month", *(f"{disk_gb(case, KEPT) * PER_GB_MONTH:,.2f} €" for case in CASES)),
+    ]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+
+
+def machines_table() -> str:
+    """What fits on one machine, as a table in Markdown."""
+    rows = [
+        ("cores", *(f"plans a night, {case.name}" for case in CASES)),
+        ("---:", *("---:" for _ in CASES)),
+        *(
+            (str(number), *(f"{plans_a_night(case, number):,}" for case in CASES))
+            for number in (2, 16, 64, 128)
+        ),
+    ]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+
+
+if __name__ == "__main__":
+    print(table())
+    print(machines_table())
