@@ -220,7 +220,7 @@ def check(
     with reported_errors():
         from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
-        from pipeline.voyage.endpoint_look import endpoints_on_land
+        from pipeline.stages.endpoint_look import endpoints_on_land
 
         found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
         if faults := endpoints_on_land(found):

@@ -9,7 +9,7 @@ import shapely
 
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
-from pipeline.voyage.endpoint_look import endpoints_on_land
+from pipeline.stages.endpoint_look import endpoints_on_land
 
 if TYPE_CHECKING:
     from pipeline.nightly.cases import Block, Cases

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pipeline.errors import RequestError
 from pipeline.outcome import Event, ignore
 from pipeline.run import run
-from pipeline.voyage.endpoint_look import endpoints_on_land
+from pipeline.stages.endpoint_look import endpoints_on_land
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 
