@@ -24,6 +24,13 @@ _MAX_MESSAGE = 500
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
 
 
+def exit_code_of(error: BaseException) -> int:
+    """Return the exit code of a command that ends with an error."""
+    if isinstance(error, PipelineError):
+        return error.exit_code
+    return exit_code(error) if isinstance(error, KeyboardInterrupt) else _UNEXPECTED
+
+
 @contextlib.contextmanager
 def reported_errors() -> Iterator[None]:
     """Turn errors into lines on standard error and an exit code."""

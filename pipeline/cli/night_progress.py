@@ -7,6 +7,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from pipeline.cli.json_lines import json_lines
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -19,16 +21,7 @@ _PROGRESS_S = 10.0
 @contextlib.contextmanager
 def night_progress() -> Iterator[NightEventHandler]:
     """Provide the event handler."""
-    import structlog
-
-    log = structlog.wrap_logger(
-        structlog.WriteLogger(sys.stderr),
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.JSONRenderer(ensure_ascii=False),
-        ],
-    )
+    log = json_lines(sys.stderr)
     said = 0.0
 
     def on_event(event: NightEvent) -> None:

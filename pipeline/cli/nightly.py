@@ -12,6 +12,7 @@ from pipeline.cli.failures import reported_errors
 
 if TYPE_CHECKING:
     from pipeline.nightly.config import NightConfig
+    from pipeline.nightly.outcome import NightOutcome
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -73,17 +74,39 @@ def run(
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
     yes: YesOption = False,
+    metrics: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Prometheus text file to replace at the end."),
+    ] = None,
+    ping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            envvar="RENEW_PING",
+            show_envvar=False,
+            help="Check to tell: URL/start, then URL or URL/fail; or the variable RENEW_PING.",
+        ),
+    ] = None,
 ) -> None:
     """Plan every case on the newest currents; point OUTPUT/latest at them once they are whole."""
     with reported_errors():
-        loaded, share = _loaded(config, output), _share(part)
         from pipeline.cli.night_progress import night_progress
+        from pipeline.cli.night_watch import watched
         from pipeline.nightly.night import run_night
 
         with night_progress() as on_event:
-            outcome = run_night(
-                loaded, only=only, part=share, scheduler=scheduler, yes=yes, on_event=on_event
-            )
+
+            def night() -> NightOutcome:
+                return run_night(
+                    _loaded(config, output),
+                    only=only,
+                    part=_share(part),
+                    scheduler=scheduler,
+                    yes=yes,
+                    on_event=on_event,
+                )
+
+            outcome = watched(night, metrics=metrics, url=ping, on_event=on_event)
         typer.echo(outcome.message)
         raise typer.Exit(outcome.exit_code)
 

@@ -1,14 +1,16 @@
-"""A scheduler and a worker for all nights of a session: to start them takes longer than a night."""
+"""What nights of tests share: a scheduler and a worker, and a service that watches jobs."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.pipeline.nightly.ping_service import Service
 from tests.pipeline.processes import started, wait_until
 
 if TYPE_CHECKING:
@@ -35,6 +37,18 @@ def dask_cluster(folder: Path, workers: int = 1) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Give the address of a scheduler with one worker."""
+    """Give the address of a scheduler with one worker: starting them takes longer than a night."""
     with dask_cluster(tmp_path_factory.mktemp("cluster")) as address:
         yield address
+
+
+@pytest.fixture
+def service() -> Iterator[Service]:
+    """Serve until the test ends."""
+    with Service() as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.ended.set()
+        server.shutdown()
+        thread.join()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import socket
-import threading
 import time
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING
 
 import pytest
@@ -15,50 +13,9 @@ from pipeline.nightly import ping as ping_module
 from pipeline.nightly.ping import Ping, check_url, ping, told_by
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from tests.pipeline.nightly.ping_service import Service
 
 SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
-
-
-class Service(ThreadingHTTPServer):
-    """Notes what it is asked for; answers 404 below /unknown, and never below /silent."""
-
-    def __init__(self) -> None:
-        self.asked: list[str] = []
-        self.ended = threading.Event()
-        super().__init__(("127.0.0.1", 0), _Handler)
-
-    @property
-    def url(self) -> str:
-        """Its address."""
-        return f"http://127.0.0.1:{self.server_address[1]}"
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: Service
-
-    def do_GET(self) -> None:
-        """Answer."""
-        self.server.asked.append(self.path)
-        if self.path.startswith("/silent"):
-            self.server.ended.wait(20)
-        self.send_response(404 if self.path.startswith("/unknown") else 200)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - its name there
-        """Say nothing."""
-
-
-@pytest.fixture
-def service() -> Iterator[Service]:
-    """Serve until the test ends."""
-    with Service() as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield server
-        server.ended.set()
-        server.shutdown()
-        thread.join()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,97 @@
+"""A night tells a service and a file how it ended, whatever happens, and neither can fail it."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+from typer.testing import CliRunner
+
+from pipeline.cli.main import app
+from pipeline.nightly.lock import LOCK
+from pipeline.storage.locks import file_lock
+from tests.pipeline.nightly.nights import plane_night
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from typer.testing import Result
+
+    from tests.pipeline.nightly.ping_service import Service
+
+
+def renew(folder: Path, url: str, **variables: str) -> Result:
+    """Run the night in a folder."""
+    arguments = ["--config", folder / "night.toml", "--output", folder / "out"]
+    arguments += ["--metrics", folder / "renew.prom", *(["--ping", url] if url else [])]
+    return CliRunner(env=variables).invoke(app, ["nightly", "run", *map(str, arguments)])
+
+
+def figures(folder: Path) -> dict[str, float]:
+    """Return the metrics as a monitoring system reads them."""
+    families = text_string_to_metric_families((folder / "renew.prom").read_text())
+    return {
+        "/".join(
+            [sample.name.removeprefix("renew_nightly_"), *sample.labels.values()]
+        ): sample.value
+        for family in families
+        for sample in family.samples
+    }
+
+
+def test_a_night_that_ends_well_and_one_that_fails(tmp_path: Path, service: Service) -> None:
+    plane_night(tmp_path, pairs=2)
+    before = time.time()
+    assert renew(tmp_path, f"{service.url}/ID").exit_code == 0
+    assert service.asked == ["/ID/start", "/ID"]
+    good = figures(tmp_path)
+    assert good["last_exit_code"] == 0
+    assert good["cases/same"] == 2
+    assert before <= good["last_success_timestamp_seconds"] <= time.time()
+    assert good["stage_seconds/plan"] > 0
+
+    (tmp_path / "pairs.csv").write_text("no pairs")
+    assert renew(tmp_path, "", RENEW_PING=f"{service.url}/ID").exit_code == 2
+    assert service.asked[2:] == ["/ID/start", "/ID/fail"]
+    bad = figures(tmp_path)
+    assert bad["last_exit_code"] == 2
+    assert bad["last_success_timestamp_seconds"] == good["last_success_timestamp_seconds"]
+    assert bad["last_run_timestamp_seconds"] >= good["last_run_timestamp_seconds"]
+
+
+def test_a_second_job_tells_nothing(tmp_path: Path, service: Service) -> None:
+    plane_night(tmp_path, pairs=2)
+    (tmp_path / "out").mkdir()
+    with file_lock(tmp_path / "out" / LOCK) as held:
+        assert held
+        assert renew(tmp_path, f"{service.url}/ID").exit_code == 4
+    assert service.asked == ["/ID/start"]
+    assert not (tmp_path / "renew.prom").exists()
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:9/0f5c3a1e-secret"])
+def test_a_service_that_is_away_and_a_file_that_cannot_be_written_fail_nothing(
+    tmp_path: Path, url: str
+) -> None:
+    plane_night(tmp_path, pairs=2)
+    (tmp_path / "renew.prom").mkdir()
+    result = renew(tmp_path, url)
+    assert result.exit_code == 0
+    assert (tmp_path / "out" / "latest").is_symlink()
+    notes = [json.loads(line) for line in result.stderr.splitlines()]
+    said = [note["detail"] for note in notes if note["level"] == "warning"]
+    assert sum("--ping: 127.0.0.1:9 was not told" in one for one in said) == 2
+    assert sum("--metrics: can't write" in one for one in said) == 1
+    assert "secret" not in result.stderr
+
+
+def test_an_address_that_is_none_is_refused_before_anything_is_done(tmp_path: Path) -> None:
+    plane_night(tmp_path, pairs=2)
+    result = renew(tmp_path, "ftp://host/secret")
+    assert result.exit_code == 2
+    assert "--ping is no address" in result.stderr
+    assert "secret" not in result.stderr
+    assert not (tmp_path / "out").exists()
