@@ -222,7 +222,7 @@ class _StagedRun:
             evaluated = [task.evaluation_path.name for task in tasks]
             straits = self.store.load_or_make(
                 "straits",
-                artefact_key("straits", evaluated, scene_key),
+                artefact_key("straits", evaluated, scene_key, [plan.failure for plan in plans]),
                 tuple,
                 lambda: shut_straits(scene, simplified, plans, self.scenario.planner),
             )

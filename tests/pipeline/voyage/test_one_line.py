@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -209,6 +210,25 @@ def test_depths_need_a_draught_and_a_file_that_has_them(tmp_path: Path, chart: P
             )  # fmt: skip
         (fault,) = caught.value.faults
         assert reason in fault
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
+    tmp_path: Path, chart: Path
+) -> None:
+    with pytest.raises(RequestError) as caught:
+        pipeline.go(
+            (-40.005, 35.03), GOAL, vessel=VesselFigures("8kn", "12m", "40m", "2m"),
+            currents=("still",), charts=chart, depths=depth_grid(tmp_path / "depths.nc"),
+            output=tmp_path / "outputs",
+        )  # fmt: skip
+    (fault,) = caught.value.faults
+    assert fault.startswith("start = [-40.005, 35.03] lies on land or water too shallow")
+    place = re.search(r"nearest water at \[(.*), (.*)\]; move it there", fault)
+    assert place is not None
+    here = shapely.Point(*map(float, place.groups()))
+    assert not SHOAL.union(ISLAND).buffer(0.002).contains(here)
+    assert SHOAL.distance(here) < 0.01
     assert not (tmp_path / "outputs").exists()
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import shapely
+import xarray as xr
 
 from pipeline.errors import RequestError
 from pipeline.model import Credit, Land
@@ -119,3 +120,28 @@ def test_a_chart_with_depths_needs_a_draught(tmp_path: Path) -> None:
     source = land_source(chart, 4.0)
     assert isinstance(source, SoundedChart)
     assert math.isclose(source.safety_depth_m, 5.5)
+
+
+def test_damaged_files_are_read_or_refused_with_one_line(tmp_path: Path) -> None:
+    file = grids.gebco(tmp_path / "grid.nc", LON[::4], LAT[::4], sea_floor()[::4, ::4])
+    with xr.open_dataset(file) as data:
+        data.load().to_netcdf(tmp_path / "classic.nc", format="NETCDF3_CLASSIC")
+    whole = (tmp_path / "classic.nc").read_bytes()
+    rng = np.random.default_rng(20261122)
+    outcomes = set()
+    for _ in range(80):
+        damaged = bytearray(whole)
+        for _ in range(rng.integers(1, 6)):
+            end = 1600 if rng.random() < 0.7 else len(whole)  # mostly in the header
+            damaged[rng.integers(end)] = rng.integers(256)
+        file.write_bytes(bytes(damaged))
+        try:
+            sounded(file).land(REGION)
+        except RequestError as error:
+            (fault,) = error.faults
+            assert fault.startswith("chart.depths: ")
+            assert "\n" not in fault
+            outcomes.add("refused")
+        else:
+            outcomes.add("read")
+    assert outcomes == {"read", "refused"}
