@@ -195,23 +195,19 @@ class _StagedRun:
         """Run all stages but the last for a scenario with a region, and notes on how it came by."""
         self.scenario = scenario
         with self._stage("fetch"):
-            for note in region_notes[-1:]:
-                self.on_event(Event("fetch", "note", detail=note))
+            self._say("fetch", region_notes[-1:])
             parts = fetch(self.scenario, self.store, offline=self.options.offline)
             if self.options.strict:
                 _refuse_stand_ins(parts)
-            for note in parts.fetched.notes:
-                self.on_event(Event("fetch", "note", detail=note))
+            self._say("fetch", parts.fetched.notes)
         with self._stage("simplify"):
             simplified_key, land = self._simplify(parts)
-            for note in land.notes:
-                self.on_event(Event("simplify", "note", detail=note))
+            self._say("simplify", land.notes)
             simplified = land.simplified
         with self._stage("project"):
             scene_key, scene = self._project(parts, simplified_key, simplified)
             offing_notes = self._choose_offing(scene_key, scene, parts.fetched.land.accuracy_m)
-            for note in offing_notes:
-                self.on_event(Event("project", "note", detail=note))
+            self._say("project", offing_notes)
             choices = (*region_notes, *offing_notes)
             notes = (*choices, *parts.fetched.notes, *land.notes)
             fetched = replace(parts.fetched, notes=notes)
@@ -238,15 +234,16 @@ class _StagedRun:
                 choices,
                 straits,
             )
-            notes = (
-                *safety_notes(result),
-                *crossing_notes(evaluation.shore_crossings),
-                *result.unknowns,
-            )
-            for note in notes:
-                self.on_event(Event("plan", "note", detail=note))
+            shore_notes = crossing_notes(evaluation.shore_crossings)
+            notes = (*safety_notes(result), *shore_notes, *result.unknowns)
+            self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))
         return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated
+
+    def _say(self, stage: Stage, notes: Sequence[str]) -> None:
+        """Report notes on a stage."""
+        for note in notes:
+            self.on_event(Event(stage, "note", detail=note))
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:
