@@ -33,7 +33,8 @@ def test_a_limit_that_is_not_reached_changes_nothing(tmp_path: Path) -> None:
         run(scenario(QUICK), tmp_path / "b"),
     ]
     assert [outcome.exit_code for outcome in outcomes] == [0, 0]
-    assert outcomes[0].evaluation.routes == outcomes[1].evaluation.routes
+    # As texts: what is not known is NaN, which differs from itself.
+    assert repr(outcomes[0].evaluation.routes) == repr(outcomes[1].evaluation.routes)
 
 
 @pytest.mark.usefixtures("plain_report")
