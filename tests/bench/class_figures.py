@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 CLASSES, FIRST = 8, 16
 """Classes of a scene that are compared, and number of first ones that are looked for."""
-LABELS = 16
+LABELS, MORE_LABELS = 16, 24
 """Classes that the oracle follows: those that wind about islands are among them."""
-CELLS = 80
-"""Cells a side of the oracle's grid, for its paths of each class."""
+CELLS, MORE_CELLS = 80, 100
+"""Cells a side of the oracle's grid, for its paths of each class, and for the first classes."""
 
 
 def each_class() -> Iterator[Figure]:
@@ -71,7 +71,7 @@ def first_classes() -> Iterator[Figure]:
         for seed in range(3):
             chart, current, start, goal = random_scene(seed, islands=islands)
             found = paths_by_class(
-                chart, current, PAPER_VESSEL, start, goal, SIZE / 150, labels=LABELS
+                chart, current, PAPER_VESSEL, start, goal, SIZE / MORE_CELLS, labels=MORE_LABELS
             )
             # In the order of their fuel.
             true = list(_least(chart, found))[:FIRST]
