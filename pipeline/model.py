@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
     Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent
+
+Side = Literal["north", "east", "south", "west", "between"]
 
 RouteKey = tuple[str, int]
 """A route of a scenario: (season, rank); rank 1 is the route to take."""
@@ -249,6 +252,32 @@ class SeasonPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class Passage:
+    """How a route passes islands, which are given by names or numbers: on a side of all of them.
+
+    Or between two.
+    """
+
+    side: Side
+    islands: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The passage for readers: "west of 1", "west of 1, 4 and 6", "between 2 and 5"."""
+        *first, last = self.islands
+        names = f"{', '.join(first)} and {last}" if first else last
+        return f"between {names}" if self.side == "between" else f"{self.side} of {names}"
+
+
+def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
+    """Group neighbours on the same side of their islands; a strait stays by itself."""
+    for (side, _), alike in groupby(
+        enumerate(passages), key=lambda item: (item[1].side, item[1].side == "between" and item[0])
+    ):
+        yield side, [passage for _, passage in alike]
+
+
+@dataclass(frozen=True, slots=True)
 class RouteMetrics:
     """One route's figures, measured against the original land.
 
@@ -260,8 +289,8 @@ class RouteMetrics:
     duration_s : seconds at true scale.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
-    passages : what it passes, to tell it from the season's other routes, such as "west of 1"; the
-        main island first, and then in their order on the way.
+    passages : what tells it from the season's other routes; how it passes the main island first,
+        and then the others in their order on the way.
     """
 
     season: str
@@ -277,17 +306,20 @@ class RouteMetrics:
     trials: int
     collisions: int
     land_m: float
-    passages: tuple[str, ...] = ()
+    passages: tuple[Passage, ...] = ()
 
     @property
     def way(self) -> str:
-        """The way round, for readers: "west of 1, between 2 and 5"; empty without islands."""
-        return ", ".join(self.passages)
+        """The way round, for readers: "west of 1 and 4, between 2 and 5"; empty without islands."""
+        return ", ".join(
+            Passage(side, tuple(name for one in alike for name in one.islands)).text
+            for side, alike in _alike(self.passages)
+        )
 
     @property
     def main_passage(self) -> str:
         """How it passes the main island; empty without islands."""
-        return self.passages[0] if self.passages else ""
+        return self.passages[0].text if self.passages else ""
 
     @property
     def has_land(self) -> bool:

@@ -2,13 +2,15 @@
 
 The bound on fuel holds off the land itself, for any vessel. So two more plans lie between it and
 the route: the best route off the land itself, and the best that keeps off the chart with its margin
-and the offing, both without padding. The chart's share is what the second needs more than the
-first; the padding's what the route needs more than the second; what the first needs more than the
-bound is the bound's own: no route is so good.
+and the offing, both without padding, and by a vessel that turns on the spot: close to land many
+ways have no room for a turning circle. The chart's share is what the second needs more than the
+first; the padding's, with the circle's, what the route needs more than the second; what the first
+needs more than the bound is the bound's own: no route is so good.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import shapely
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from pipeline.model import Scene, SeasonPlan
     from pipeline.scenario.model import PlannerOptions
 
+# How many times as fast as the vessel one turns that turns on the spot.
+_ON_THE_SPOT = 100.0
 # Number of classes that the two plans look into: only their best route is used.
 _CLASSES = 4
 
@@ -54,7 +58,7 @@ def _least_fuel(
         plan = renew.plan(
             chart,
             scene.currents[season],
-            scene.vessel,
+            replace(scene.vessel, turn_rate=_ON_THE_SPOT * scene.vessel.turn_rate),
             scene.start,
             scene.goal,
             **asked.model_dump(),

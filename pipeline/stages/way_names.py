@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.model import NumberedIsland
+from pipeline.model import NumberedIsland, Passage
 from renew.classes.choices import rays_that_matter
 from renew.classes.h_signature import Rays
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry import LineString, Polygon
 
-    from pipeline.model import Evaluation, PlaceName, RouteKey, Scene, SeasonPlan
+    from pipeline.model import Evaluation, PlaceName, RouteKey, Scene, SeasonPlan, Side
 
     FloatArray = npt.NDArray[np.float64]
 
-_COMPASS = ("north", "east", "south", "west")
+_COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
 # Points of a route that are looked at, and distance from an island's centre within which a route
 # comes past it, in its least one.
 _SAMPLES, _NEAR = 1000, 2.0
@@ -80,18 +80,20 @@ class _WayNamer:
         self._turns = {key: self._turns_of(route.path) for key, route in routes.items()}
         self._used: set[int] = set()
 
-    def passages(self, key: RouteKey) -> tuple[str, ...]:
+    def passages(self, key: RouteKey) -> tuple[Passage, ...]:
         """What a route passes: the main island first, the others as it comes by them."""
         if self._main is None:
             return ()
         others = self._telling(key, self._main)
         islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
         self._used.update(islands)
-        names = {island: f"{self._side(key, island)} of {self._name(island)}" for island in islands}
+        found = {
+            island: Passage(self._side(key, island), (self._name(island),)) for island in islands
+        }
         for one, other in self._straits(key, islands):
-            names[one] = f"between {self._name(one)} and {self._name(other)}"
-            names.pop(other)
-        return tuple(names.values())
+            found[one] = Passage("between", (self._name(one), self._name(other)))
+            found.pop(other)
+        return tuple(found.values())
 
     def islands(self) -> tuple[NumberedIsland, ...]:
         """Islands that are in the names so far, the largest first."""
@@ -165,7 +167,7 @@ class _WayNamer:
                 free.difference_update(pair)
                 yield pair
 
-    def _side(self, key: RouteKey, island: int) -> str:
+    def _side(self, key: RouteKey, island: int) -> Side:
         """Compass point of the side on which a route passes an island.
 
         It is that of the middle direction in which all routes with the same turns lie from the

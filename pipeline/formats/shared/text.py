@@ -116,9 +116,9 @@ def gap_text(gap: GapShares) -> str:
     whole = gap.chart + gap.padding + gap.bound
     return (
         f"Of the optimality gap of {percent(whole)}, {percent(gap.chart)} is the chart's "
-        f"(simplification, margin and offing), {percent(gap.padding)} is the padding's, and "
-        f"{percent(gap.bound)} the bound's own: no route off the land itself was found that is "
-        "nearer to it."
+        f"(simplification, margin and offing), {percent(gap.padding)} is the padding's "
+        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route off the "
+        "land itself was found that is nearer to it."
     )
 
 

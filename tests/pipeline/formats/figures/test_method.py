@@ -22,6 +22,7 @@ from pipeline.formats.figures.kinds import Form, Kind, figure
 from pipeline.formats.figures.method import channels_figure, mesh_figure
 from pipeline.formats.figures.padding_map import padding_map_figure
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.model import Passage
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
@@ -109,15 +110,17 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
     routes = result.season_routes("winter")
     rows = [
         replace(
-            ranked.metrics, rank=rank, passages=("south of 1" if rank == 5 else "north of 1", "x")
+            ranked.metrics,
+            rank=rank,
+            passages=(Passage("south" if rank == 5 else "north", ("1",)), Passage("east", ("2",))),
         )
         for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
     ]
     many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
     titles = [text.get_text() for text in channels_figure(many, "winter").texts]
     assert titles[::2] == [
-        *(f"{rank}: north of 1, x" for rank in (1, 2, 3)),
-        "5: south of 1, x",
+        *(f"{rank}: north of 1, east of 2" for rank in (1, 2, 3)),
+        "5: south of 1, east of 2",
     ]
 
 

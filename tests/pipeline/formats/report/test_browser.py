@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.formats.report import assets
 from pipeline.formats.shared import text as texts
-from pipeline.model import Credit
+from pipeline.model import Credit, Passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
@@ -43,7 +43,8 @@ def hostile(result: RunResult) -> RunResult:
         update={"title": HOSTILE, "description": HOSTILE, "seasons": seasons}
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(3)")
-    rows = tuple(replace(row, passages=(HOSTILE,)) for row in result.evaluation.routes)
+    passages = (Passage("north", (HOSTILE,)),)
+    rows = tuple(replace(row, passages=passages) for row in result.evaluation.routes)
     islands = tuple(replace(island, name=HOSTILE) for island in result.evaluation.islands)
     return replace(
         result,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.formats.shared import text as texts
-from pipeline.model import RouteMetrics, Zone
+from pipeline.model import GapShares, Passage, RouteMetrics, Zone
 
 BEST = RouteMetrics(
     season="summer",
@@ -25,7 +25,7 @@ BEST = RouteMetrics(
     trials=1430,
     collisions=0,
     land_m=0.0,
-    passages=("west of 1", "between 2 and 3"),
+    passages=(Passage("west", ("1",)), Passage("between", ("2", "3"))),
 )
 TWIN = replace(BEST, rank=2, fuel=910.0)
 OTHER = replace(
@@ -34,7 +34,7 @@ OTHER = replace(
     fuel=1000.0,
     length_m=960_000.0,
     duration_s=960_000 / 0.9,
-    passages=("east of 1",),
+    passages=(Passage("east", ("1",)),),
 )
 
 
@@ -93,6 +93,23 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert "keeps at least 3.46 km from land; none of 1,430 simulated hard-over turns met" in text
     # A gap of a quarter of the bound: 720, a fifth below the fuel.
     assert "can need less fuel than 720.0; this one is within 25.0 % of that bound" in text
+
+
+def test_ways_name_islands_on_the_same_side_together() -> None:
+    passages = [Passage("west", (name,)) for name in ("1", "4", "Isle")]
+    straits = (Passage("between", ("2", "3")), Passage("between", ("5", "6")))
+    assert replace(BEST, passages=tuple(passages)).way == "west of 1, 4 and Isle"
+    assert replace(BEST, passages=(passages[0], *straits, passages[1])).way == (
+        "west of 1, between 2 and 3, between 5 and 6, west of 4"
+    )
+    assert replace(BEST, passages=()).way == ""
+
+
+def test_the_parts_of_a_gap_are_told() -> None:
+    text = texts.verdict([BEST, OTHER], 1.0, GapShares("summer", 0.05, 0.08, 0.12))[-1]
+    assert "gap of 25.0 %, 5.0 % is the chart's" in text
+    assert "8.0 % is the padding's" in text
+    assert "12.0 % the bound's own" in text
 
 
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
