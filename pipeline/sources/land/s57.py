@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 
 from pipeline.model import Credit, Land, Zone
+from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
     extract_polygons,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
     from shapely.geometry.base import BaseGeometry
 
+    from pipeline.model import PlaceName
     from pipeline.sources.land.s57_cells import Cell
 
     Geometries = npt.NDArray[np.object_]
@@ -138,7 +140,16 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
+        places=tuple(place for part in parts for place in _places(part)),
     )
+
+
+def _places(part: _Part) -> Iterator[PlaceName]:
+    """Yield the names of a part's land."""
+    objects = part.cell.objects.get("LNDARE")
+    if objects is not None:
+        inside = shapely.intersection(objects.geometry, part.area)
+        yield from named_places(objects.texts("OBJNAM"), inside)
 
 
 def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:

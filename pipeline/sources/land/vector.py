@@ -112,6 +112,7 @@ class VectorFile:
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
             notes=(*repairs, *found.notes, *self._accuracy_note()),
+            places=layer.places(box),
         )
 
     def _areas(self, geometry: Geometries) -> Geometries:

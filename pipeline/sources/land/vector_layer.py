@@ -14,6 +14,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.scenario.messages import near_miss
 from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading
+from pipeline.sources.land.places import NAME_COLUMNS, named_places
 from pipeline.sources.land.polygons import flattened, repaired
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pyproj
     from shapely.geometry import Polygon
+
+    from pipeline.model import PlaceName
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.intp]
@@ -85,6 +88,24 @@ class VectorLayer:
                 valid[crosses] = shapely.intersection(valid[crosses], window)
                 found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
         return NearbyFeatures(np.concatenate(found), total, self._notes(issued))
+
+    def places(self, box: Polygon) -> tuple[PlaceName, ...]:
+        """Return the names of areas near a box, where the layer has a column of names."""
+        import pyogrio
+
+        columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
+        column = next((one for one in columns if one.casefold() in NAME_COLUMNS), None)
+        if column is None:
+            return ()
+        found: list[PlaceName] = []
+        with reading_chart(self.path):
+            for window in self._windows(box):
+                _, _, wkb, (names,) = pyogrio.raw.read(
+                    self.path, layer=self.name, columns=[column], bbox=window.bounds
+                )
+                geometry = repaired(shapely.force_2d(shapely.from_wkb(wkb, on_invalid="ignore")))[0]
+                found += named_places(names, self._to_lonlat(geometry, box))
+        return tuple(found)
 
     def bounds(self) -> tuple[float, float, float, float] | None:
         """Bounds of the whole layer, in its own CRS; None where no feature has a geometry."""

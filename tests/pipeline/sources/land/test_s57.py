@@ -346,3 +346,14 @@ def test_there_is_no_barrier_between_neighbouring_cells() -> None:
         )
         halves.append(Cell(name, "1", "0", "2026-01-01", 10_000, half, {"DEPARE": parts}))
     assert no_go(*halves).is_empty
+
+
+def test_land_keeps_the_names_that_the_chart_gives() -> None:
+    named, unnamed = (
+        shapely.box(0.002, 0.002, 0.004, 0.004),
+        shapely.box(0.006, 0.002, 0.007, 0.004),
+    )
+    given = cell({"LNDARE": objects(named, unnamed, OBJNAM=["Deer Island", ""])})
+    (place,) = s57.land([given], AROUND, HARBOUR, DEPTH_M).places
+    assert place.name == "Deer Island"
+    assert named.contains(shapely.Point(place.lon, place.lat))

@@ -247,3 +247,35 @@ def test_the_credit_is_the_users(tmp_path: Path) -> None:
     source = ChartSource(path=str(file), credit="© Harbour office", licence="CC BY 4.0")
     credit = VectorFile(file, source).credit
     assert (credit.text, credit.licence) == ("© Harbour office", "CC BY 4.0")
+
+
+@pytest.mark.parametrize("column", ["NAME", "OBJNAM"])
+def test_names_of_land_come_with_it(tmp_path: Path, column: str) -> None:
+    """Of several areas under one name the largest has it; what has no name has none."""
+    small = shapely.box(118.1, 9.1, 118.2, 9.2)
+    shapes = [shapely.MultiPolygon([small, ISLAND]), shapely.box(119.5, 9.0, 119.6, 9.1)]
+    path = tmp_path / "land.gpkg"
+    pyogrio.raw.write(
+        path,
+        shapely.to_wkb(np.array(shapes, dtype=object)),
+        field_data=[np.array(["Isla  Larga", None], dtype=object)],
+        fields=[column],
+        geometry_type="Unknown",
+        crs="EPSG:4326",
+    )
+    (place,) = VectorFile(path, ChartSource(path=str(path))).land(REGION).places
+    assert place.name == "Isla Larga"
+    assert ISLAND.contains(shapely.Point(place.lon, place.lat))
+    assert place.area_deg2 == pytest.approx(ISLAND.area)
+
+
+def test_names_of_a_real_file_lie_in_the_regions_longitudes() -> None:
+    source = ChartSource(path=str(NATURAL_EARTH))
+    places = {place.name: place for place in VectorFile(NATURAL_EARTH, source).land(FIJI).places}
+    assert 177 < places["Fiji"].lon < 183
+    assert -19 < places["Fiji"].lat < -15
+
+
+def test_a_file_without_names_has_no_places(tmp_path: Path) -> None:
+    path = write(tmp_path / "land.geojson", ISLAND)
+    assert VectorFile(path, ChartSource(path=str(path))).land(REGION).places == ()
