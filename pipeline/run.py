@@ -324,7 +324,7 @@ class _StagedRun:
     ) -> list[SeasonTask]:
         """Return a task for each season that has a current."""
         tasks = []
-        options = self.scenario.planner
+        options, explains_gap = self.scenario.planner, self.scenario.outputs.explain_gap
         for season, current_key in parts.current_keys.items():
             # Without the scene's key, which depends on the other seasons' currents too.
             plan_key = artefact_key(
@@ -334,7 +334,6 @@ class _StagedRun:
                 self._scene_inputs(),
                 options.model_dump(mode="json"),
             )
-            explains_gap = self.scenario.outputs.explain_gap
             evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
             tasks.append(
                 SeasonTask(
@@ -382,8 +381,7 @@ class _StagedRun:
             reasons = _reasons(plans)
             if crashed:
                 raise StageError("; ".join(reasons))
-            is_shut = any(plan.is_shut for plan in plans)
-            raise NoWayError(reasons) if is_shut else RequestError(reasons)
+            raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)
         for plan in plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         return plans, combine_seasons(done[plan.season][1] for plan in plans if plan.season in done)

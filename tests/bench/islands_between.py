@@ -1,7 +1,8 @@
 """The largest island between two places, and on which sides paths pass it; no planner's code.
 
 An island lies between two places where both ways round it are at most a quarter longer than the
-best way, on a raster of the water. Land that no raster cell parts counts as one island.
+best way, on a raster of the water. Land that no raster cell parts counts as one island: whether a
+narrower strait can be sailed is a matter of margin and padding.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def sides(paths: Iterable[FloatArray], point: FloatArray) -> set[int]:
 
 
 def _grid(land: Sequence[Polygon], bounds: Bounds) -> WaterGrid:
-    """Cells whose centres are in water."""
+    """Cells whose centres are half a cell off land: straits narrower than a cell are shut."""
     west, south, east, north = bounds
     lon, lat = (
         low + (high - low) * (np.arange(_CELLS) + 0.5) / _CELLS
@@ -72,7 +73,8 @@ def _grid(land: Sequence[Polygon], bounds: Bounds) -> WaterGrid:
     )
     centres = shapely.points(np.stack(np.meshgrid(lon, lat), axis=-1).reshape(-1, 2))
     is_water = np.ones(len(centres), dtype=bool)
-    is_water[shapely.STRtree(centres).query(land, predicate="intersects")[1]] = False
+    near = (north - south) / _CELLS / 2
+    is_water[shapely.STRtree(centres).query(land, predicate="dwithin", distance=near)[1]] = False
     return WaterGrid(lon, lat, is_water.reshape(_CELLS, _CELLS))
 
 

@@ -78,7 +78,7 @@ def test_gpxpy_reads_every_route_with_its_waypoints(any_run: RunResult, tmp_path
     found = season_waypoints(any_run, season)
     assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
     for route, points in zip(gpx.routes, found, strict=True):
-        assert route.name == f"{season} {points.ranked.rank}"
+        assert route.name == f"{season} {points.ranked.rank} {points.ranked.metrics.way}".strip()
         at = np.array([[p.longitude, p.latitude] for p in route.points])
         apart = at - points.lonlat
         apart[:, 0] = (apart[:, 0] + 180) % 360 - 180

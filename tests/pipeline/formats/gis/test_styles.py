@@ -117,7 +117,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
     best = {r.season: r.metrics.fuel for r in result.routes if r.rank == 1}
     lead = min(best, key=lambda season: best[season])
     root = project(package)
-    first, second, land = root.find("layer-tree-group").xpath(
+    first, second, islands, land = root.find("layer-tree-group").xpath(
         "./layer-tree-group | ./layer-tree-layer"
     )
     assert first.get("name").lower().startswith(lead)
@@ -126,7 +126,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
         for group in (first, second)
     ]
     assert on == [{"Routes", "Waypoints", "Soft no-go zones", "Currents"}, {"Routes"}]
-    assert land.get("checked") == "Qt::Checked"
+    assert {land.get("checked"), islands.get("checked")} == {"Qt::Checked"}
 
 
 def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -> None:
@@ -135,7 +135,8 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert root.find("layer-tree-group/custom-order").get("enabled") == "1"
     kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
     assert sorted(set(kinds), key=kinds.index) == [
-        *("waypoints", "routes", "contingency", "no_go", "soft_no_go", "channels", "currents")
+        *("islands", "waypoints", "routes", "contingency"),
+        *("no_go", "soft_no_go", "channels", "currents"),
     ]
     # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)
