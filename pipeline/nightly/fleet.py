@@ -226,7 +226,7 @@ def _local_cluster(workers: int, memory_gb: float) -> Iterator[str]:
         processes=True,
         memory_limit=int(memory_gb * 1e9),
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address=":0",  # any free port: with none it takes the common one all the same
         silence_logs=logging.CRITICAL + 1,
     )
     try:

@@ -140,7 +140,7 @@ if __name__ == "__main__":
     scenario = Scenario.model_validate_json(Path(sys.argv[1]).read_text())
     if sys.argv[3:]:
         from distributed import LocalCluster
-        with LocalCluster(n_workers=1, host="127.0.0.1", dashboard_address=None) as cluster:
+        with LocalCluster(n_workers=1, host="127.0.0.1", dashboard_address=":0") as cluster:
             outcome = run(scenario, Path(sys.argv[2]), scheduler=cluster.scheduler_address)
     else:
         outcome = run(scenario, Path(sys.argv[2]))
