@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # Distance between the ends of two routes below which they are the same, share of their length: a
 # pair that was moved has no yesterday.
 _SAME_END = 1e-6
+# Percentage by which yesterday's route must be cheaper to be worth a word: above the planner's own
+# tolerance.
+_CHEAPER_PERCENT = 0.1
 # Share of a line at which points are added for the distance between two, which is measured from
 # points.
 _DENSIFY = 0.01
@@ -85,6 +88,12 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
                 f"best side {row['earlier_side'] or '-'} yesterday, {row['side'] or '-'} now"
             )
         saving = row.get("saving_percent")
+        if saving is not None and saving < -_CHEAPER_PERCENT:
+            # Tonight's best is the least of all routes that are safe tonight.
+            look.append(
+                f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
+                "distance from land that tonight's current asks for"
+            )
         if saving is not None and saving > rules.look_percent:
             look.append(f"changing the route saves {saving:.1f} %")
     if rules.stale:
