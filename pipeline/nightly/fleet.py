@@ -163,6 +163,8 @@ class Fleet:
 
         if future.cancelled() or future.status == "lost":
             raise self._dead()
+        # A task ends, or dies, on a worker, which may be gone again at the next question.
+        self._had_workers = time.monotonic()
         try:
             result = within(_ANSWER_S, future.result)
         except (KilledWorker, DiedBeforeError):

@@ -191,7 +191,7 @@ def leftovers(output: Path) -> list[str]:
 
 @dataclass
 class Undisturbed:
-    """A night that nobody disturbed: the folder it begins from, what it holds, how long it takes."""
+    """An undisturbed night: the folder it begins from, what it holds, how long it takes, s."""
 
     file: Path
     start: Path
