@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 _ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
 # Times between two looks at tasks, and between two questions whether the scheduler lives, s.
 _PAUSE_S, _HEARTBEAT_S = 0.02, 5.0
-# A local worker is ended at its limit; until then its memory is its own.
-_MEMORY = {
+# A local worker is ended at its limit; until then its memory is its own. And a local cluster does
+# not give up a worker that dies a second time within the time in which it looks into the first.
+_LOCAL = {
+    "distributed.deploy.lost-worker-timeout": "7 days",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -105,7 +107,7 @@ def fleet(
     address = address or dask.config.get("scheduler-address", None)
     with quiet(), contextlib.ExitStack() as held:
         if address is None:
-            held.enter_context(dask.config.set(_MEMORY))
+            held.enter_context(dask.config.set(_LOCAL))
             address = held.enter_context(_local_cluster(workers or _cores(), memory_gb))
         connected = Fleet(address, held.enter_context(_client(address)))
         connected.wait_for_workers()
