@@ -38,6 +38,8 @@ _LOCAL = {
     "distributed.worker.memory.terminate": 0.95,
     "distributed.scheduler.work-stealing": False,
 }
+# Number of times that local workers are looked at before the night is given up.
+_ATTEMPTS = 3
 _REMEDY = "check the address, or leave --scheduler out"
 
 
@@ -105,13 +107,14 @@ def fleet(
     import dask
 
     address = address or dask.config.get("scheduler-address", None)
+    is_given = address is not None
     with quiet(), contextlib.ExitStack() as held:
         if address is None:
             held.enter_context(dask.config.set(_LOCAL))
             address = held.enter_context(_local_cluster(workers or _cores(), memory_gb))
         connected = Fleet(address, held.enter_context(_client(address)))
         connected.wait_for_workers()
-        refuse_unfit_workers(connected.client, address, shared)
+        _check_workers(connected, address, shared, attempts=1 if is_given else _ATTEMPTS)
         yield connected
 
 
@@ -217,6 +220,20 @@ class Fleet:
             f"the Dask scheduler at {self._address!r} does not answer; all parts that were done "
             f"are kept, run again to continue: {_REMEDY}"
         )
+
+
+def _check_workers(workers: Fleet, address: str, shared: Path, attempts: int) -> None:
+    """Refuse unfit workers; local ones, which run this very code, may have died just then."""
+    for attempt in range(1, attempts + 1):
+        try:
+            refuse_unfit_workers(workers.client, address, shared)
+        except StageError:
+            if attempt == attempts:
+                raise
+            time.sleep(_HEARTBEAT_S)
+            workers.wait_for_workers()
+        else:
+            return
 
 
 @contextlib.contextmanager
