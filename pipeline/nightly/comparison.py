@@ -60,7 +60,8 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    if scene.chart.hard_no_go.intersects(line):
+    # A route may touch land where it was planned without padding, and rounding carries it inside.
+    if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()
     apart = shapely.hausdorff_distance(line, shapely.LineString(route.path), densify=_DENSIFY)
