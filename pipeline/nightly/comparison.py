@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # Distance between the ends of two routes below which they are the same, share of their length: a
 # pair that was moved has no yesterday.
 _SAME_END = 1e-6
+# Percentage by which yesterday's route must be cheaper to be worth a word: above the planner's own
+# tolerance.
+_CHEAPER_PERCENT = 0.1
 # Share of a line at which points are added for the distance between two, which is measured from
 # points.
 _DENSIFY = 0.01
@@ -57,7 +60,8 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    if scene.chart.hard_no_go.intersects(line):
+    # A route may touch land where it was planned without padding, and rounding carries it inside.
+    if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()
     apart = shapely.hausdorff_distance(line, shapely.LineString(route.path), densify=_DENSIFY)
@@ -83,6 +87,12 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
         if _has_flipped(row["earlier_side"], row["side"]):
             look.append(f"{row['earlier_side']} yesterday, {row['side']} now")
         saving = row.get("saving_percent")
+        if saving is not None and saving < -_CHEAPER_PERCENT:
+            # Tonight's best is the least of all routes that are safe tonight.
+            look.append(
+                f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
+                "distance from land that tonight's current asks for"
+            )
         if saving is not None and saving > rules.look_percent:
             look.append(f"changing the route saves {saving:.1f} %")
     if rules.stale:

@@ -28,14 +28,18 @@ if TYPE_CHECKING:
 _ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
 # Times between two looks at tasks, and between two questions whether the scheduler lives, s.
 _PAUSE_S, _HEARTBEAT_S = 0.02, 5.0
-# A local worker is ended at its limit; until then its memory is its own.
-_MEMORY = {
+# A local worker is ended at its limit; until then its memory is its own. And a local cluster does
+# not give up a worker that dies a second time within the time in which it looks into the first.
+_LOCAL = {
+    "distributed.deploy.lost-worker-timeout": "7 days",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
     "distributed.scheduler.work-stealing": False,
 }
+# Number of times that local workers are looked at before the night is given up.
+_ATTEMPTS = 3
 _REMEDY = "check the address, or leave --scheduler out"
 
 
@@ -103,13 +107,14 @@ def fleet(
     import dask
 
     address = address or dask.config.get("scheduler-address", None)
+    is_given = address is not None
     with quiet(), contextlib.ExitStack() as held:
         if address is None:
-            held.enter_context(dask.config.set(_MEMORY))
+            held.enter_context(dask.config.set(_LOCAL))
             address = held.enter_context(_local_cluster(workers or _cores(), memory_gb))
         connected = Fleet(address, held.enter_context(_client(address)))
         connected.wait_for_workers()
-        refuse_unfit_workers(connected.client, address, shared)
+        _check_workers(connected, address, shared, attempts=1 if is_given else _ATTEMPTS)
         yield connected
 
 
@@ -163,6 +168,8 @@ class Fleet:
 
         if future.cancelled() or future.status == "lost":
             raise self._dead()
+        # A task ends, or dies, on a worker, which may be gone again at the next question.
+        self._had_workers = time.monotonic()
         try:
             result = within(_ANSWER_S, future.result)
         except (KilledWorker, DiedBeforeError):
@@ -213,6 +220,20 @@ class Fleet:
             f"the Dask scheduler at {self._address!r} does not answer; all parts that were done "
             f"are kept, run again to continue: {_REMEDY}"
         )
+
+
+def _check_workers(workers: Fleet, address: str, shared: Path, attempts: int) -> None:
+    """Refuse unfit workers; local ones, which run this very code, may have died just then."""
+    for attempt in range(1, attempts + 1):
+        try:
+            refuse_unfit_workers(workers.client, address, shared)
+        except StageError:
+            if attempt == attempts:
+                raise
+            time.sleep(_HEARTBEAT_S)
+            workers.wait_for_workers()
+        else:
+            return
 
 
 @contextlib.contextmanager

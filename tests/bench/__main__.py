@@ -19,6 +19,7 @@ from tests.bench import (
     class_figures,
     eddy_figures,
     fault_figures,
+    nightly_figures,
     output_figures,
     palawan_figures,
     pipeline_figures,
@@ -52,6 +53,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
+    "nightly": nightly_figures.figures,
 }
 
 

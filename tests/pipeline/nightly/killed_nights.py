@@ -1,0 +1,215 @@
+"""Nights whose processes are killed, and a reader that opens `latest` all the while."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import sqlite3
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import pyarrow.parquet as pq
+
+from tests.pipeline.nightly.nights import contents
+from tests.pipeline.processes import descendants, renew, started, wait_until
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Iterator
+    from pathlib import Path
+
+Victim = Literal["main", "worker", "scheduler"]
+# Time within which any night ends, s.
+_LONG_S = 600.0
+# Time between two looks of the reader, s: twenty a second.
+_READER_S = 0.05
+
+
+@dataclass
+class Reader:
+    """Opens `latest` twenty times a second; `faults` are the times that it was not whole."""
+
+    output: Path
+    count: int = 0
+    faults: list[str] = field(default_factory=list)
+    cycles: set[str] = field(default_factory=set)
+    _ended: threading.Event = field(default_factory=threading.Event)
+
+    @contextlib.contextmanager
+    def reading(self) -> Iterator[Reader]:
+        """Read all the while."""
+        thread = threading.Thread(target=self._read, daemon=True)
+        thread.start()
+        try:
+            yield self
+        finally:
+            self._ended.set()
+            thread.join()
+
+    def _read(self) -> None:
+        while not self._ended.wait(_READER_S):
+            link = self.output / "latest"
+            if not link.is_symlink():
+                if self.count:
+                    self.faults.append("latest is gone")
+                continue
+            try:
+                self._look(link.resolve())
+                self.count += 1
+            except Exception as error:  # noqa: BLE001 - whatever it is, a reader has met it
+                self.faults.append(repr(error))
+
+    def _look(self, folder: Path) -> None:
+        """Open everything, as one who has opened the folder does."""
+        said = json.loads((folder / "night.json").read_text())
+        assert pq.read_metadata(folder / "cases.parquet").num_rows == said["cases"]
+        assert pq.read_metadata(folder / "routes.parquet").num_rows > 0
+        assert pq.read_metadata(folder / "history.parquet").num_rows > 0
+        assert (folder / "index.html").read_text().endswith("</html>")
+        assert (folder / "changes.csv").read_text().startswith("case,")
+        assert json.loads((folder / "item.json").read_text())["id"] == folder.name
+        with contextlib.closing(
+            sqlite3.connect(f"file:{folder}/routes.gpkg?mode=ro", uri=True)
+        ) as db:
+            assert db.execute("SELECT count(*) FROM routes").fetchone()[0] > 0
+        self.cycles.add(folder.name)
+
+
+@dataclass(frozen=True)
+class External:
+    """A scheduler and workers of their own, which can be killed and are started anew."""
+
+    folder: Path
+    processes: dict[str, list[subprocess.Popen[str]]]
+    address: str
+
+    @classmethod
+    @contextlib.contextmanager
+    def started(cls, folder: Path, workers: int = 2) -> Iterator[External]:
+        """Start them."""
+        file = folder / f"scheduler-{random.getrandbits(32):x}.json"
+        dask = (sys.executable, "-m", "dask")
+        with contextlib.ExitStack() as held:
+            scheduler = held.enter_context(
+                started(
+                    *(*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"),
+                    *("--scheduler-file", str(file)),
+                )
+            )
+            wait_until(lambda: file.exists() and file.read_text(), 120)
+            own = [
+                held.enter_context(
+                    started(
+                        *(*dask, "worker", "--scheduler-file", str(file), "--nworkers", "1"),
+                        *("--nthreads", "1", "--memory-limit", "1GiB", "--no-dashboard"),
+                    )
+                )
+                for _ in range(workers)
+            ]
+            address = str(json.loads(file.read_text())["address"])
+            yield cls(folder, {"scheduler": [scheduler], "worker": own}, address)
+
+
+def night(file: Path, output: Path, *options: str) -> tuple[str, ...]:
+    """Return the command of a night."""
+    return (*renew("nightly", "run"), "--config", str(file), "--output", str(output), *options)
+
+
+def run_to_the_end(file: Path, output: Path, *options: str) -> str:
+    """Run a night in a process of its own; return what it printed."""
+    with started(*night(file, output, *options)) as process:
+        out, err = process.communicate(timeout=_LONG_S)
+        assert process.returncode in {0, 10}, err[-2000:]
+        return out + err
+
+
+def killed(
+    file: Path,
+    output: Path,
+    victim: Victim,
+    after_s: float,
+    *,
+    address: str | None = None,
+    external: External | None = None,
+) -> int:
+    """Start a night and kill one of its processes some time later; return the night's exit code.
+
+    A worker is one of the night's own, a process below it; a scheduler an external one.
+    """
+    options = () if address is None else ("--scheduler", address)
+    with started(*night(file, output, *options)) as process:
+        threading.Thread(target=process.stdout.read, daemon=True).start()  # type: ignore[union-attr]
+        threading.Thread(target=process.stderr.read, daemon=True).start()  # type: ignore[union-attr]
+        deadline = time.monotonic() + after_s
+        while time.monotonic() < deadline and process.poll() is None:
+            time.sleep(0.02)
+        if victim == "main":
+            process.kill()
+        elif victim == "worker":
+            pool = sorted(_workers_of(process.pid))
+            if external is not None:
+                pool = sorted(_workers_of(external.processes["worker"][0].pid))
+            if pool:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(random.choice(pool), signal.SIGKILL)  # noqa: S311 - a test's choice
+        elif external is not None:
+            external.processes["scheduler"][0].kill()
+        return process.wait(_LONG_S)
+
+
+def _workers_of(pid: int) -> set[int]:
+    """Return the worker processes below a process: those that multiprocessing has spawned."""
+    found = set()
+    for child in descendants(pid):
+        with contextlib.suppress(OSError):
+            from pathlib import Path
+
+            line = Path(f"/proc/{child}/cmdline").read_bytes()
+            if b"spawn_main" in line:
+                found.add(child)
+    return found
+
+
+def leftovers(output: Path) -> list[str]:
+    """Return what is in an output folder that an undisturbed night does not leave."""
+    expected = re.compile(
+        r"latest|\.nightly\.lock|\.artefacts(/.*)?"
+        r"|(\d{4}-\d\d-\d\dT\d\dZ(-\w{8})?|undated-\w{8})(/[\w.]+)?"
+    )
+    found = [str(path.relative_to(output)) for path in output.rglob("*")]
+    hidden = [name for name in found if "/." in name or name.endswith(".tmp")]
+    return [name for name in found if not expected.fullmatch(name)] + hidden
+
+
+@dataclass
+class Undisturbed:
+    """An undisturbed night: the folder it begins from, what it holds, how long it takes, s."""
+
+    file: Path
+    start: Path
+    held: dict[str, Any]
+    seconds: float
+
+    @classmethod
+    def made(cls, file: Path, start: Path) -> Undisturbed:
+        """Run a night from a copy of a folder."""
+        end = start.with_name("undisturbed")
+        shutil.copytree(start, end, symlinks=True)
+        begun = time.monotonic()
+        run_to_the_end(file, end)
+        return cls(file, start, contents(end), time.monotonic() - begun)
+
+    def again(self) -> Path:
+        """Return a fresh copy of the folder that it begins from."""
+        output = self.start.with_name("killed")
+        shutil.rmtree(output, ignore_errors=True)
+        shutil.copytree(self.start, output, symlinks=True)
+        return output

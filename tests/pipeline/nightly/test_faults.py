@@ -1,0 +1,175 @@
+"""What breaks at night, with the process really killed or the thing really missing."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import StageError
+from pipeline.nightly.config import load_config
+from pipeline.nightly.night import run_night
+from pipeline.nightly.outcome import BusyError
+from tests.pipeline.nightly.killed_nights import night, run_to_the_end
+from tests.pipeline.nightly.nights import contents, plane_night, rows
+from tests.pipeline.processes import started, wait_until
+
+_DEADLY = Path(__file__).parent / "deadly"
+
+
+@pytest.fixture
+def deadly(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let the workers of this test's nights die of chosen cases; see `deadly/sitecustomize.py`."""
+    path = os.pathsep.join([str(_DEADLY), str(Path(__file__).resolve().parents[3])])
+    monkeypatch.setenv("PYTHONPATH", path)
+    return monkeypatch
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["crash", "memory"])
+def test_the_one_case_that_kills_is_named_and_the_night_goes_on(
+    tmp_path: Path, deadly: pytest.MonkeyPatch, how: str
+) -> None:
+    deadly.setenv("RENEW_TEST_DEADLY", f"quick/still/p0007 {how}")
+    file = plane_night(tmp_path, pairs=12, workers=1, memory_gb=1.0)
+    outcome = run_night(load_config(file, tmp_path / "out"))
+    assert outcome.exit_code == 10
+    table = rows(tmp_path / "out")
+    broken = [row for row in table if row["status"] == "broken"]
+    assert [row["case"] for row in broken] == ["quick/still/p0007"]
+    assert broken[0]["outcome"] == "act"
+    assert [row["status"] for row in table].count("planned") == 11
+
+
+def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.geteuid() != 0:
+        pytest.skip("needs to be root, to mount a small tmpfs")
+    done = subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(disk)], check=False
+    )
+    if done.returncode:
+        pytest.skip("may not mount a tmpfs here")
+    config = load_config(plane_night(tmp_path, pairs=40), disk / "out")
+    try:
+        with pytest.raises(StageError, match=r"No space left on device|free some space"):
+            run_night(config, scheduler=cluster)
+        assert not (disk / "out" / "latest").is_symlink()
+        assert list((disk / "out").glob("*.partial"))
+        subprocess.run(
+            [mount, "-o", "remount,size=20m", str(disk)], check=True, capture_output=True
+        )
+        assert run_night(config, scheduler=cluster).fresh
+        assert len(rows(disk / "out")) == 40
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)  # noqa: S607 - of util-linux
+
+
+def test_an_output_that_is_read_only(tmp_path: Path, cluster: str) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.geteuid() != 0:
+        pytest.skip("needs to be root, to mount something read-only")
+    if subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "ro", "tmpfs", str(disk)], check=False
+    ).returncode:
+        pytest.skip("may not mount a tmpfs here")
+    try:
+        with pytest.raises(StageError, match=r"can't write in .*: Read-only file system; allow it"):
+            run_night(load_config(plane_night(tmp_path), disk / "out"), scheduler=cluster)
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)  # noqa: S607 - of util-linux
+
+
+def test_a_limit_that_is_reached_keeps_what_is_done(tmp_path: Path, cluster: str) -> None:
+    file = plane_night(tmp_path, pairs=30, limit_hours=1e-9)
+    with pytest.raises(StageError, match="the limit of 1e-09 h is reached"):
+        run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
+    assert not (tmp_path / "out" / "latest").exists()
+    (partial,) = (tmp_path / "out").glob("*.partial")
+    assert (partial / "request.json").is_file()
+
+
+@pytest.mark.slow
+def test_two_jobs_at_once(tmp_path: Path) -> None:
+    file, output = plane_night(tmp_path, pairs=40, workers=1), tmp_path / "out"
+    with started(*night(file, output)) as first:
+        wait_until(lambda: list(output.glob("*.partial/request.json")))
+        with pytest.raises(BusyError, match=f"process {first.pid} on "):
+            run_night(load_config(file, output))
+        first.communicate(timeout=300)
+        assert first.returncode == 0
+
+
+@pytest.mark.slow
+def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) -> None:
+    # The same code, but for a comment, in another place.
+    root = Path(__file__).resolve().parents[3]
+    other = tmp_path / "other"
+    for name in ("renew", "pipeline", "catalog"):
+        shutil.copytree(root / name, other / name, ignore=shutil.ignore_patterns("__pycache__"))
+    with (other / "pipeline" / "stages" / "plan.py").open("a") as module:
+        module.write("# another version\n")
+    command = (sys.executable, "-P", "-m", "pipeline.cli.main", "nightly", "run", "--config")
+    file = plane_night(tmp_path)
+    done = subprocess.run(
+        [*command, str(file), "--output", str(tmp_path / "out"), "--scheduler", cluster],
+        env=os.environ | {"PYTHONPATH": str(other)},
+        cwd=other,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "runs another version of RENEW" in done.stderr
+    assert not (tmp_path / "out" / "latest").exists()
+
+
+@pytest.mark.parametrize("date", ["2028-02-29 23:59:58", "2001-01-01 00:00:00"])
+def test_a_clock_that_is_elsewhere_changes_no_result(
+    tmp_path: Path, cluster: str, date: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from datetime import UTC, datetime
+
+    from pipeline.nightly import night as night_module
+    from pipeline.nightly import partial as partial_module
+
+    config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
+    cycle = run_night(config, scheduler=cluster).cycle
+
+    class Clock(datetime):
+        """A clock that stands at another date."""
+
+        @classmethod
+        def now(cls, tz: object = None) -> datetime:  # type: ignore[override]
+            del tz
+            return datetime.fromisoformat(date).replace(tzinfo=UTC)
+
+    monkeypatch.setattr(night_module, "datetime", Clock)
+    monkeypatch.setattr(partial_module, "datetime", Clock)
+    other = load_config(tmp_path / "night.toml", tmp_path / "then")
+    assert run_night(other, scheduler=cluster).cycle == cycle
+    assert contents(tmp_path / "now") == contents(tmp_path / "then")
+
+
+@pytest.mark.slow
+def test_a_night_killed_half_way_does_the_other_half_only(tmp_path: Path) -> None:
+    file, output = plane_night(tmp_path, pairs=40, workers=1), tmp_path / "out"
+    with started(*night(file, output)) as process:
+        wait_until(lambda: len(list(output.glob("*.partial/parts/*.parquet"))) >= 2, 300)
+        process.kill()
+        process.wait()
+    parts = {path: path.stat().st_mtime_ns for path in output.glob("*.partial/parts/*.parquet")}
+    with contextlib.suppress(FileNotFoundError):
+        assert {path: path.stat().st_mtime_ns for path in parts} == parts
+    said = run_to_the_end(file, output)
+    assert '"event": "done"' in said
+    assert len(rows(output)) == 40

@@ -1,0 +1,88 @@
+"""A night's processes are killed at any time: the next run ends as if nothing had happened."""
+
+from __future__ import annotations
+
+import collections
+import os
+import random
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.pipeline.nightly.killed_nights import (
+    External,
+    Reader,
+    Undisturbed,
+    Victim,
+    killed,
+    leftovers,
+    run_to_the_end,
+)
+from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SEED = 20_261_122
+# Number of kills of the slow test: of ten, six meet the main process, three a worker, one the
+# scheduler.
+KILLS = int(os.environ.get("RENEW_NIGHT_KILLS", "20"))
+_VICTIMS: tuple[Victim, ...] = (*("main",) * 6, *("worker",) * 3, "scheduler")
+
+
+@pytest.fixture(scope="module")
+def second_night(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    """Give a night that follows another one, so that a reader has something to read throughout."""
+    folder = tmp_path_factory.mktemp("killed")
+    file = region_night(folder, departures=3, workers=1)
+    write_forecast(folder / "currents" / "m1.nc")
+    run_to_the_end(file, folder / "start")
+    write_forecast(folder / "currents" / "m1.nc", REFERENCE + timedelta(days=1), seed=7)
+    return Undisturbed.made(file, folder / "start")
+
+
+def kill_and_continue(
+    undisturbed: Undisturbed, victim: Victim, fraction: float, folder: Path
+) -> str:
+    """Kill a night's process and run it again; return what the killed one ended with."""
+    output = undisturbed.again()
+    with Reader(output).reading() as reader:
+        after_s = fraction * undisturbed.seconds
+        if victim == "scheduler":
+            with External.started(folder) as external:
+                code = killed(
+                    undisturbed.file,
+                    output,
+                    victim,
+                    after_s,
+                    address=external.address,
+                    external=external,
+                )
+        else:
+            code = killed(undisturbed.file, output, victim, after_s)
+        run_to_the_end(undisturbed.file, output)
+    what = f"{victim} killed at {fraction:.2f}, ended with {code}"
+    assert reader.faults == [], what
+    assert reader.count > 0, what
+    assert contents(output) == undisturbed.held, what
+    assert leftovers(output) == [], what
+    return f"{victim} {code}"
+
+
+@pytest.mark.parametrize(("victim", "fraction"), [("main", 0.8), ("worker", 0.75)])
+@pytest.mark.slow
+def test_a_killed_night_continues(
+    second_night: Undisturbed, victim: Victim, fraction: float, tmp_path: Path
+) -> None:
+    ended = kill_and_continue(second_night, victim, fraction, tmp_path)
+    assert ended.split()[1] in {"-9", "0", "10"}
+
+
+@pytest.mark.slow
+def test_many_killed_nights_continue(second_night: Undisturbed, tmp_path: Path) -> None:
+    rng = random.Random(SEED)  # noqa: S311 - a test's seed
+    met: collections.Counter[str] = collections.Counter()
+    for i in range(KILLS):
+        met[kill_and_continue(second_night, _VICTIMS[i % 10], rng.random(), tmp_path)] += 1
+    print(f"{KILLS} kills: {dict(met)}")  # noqa: T201
