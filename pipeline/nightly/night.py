@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.cycle import Cycles, writing
@@ -16,10 +15,7 @@ from pipeline.nightly.expansion import expand
 from pipeline.nightly.lock import night_lock
 from pipeline.nightly.newest_currents import newest_currents
 from pipeline.nightly.outcome import (
-    ACT,
     DONE,
-    LOOK,
-    LOOK_CODE,
     OUTCOMES,
     BusyError,
     ComeAgainError,
@@ -27,22 +23,19 @@ from pipeline.nightly.outcome import (
     NightOutcome,
     ignore,
 )
+from pipeline.nightly.record import RECORD, record_of, summary
 from pipeline.storage.locks import file_lock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from pipeline.nightly.cases import Cases
     from pipeline.nightly.config import NightConfig
     from pipeline.nightly.newest_currents import Newest
     from pipeline.nightly.outcome import NightEventHandler, NightStage
     from pipeline.nightly.planning import Planning
-    from pipeline.nightly.publishing import Published
     from pipeline.storage.store import Store
 
-NIGHT_FILE = "night.json"
-"""When and by what a cycle was made, and how its cases ended: the one file with times of making."""
 _ONLY = "only"
 _HOUR_S = 3600.0
 
@@ -128,7 +121,7 @@ class _Night:
             if (settled := self._settled() or self._named()) is not None:
                 return settled
             planning = self._planning(is_alone=is_alone)
-            if not (planning.partial.folder / NIGHT_FILE).exists():
+            if not (planning.partial.folder / RECORD).exists():
                 self._plan(planning)
             if is_alone:
                 return self._publish(planning)
@@ -281,20 +274,29 @@ class _Night:
 
     def _publish(self, planning: Planning) -> NightOutcome:
         """Make the files, check them, and put them in place."""
-        from pipeline.nightly.partial import write_whole
         from pipeline.nightly.publishing import Publishing
+        from pipeline.nightly.record import write_record
 
         partial = planning.partial
-        if not (partial.folder / NIGHT_FILE).exists():
+        if not (partial.folder / RECORD).exists():
             earlier = self.cycles.folder(partial.earlier) if partial.earlier else None
             publishing = Publishing(planning, partial.folder, earlier)
             with self._stage("publish"):
                 published = publishing.write()
             with self._stage("check"):
                 publishing.check()
-                with writing(partial.folder):
-                    text = json.dumps(self._described(planning, published), indent=2)
-                    write_whole(partial.folder / NIGHT_FILE, text + "\n")
+            write_record(
+                partial.folder,
+                {
+                    "cycle": self.newest.cycle,
+                    "reference_time": self.newest.time and self.newest.time.isoformat(),
+                    "earlier_cycle": partial.earlier or None,
+                    "cases": len(self.cases),
+                    "begun": partial.started.isoformat(timespec="seconds"),
+                    "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
+                },
+                published,
+            )
         partial.clear()
         self.cycles.publish(self.newest.cycle)
         self.cycles.prune(self.config.table.keep)
@@ -311,34 +313,12 @@ class _Night:
 
     # --- what is said ---
 
-    def _described(self, planning: Planning, published: Published) -> dict[str, Any]:
-        """Return the content of `night.json`."""
-        from pipeline.formats.tables.manifest import versions
-
-        by_outcome = published.by_outcome
-        code = LOOK_CODE if by_outcome[ACT] or by_outcome[LOOK] else DONE
-        reference = self.newest.time
-        return {
-            "cycle": self.newest.cycle,
-            "reference_time": reference.isoformat() if reference else None,
-            "earlier_cycle": planning.partial.earlier or None,
-            "cases": len(self.cases),
-            "cases_by_outcome": by_outcome,
-            "cases_by_status": published.by_status,
-            "exit_code": code,
-            "begun": planning.partial.started.isoformat(timespec="seconds"),
-            "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-            "seconds_by_stage": {key: round(value, 3) for key, value in self.seconds.items()},
-            "planning_seconds": round(published.planning_s, 3),
-            "versions": dict(versions()),
-        }
-
     def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
         """Return the outcome that a finished cycle states; 0 where this run did nothing."""
-        said = night_of(self.cycles.folder(cycle))
+        said = record_of(self.cycles.folder(cycle))
         counts = {name: int(said["cases_by_outcome"][name]) for name in OUTCOMES}
         code = int(said["exit_code"]) if fresh else DONE
-        text = message or _summary(cycle, counts, said["cases_by_status"])
+        text = message or summary(said)
         return self._outcome(cycle, code, counts, text, fresh=fresh)
 
     def _outcome(
@@ -392,29 +372,3 @@ class _Night:
                 f"the limit of {self.config.table.limit_hours:g} h is reached; nothing is "
                 "published, and the parts that are done are kept: run again to continue"
             )
-
-
-def night_of(folder: Path) -> dict[str, Any]:
-    """Read what a finished cycle says of its making.
-
-    Raises
-    ------
-    StageError
-        It can't be read: somebody has changed the cycle.
-    """
-    try:
-        said: dict[str, Any] = json.loads((folder / NIGHT_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise StageError(
-            f"{folder / NIGHT_FILE} can't be read ({error}); remove {folder}"
-        ) from error
-    return said
-
-
-def _summary(cycle: str, counts: dict[str, int], by_status: dict[str, int]) -> str:
-    """Say in one line how a cycle ended."""
-    outcomes = ", ".join(f"{counts[name]:,} {name}" for name in OUTCOMES)
-    others = ", ".join(
-        f"{n:,} {name}" for name, n in sorted(by_status.items()) if name != "planned"
-    )
-    return f"{cycle}: {outcomes}" + (f"; {others}" if others else "")

@@ -11,9 +11,9 @@ from pipeline.nightly.changes import rows_of
 from pipeline.nightly.cycle import Cycles
 from pipeline.nightly.earlier import CASES_FILE
 from pipeline.nightly.lock import holder_of, is_busy
-from pipeline.nightly.night import night_of
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.part import covering, parts_in
+from pipeline.nightly.record import record_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,7 +58,7 @@ def status_lines(output: Path) -> Iterator[str]:
     cycles = Cycles(output)
     latest = cycles.latest
     if latest:
-        said = night_of(cycles.folder(latest))
+        said = record_of(cycles.folder(latest))
         finished = datetime.fromisoformat(said["finished"])
         hours = (datetime.now(UTC) - finished).total_seconds() / 3600
         counts = ", ".join(f"{said['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)

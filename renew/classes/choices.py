@@ -2,7 +2,7 @@
 
 Among hundreds of islets all of the best classes pass the same large islands on the same side. So
 words are spelled by a few islands only: the largest of those that lie on the way, as many as it
-takes for k classes by passing each on either side.
+takes for k classes by passing each on either side. The largest one counts, however small it is.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ def rays_that_matter(rays: Rays, path: FloatArray, count: int) -> Rays:
     """Rays of the islands by which `count` classes around a path (n, 2), m, are to differ."""
     length = float(shapely.length(shapely.LineString(path)))
     origins = np.column_stack([rays.x, rays.y])
-    by_it = sum(np.linalg.norm(origins - end, axis=1) for end in path[[0, -1]])
-    on_the_way = by_it - rays.size <= (1 + _DETOUR) * length
-    matters = np.flatnonzero(on_the_way & (rays.size >= _SIZE * length))
-    largest_first = matters[np.argsort(-rays.size[matters], kind="stable")]
+    through_it = sum(np.linalg.norm(origins - end, axis=1) for end in path[[0, -1]])
+    on_the_way = through_it - rays.size <= (1 + _DETOUR) * length
+    by_it = np.flatnonzero(on_the_way)
+    largest_first = by_it[np.argsort(-rays.size[by_it], kind="stable")]
+    that_matter = max(1, np.count_nonzero(rays.size[by_it] >= _SIZE * length))
     chosen = np.zeros(len(rays.x), dtype=bool)
-    chosen[largest_first[: math.ceil(math.log2(count))]] = True
+    chosen[largest_first[: min(that_matter, math.ceil(math.log2(count)))]] = True
     return rays.only(chosen)

@@ -50,6 +50,15 @@ def test_the_largest_islands_on_the_way_matter() -> None:
     assert len(rays_that_matter(rays, WAY, 1).x) == 0
 
 
+def test_where_all_are_islets_the_largest_on_the_way_matters() -> None:
+    islets = [box(60, 99, 61, 100), box(95, 100, 96.5, 101.5), box(120, 98, 121, 99)]
+    beside = box(2, 160, 8, 190)
+    rays = Rays.of(renew.Chart(box(0, 0, SIZE, SIZE), [*islets, beside]))
+    chosen = rays_that_matter(rays, WAY, 16)
+    assert len(chosen.x) == 1
+    assert islets[1].covers(shapely.Point(chosen.x[0], chosen.y[0]))
+
+
 @given(seed=seeds, share=st.floats(0, 1))
 def test_a_word_by_some_rays_follows_from_the_word_by_all(seed: int, share: float) -> None:
     rays = Rays.of(renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed)))
