@@ -277,10 +277,14 @@ class Passage:
 
     @property
     def text(self) -> str:
-        """The passage for readers: "west of 1", "west of 1, 4 and 6", "between 2 and 5"."""
-        *first, last = self.islands
-        names = f"{', '.join(first)} and {last}" if first else last
-        return f"between {names}" if self.side == "between" else f"{self.side} of {names}"
+        """For readers: "west of island 1", "east of Cebu", "between islands 2 and 5"."""
+        numbered = all(island.isdigit() for island in self.islands)
+        names = [f"island {name}" if name.isdigit() else name for name in self.islands]
+        *first, last = self.islands if numbered and len(names) > 1 else names
+        together = f"{', '.join(first)} and {last}" if first else last
+        if numbered and first:
+            together = f"islands {together}"
+        return f"between {together}" if self.side == "between" else f"{self.side} of {together}"
 
 
 def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
@@ -331,7 +335,7 @@ class RouteMetrics:
 
     @property
     def way(self) -> str:
-        """The way round, for readers: "west of 1 and 4, between 2 and 5"; empty without islands."""
+        """The way round, for readers: "west of islands 1 and 4, between 2 and Cebu"; or empty."""
         return ", ".join(
             Passage(side, tuple(name for one in alike for name in one.islands)).text
             for side, alike in _alike(self.passages)

@@ -104,5 +104,5 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
 
 
 def _has_flipped(earlier: str, now: str) -> bool:
-    """Say whether the main island is passed on another side, as in "west of 1" and "east of 1"."""
+    """Say whether the main island is passed on another side, not which island is."""
     return earlier != now and earlier.partition(" of ")[2] == now.partition(" of ")[2]

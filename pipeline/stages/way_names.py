@@ -1,4 +1,4 @@
-"""Names of ways that a navigator reads: "west of 1", "between 2 and 5".
+"""Names of ways that a navigator reads: "west of island 1", "between islands 2 and 5".
 
 The islands are those by whose rays the planner spelled the routes' classes, under the same numbers
 (:mod:`renew.classes.h_signature`: the largest is 1), or under the chart's own names. A name has no

@@ -93,10 +93,10 @@ def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
     # The largest is 1: the one in the middle; the western is 2, the eastern 3.
     ways = {route.way for route in evaluation.routes}
     assert ways == {
-        "between 1 and 2",
-        "between 1 and 3",
-        "west of 1 and 2",
-        "east of 1 and 3",
+        "between islands 1 and 2",
+        "between islands 1 and 3",
+        "west of islands 1 and 2",
+        "east of islands 1 and 3",
     }
     places = {island.label: island.x for island in evaluation.islands}
     assert set(places) == {"1", "2", "3"}
@@ -136,7 +136,7 @@ def test_seasons_share_the_main_island() -> None:
     both, one = planned(scene), planned(scene, classes=1)
     evaluation = named(scene, both, SeasonPlan("other", one.plan, "", 0.0))
     ways = {(row.season, row.rank): row.way for row in evaluation.routes}
-    assert set(ways.values()) == {"north of 1", "south of 1"}
+    assert set(ways.values()) == {"north of island 1", "south of island 1"}
     assert ways["other", 1] == ways["still", 1]
 
 
@@ -144,7 +144,7 @@ def test_a_single_way_is_named_by_the_largest_island_beside_it() -> None:
     mainland = shapely.box(-500, 300, 500, 500)
     scene = plane_scene([shapely.box(-60, -60, 60, 40), mainland], (-300, 0), (300, 0))
     (row,) = named(scene, planned(scene, classes=1)).routes
-    assert row.way == "north of 1"
+    assert row.way == "north of island 1"
 
 
 def test_without_an_island_beside_it_a_way_has_no_name() -> None:

@@ -80,7 +80,10 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     file = write(tmp_path / "field.nc", dataset(field))
     outcome = voyage(chart, outputs, file, name="with-a-file")
     assert outcome.exit_code == 0
-    assert {row.way for row in outcome.evaluation.routes} == {"north of 1", "south of 1"}
+    assert {row.way for row in outcome.evaluation.routes} == {
+        "north of island 1",
+        "south of island 1",
+    }
     region = outcome.scenario.region
     assert region is not None
     assert region.bbox is not None
@@ -301,4 +304,4 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     assert "offing of at least 69" in done.stdout
     assert "planned on Embedded table of surface currents around Palawan" in done.stderr
     (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
-    assert (best["way"], best["land_m"], best["collisions"]) == ("west of 1", "0.0", "0")
+    assert (best["way"], best["land_m"], best["collisions"]) == ("west of island 1", "0.0", "0")

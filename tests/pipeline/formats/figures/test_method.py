@@ -119,8 +119,8 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
     many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
     titles = [text.get_text() for text in channels_figure(many, "winter").texts]
     assert titles[::2] == [
-        *(f"{rank}: north of 1, east of 2" for rank in (1, 2, 3)),
-        "5: south of 1, east of 2",
+        *(f"{rank}: north of island 1, east of island 2" for rank in (1, 2, 3)),
+        "5: south of island 1, east of island 2",
     ]
 
 

@@ -84,7 +84,7 @@ def test_a_distance_keeps_its_first_digits(metres: float) -> None:
 def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert texts.closest_rival([BEST, TWIN, OTHER]) is OTHER
     text = " ".join(texts.verdict([BEST, TWIN, OTHER], 1.0))
-    assert "The way west of 1 needs 10.0 % less fuel than the best way east of 1 (rank 3)" in text
+    assert "The way west of island 1 needs 10.0 % less fuel than the best way east of " in text
     assert "although it is 40.00 km longer" in text
     assert "averages 1.25 m/s over ground (+0.25 from the current), the other 0.90 m/s" in text
     assert "(−0.10)" in text
@@ -98,9 +98,9 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
 def test_ways_name_islands_on_the_same_side_together() -> None:
     passages = [Passage("west", (name,)) for name in ("1", "4", "Isle")]
     straits = (Passage("between", ("2", "3")), Passage("between", ("5", "6")))
-    assert replace(BEST, passages=tuple(passages)).way == "west of 1, 4 and Isle"
+    assert replace(BEST, passages=tuple(passages)).way == "west of island 1, island 4 and Isle"
     assert replace(BEST, passages=(passages[0], *straits, passages[1])).way == (
-        "west of 1, between 2 and 3, between 5 and 6, west of 4"
+        "west of island 1, between islands 2 and 3, between islands 5 and 6, west of island 4"
     )
     assert replace(BEST, passages=()).way == ""
 
@@ -121,7 +121,7 @@ def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
     text = texts.verdict([replace(BEST, fuel=1100.0), OTHER], 1.0)[0]
-    assert "was chosen over the best way east of 1 (rank 3) by the mean fuel of its" in text
+    assert "was chosen over the best way east of island 1 (rank 3) by the mean fuel of its" in text
     assert "although it needs 10.0 % more fuel" in text
 
 
