@@ -93,13 +93,12 @@ class VectorLayer:
         """Return the names of areas near a box, where the layer has a column of names."""
         import pyogrio
 
-        columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
-        column = next((one for one in columns if one.casefold() in NAME_COLUMNS), None)
-        if column is None:
-            return ()
         found: list[PlaceName] = []
+        # Its warnings are those of reading the areas themselves.
         with reading_chart(self.path):
-            for window in self._windows(box):
+            columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
+            column = next((one for one in columns if one.casefold() in NAME_COLUMNS), None)
+            for window in self._windows(box) if column is not None else ():
                 _, _, wkb, (names,) = pyogrio.raw.read(
                     self.path, layer=self.name, columns=[column], bbox=window.bounds
                 )
