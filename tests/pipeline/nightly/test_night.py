@@ -53,6 +53,7 @@ def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
         "routes.parquet",
     }
     assert (latest / "changes.csv").read_text().count("\n") == 1
+    assert "<h1>All 6 cases planned</h1>" in (latest / "index.html").read_text()
     table = rows(tmp_path / "out")
     assert [row["case"] for row in table] == [f"quick/still/p{i:04}" for i in range(6)]
     assert {row["status"] for row in table} == {"planned"}
