@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.choices.offing import Offing
 from pipeline.choices.region import chosen_region
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     FloatArray = npt.NDArray[np.float64]
 
 STAGE = "night-chart"
+_Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
 
 
 @dataclass(frozen=True)
@@ -101,32 +102,28 @@ class CurrentTask:
 
 @lru_cache(maxsize=2)
 def loaded_chart(path: Path) -> NightChart:
-    """Load a chart; a worker keeps the last two.
-
-    Raises
-    ------
-    StageError
-        It can't be read.
-    """
-    chart = load_artefact(path, NightChart)
-    if chart is None:
-        raise StageError(f"can't read {path}; give all workers access to the same output folder")
-    return chart
+    """Load a chart, as `_loaded` does; a worker keeps the last two."""
+    return _loaded(path, NightChart)
 
 
 @lru_cache(maxsize=4)
 def loaded_current(path: Path) -> NightCurrent:
-    """Load a current; a worker keeps the last four.
+    """Load a current, as `_loaded` does; a worker keeps the last four."""
+    return _loaded(path, NightCurrent)
+
+
+def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
+    """Load what a task has stored.
 
     Raises
     ------
     StageError
         It can't be read.
     """
-    current = load_artefact(path, NightCurrent)
-    if current is None:
+    found = load_artefact(path, kind)
+    if found is None:
         raise StageError(f"can't read {path}; give all workers access to the same output folder")
-    return current
+    return found
 
 
 def chart_key(scenario: Scenario) -> str:
