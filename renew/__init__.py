@@ -16,6 +16,7 @@ from renew.errors import (
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.fuel import fuel
+from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner import plan
 from renew.route import Plan, Rejected, Route
@@ -37,9 +38,11 @@ __all__ = [
     "Rejected",
     "Route",
     "StartInNoGoError",
+    "SwingingGyre",
     "Tightest",
     "UniformCurrent",
     "UnreachableError",
+    "VaryingCurrent",
     "Vessel",
     "contingency",
     "fuel",

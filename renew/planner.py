@@ -45,6 +45,8 @@ def plan(
     seed: int = 0,
     order: Order = "fuel",
     risk_at: RiskAt = "route",
+    departure: float = 0.0,
+    lateness: float = 0.05,
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -83,6 +85,11 @@ def plan(
     risk_at : {"route", "point"}
         Where adaptive padding meets the risk: on the way through each triangle (paper), or from
         every point of the final route as well, on its own heading.
+    departure : float
+        When the voyage begins (s), on the clock of a current that changes.
+    lateness : float
+        Share of the time since departure by which the vessel may be early or late anywhere: with
+        adaptive padding it can turn away at all these times. Of no effect in a steady current.
 
     Returns
     -------
@@ -114,9 +121,18 @@ def plan(
         seed=seed,
         order=order,
         risk_at=risk_at,
+        departure=departure,
+        lateness=lateness,
     )
     voyage = Voyage(
-        chart, as_field(current), vessel, as_point("start", start), as_point("goal", goal), drift
+        chart,
+        as_field(current),
+        vessel,
+        as_point("start", start),
+        as_point("goal", goal),
+        drift,
+        float(departure),
+        float(lateness),
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(padding, clearance, risk, seed, risk_at)

@@ -45,11 +45,14 @@ class Route:
     Attributes
     ----------
     path : (n, 2) metres, start to goal.
-    trajectory : (m, 4) of t (s), x, y (m) and heading (rad): the path as it is steered.
+    trajectory : (m, 4) of t (s), x, y (m) and heading (rad): the path as it is steered, with times
+        on the current's clock.
     fuel : Eq. 4 along the path (fuel units; seconds for the paper's vessel).
     length : metres.
     clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
     duration : time under way by the drift model (s).
+    times : (n,) s, when the path's points are passed, on the current's clock; the first is the
+        departure.
     fuel_bound : the least fuel that any route can need; computed when first asked for.
     homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
         second to starboard and then the first to port; the largest island is 1.
@@ -66,6 +69,7 @@ class Route:
     length: float
     clearance: float
     duration: float
+    times: FloatArray
     fuel_bound: FuelBound
     homotopy: str
     corners: FloatArray

@@ -25,11 +25,23 @@ hold no route and don't count; those that a shore crosses are treated as water. 
 around the start and corners), the cell's slowness is lowered by λ and u is solved again: every
 round gives a bound, and the best is returned.
 
+Where the current changes, c is read at the front's own arrival. (1) is asked of the velocities at
+x at the time t₀ + φ(x) alone, t₀ being the departure: along a route put m = φ - (t - t₀), which is
+0 at the start. Where m > 0 the current differs from that at t₀ + φ by at most κ m, κ bounding its
+change with time; so m' <= κ |∇φ| m, and by Grönwall's lemma m <= 0 for ever: nobody is anywhere
+before t₀ + φ. (A barrier: it is enough to hold the line on the line.) In a triangle φ runs over
+an interval of time, and the current over it is in the hull of those at its ends and at the slices
+between, from which λ is taken. λ depends on f, which depends on λ of no later times: f is worked
+out from the start on. Λ counts as no less than _LEAST_RATE there (raising it is on the safe side),
+so that f rises by no more than the inverse of that: from where a triangle's lowest corner is
+reached, that bounds the time at its highest.
+
 What is proven for which current: everything for `UniformCurrent`, `GyreCurrent` and
 `GriddedCurrent`, whose deviation r is bounded in closed form. Any other field is known by its
 values alone: r is four times the error that the second differences between neighbouring nodes
 suggest, so the bound holds for fields that the grid resolves (a cell is under 1 % of a square
-extent's side).
+extent's side). Of a current that changes r is the largest of all its slices, and where it is not
+linear between them, as much again as second differences in time suggest.
 
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
@@ -43,12 +55,14 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from renew._compiled import for_kernels, kernel
-from renew._types import BoolArray, FloatArray
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.interpolation_error import deviation_radius
 from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
 from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField
 from renew.inputs.voyage import Voyage
+from renew.kernels.current_table import Table, next_slice, node_velocity, table_of
 from renew.kernels.ground_speed import Polar
 
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
@@ -58,8 +72,12 @@ _CELLS, _CELLS_IN_EDDIES = 16_000, 64_000
 _MIN_CELLS, _MAX_CELLS = 4, 50_000
 # Number of rounds of solving; after the third the bound rises by less than 0.2 %.
 _ROUNDS = 3
+# Largest number of nodes of all slices together, where eddies ask for more cells.
+_MAX_NODES = 6_000_000
 # Number of levels of u at which Λ is tabulated.
 _LEVELS = 2_000
+# Least Λ in a current that changes.
+_LEAST_RATE = 0.8
 # Least λ that counts; smaller ones are raised to it, which is on the safe side, so that no 1/λ is
 # lost to rounding.
 _SMALLEST = 0.1
@@ -90,12 +108,12 @@ def _rounds(
         solve(time, dirty, stretch, grid, at_goal.corners(time))
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
         known = np.minimum(time, BEYOND * at_goal.corners(time).max())
-        rate = _rates(known, grid)
         low, high = at_start.values(known).max(), at_goal.values(known).min()
         if not math.isfinite(high):
-            yield known, rate, math.inf
+            yield known, np.zeros(grid.wet.shape), math.inf
             return
-        yield known, rate, _feasible_difference(known, rate, low, high) * (1 - _ROUNDING)
+        rate, proven = _march(known, grid, float(low), float(high))
+        yield known, rate, proven * (1 - _ROUNDING)
         _relax(rate, stretch, dirty)
 
 
@@ -107,14 +125,23 @@ def _grid(voyage: Voyage) -> TravelGrid:
     chart, start = voyage.chart, voyage.start
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
-    cells = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else _CELLS
+    slices = len(voyage.current.slice_times)
+    cells = _CELLS
+    if voyage.table.has_small_eddies:
+        cells = max(_CELLS, min(_CELLS_IN_EDDIES, _MAX_NODES // slices))
     step = min(math.sqrt(wide * high / cells), wide / _MIN_CELLS, high / _MIN_CELLS)
     x = _axis(xmin, xmax, float(start[0]), max(step, wide / _MAX_CELLS))
     y = _axis(ymin, ymax, float(start[1]), max(step, high / _MAX_CELLS))
-    nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    velocity = for_kernels(voyage.current(nodes))
-    deviation = deviation_radius(voyage.current, x, y, velocity)
-    return TravelGrid(x, y, velocity, deviation, _wet(chart, x, y), voyage.polar)
+    current = _sampled(voyage.current, x, y)
+    deviation = deviation_radius(voyage.current, x, y, current.uv)
+    return TravelGrid(x, y, current, voyage.departure, deviation, _wet(chart, x, y), voyage.polar)
+
+
+def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> Table:
+    """A current at nodes x (nx,), y (ny,), in slices."""
+    nodes, times = np.stack(np.meshgrid(x, y), axis=-1), current.slice_times
+    slices = [current.velocity(nodes, time) for time in times.tolist()]
+    return table_of(x, y, np.stack(slices), times=times, period=current.period)
 
 
 def _axis(low: float, high: float, through: float, step: float) -> FloatArray:
@@ -203,39 +230,107 @@ def _rate(
 
 
 @kernel
-def _rates(time: FloatArray, grid: TravelGrid) -> FloatArray:
-    """λ of every cell (ny - 1, nx - 1), cut along its better diagonal; 0 where it doesn't count.
+def _rate_in_window(
+    px: float,
+    py: float,
+    nodes: IntArray,
+    first: float,
+    last: float,
+    deviation: float,
+    grid: TravelGrid,
+    corner_currents: FloatArray,
+) -> float:
+    """λ of a triangle with nodes (3, 2) in a window of time, s: at its ends and slices between."""
+    largest, now = -math.inf, first
+    while True:
+        for k in range(3):
+            corner_currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
+        largest = max(largest, _rate(px, py, corner_currents, deviation, grid.polar))
+        if now >= last or len(grid.current.times) == 1:
+            return largest
+        now = min(next_slice(grid.current, now), last)
 
-    Cells out of reach of the start don't: no route gets there.
+
+@kernel
+def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple[FloatArray, float]:
+    """λ of every cell (ny - 1, nx - 1), 0 where it doesn't count, and φ, s, where u = high.
+
+    Level by level of u from low to high: a cell's λ is worked out when its lowest corner is
+    reached, for the times from what φ is then to what it can be at the highest.
     """
-    rows, columns = time.shape
-    rates = np.zeros((rows - 1, columns - 1))
-    corner_currents = np.empty((3, 2))
-    for r in range(rows - 1):
-        for c in range(columns - 1):
-            if not grid.wet[r, c] or time[r, c] == np.inf:
-                continue
-            wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
-            best = np.inf
-            for falling in range(2):
-                worst = 0.0
-                for north in range(2):
-                    # A triangle has a side along x, in the cell's south or north, and one along
-                    # y: across the diagonal from it.
-                    east = north if falling else 1 - north
-                    px = (time[r + north, c + 1] - time[r + north, c]) / wide
-                    py = (time[r + 1, c + east] - time[r, c + east]) / high
-                    for d in range(2):
-                        corner_currents[0, d] = grid.current[r + north, c + east, d]
-                        corner_currents[1, d] = grid.current[r + north, c + 1 - east, d]
-                        corner_currents[2, d] = grid.current[r + 1 - north, c + east, d]
-                    rate = _rate(px, py, corner_currents, grid.deviation[r, c], grid.polar)
-                    worst = max(worst, rate)
-                best = min(best, worst)
-                if best <= 1.0:
-                    break
-            rates[r, c] = max(best, _SMALLEST)
-    return rates
+    rows, columns = grid.wet.shape
+    rates = np.zeros((rows, columns))
+    step = (high - low) / _LEVELS
+    if not step > 0.0:
+        return rates, 0.0
+    least = _SMALLEST if len(grid.current.times) == 1 else _LEAST_RATE
+    first, order = _by_level(time, grid, low, step)
+    largest = np.zeros(_LEVELS + 1)
+    clock, k = 0.0, 0
+    for level in range(_LEVELS + 1):
+        while k < len(order) and first[order[k]] <= level:
+            r, c = order[k] // columns, order[k] % columns
+            k += 1
+            highest = time[r : r + 2, c : c + 2].max()
+            lasts = max(highest - (low + level * step), 0.0) / least
+            begin = grid.departure + clock
+            rates[r, c] = _cell_rate(time, grid, r, c, begin, begin + lasts)
+            # One level more on either side covers rounding.
+            last = math.floor((min(highest, high) - low) / step) + 1
+            for above in range(level, min(last, _LEVELS) + 1):
+                largest[above] = max(largest[above], rates[r, c])
+        if level < _LEVELS and largest[level] > 0.0:
+            clock += step / max(largest[level], least)
+    return rates, clock
+
+
+@kernel
+def _by_level(
+    time: FloatArray, grid: TravelGrid, low: float, step: float
+) -> tuple[IntArray, IntArray]:
+    """Level of u at which each cell (c,) begins to count, and those that do, in that order.
+
+    Cells out of reach of the start don't: no route gets there. Those beyond the last level come
+    last.
+    """
+    rows, columns = grid.wet.shape
+    first = np.full(rows * columns, _LEVELS + 1)
+    for r in range(rows):
+        for c in range(columns):
+            if grid.wet[r, c] and time[r, c] < np.inf:
+                level = math.floor((time[r : r + 2, c : c + 2].min() - low) / step) - 1
+                first[r * columns + c] = min(max(level, 0), _LEVELS)
+    order = np.argsort(first)
+    return first, order[: int((first <= _LEVELS).sum())]
+
+
+@kernel
+def _cell_rate(
+    time: FloatArray, grid: TravelGrid, r: int, c: int, first: float, last: float
+) -> float:
+    """λ of a cell, cut along its better diagonal, in a window of time, s."""
+    corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
+    wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
+    best = np.inf
+    for falling in range(2):
+        worst = 0.0
+        for north in range(2):
+            # A triangle has a side along x, in the cell's south or north, and one along
+            # y: across the diagonal from it.
+            east = north if falling else 1 - north
+            px = (time[r + north, c + 1] - time[r + north, c]) / wide
+            py = (time[r + 1, c + east] - time[r, c + east]) / high
+            nodes[0, 0], nodes[0, 1] = r + north, c + east
+            nodes[1, 0], nodes[1, 1] = r + north, c + 1 - east
+            nodes[2, 0], nodes[2, 1] = r + 1 - north, c + east
+            rate = _rate_in_window(
+                px, py, nodes, first, last, grid.deviation[r, c], grid, corner_currents
+            )
+            worst = max(worst, rate)
+        best = min(best, worst)
+        if best <= 1.0:
+            break
+    return max(best, _SMALLEST)
 
 
 def _relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
@@ -246,27 +341,3 @@ def _relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
     dirty[1:, :-1] |= broken
     dirty[:-1, 1:] |= broken
     dirty[1:, 1:] |= broken
-
-
-@kernel
-def _feasible_difference(time: FloatArray, rate: FloatArray, low: float, high: float) -> float:
-    """φ(high) - φ(low) with φ' = 1/Λ: a lower bound on the time (s) from u = low to u = high."""
-    largest = np.zeros(_LEVELS)
-    step = (high - low) / _LEVELS
-    if not step > 0.0:
-        return 0.0
-    for r in range(rate.shape[0]):
-        for c in range(rate.shape[1]):
-            if rate[r, c] == 0.0:
-                continue
-            corners = time[r : r + 2, c : c + 2]
-            first = math.floor((min(corners.min(), high) - low) / step)
-            last = math.floor((min(corners.max(), high) - low) / step)
-            # One level more on either side covers rounding.
-            for level in range(max(first - 1, 0), min(last + 2, _LEVELS)):
-                largest[level] = max(largest[level], rate[r, c])
-    total = 0.0
-    for level in range(_LEVELS):
-        if largest[level] > 0.0:
-            total += step / largest[level]
-    return total

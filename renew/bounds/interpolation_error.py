@@ -16,6 +16,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
+from renew.inputs.varying_current import VaryingCurrent
 
 
 def deviation_radius(
@@ -23,8 +24,8 @@ def deviation_radius(
 ) -> FloatArray:
     """Radius r (ny - 1, nx - 1) >= |c - linear interpolant of c| in each cell's triangles, m/s.
 
-    `x` (nx,) and `y` (ny,) are the nodes, m, and `velocity` (ny, nx, 2) is c there; a cell may be
-    cut along either diagonal.
+    `x` (nx,) and `y` (ny,) are the nodes, m, and `velocity` (nt, ny, nx, 2) is c there in each
+    slice; a cell may be cut along either diagonal. The interpolant is linear between slices.
 
     Gyre: |d²c/de²| <= A (a² + b²) for every unit e, with a, b the wave numbers along x and y; and
     linear interpolation in a triangle errs by at most that times half the square of the radius
@@ -40,7 +41,12 @@ def deviation_radius(
         along_x = _slope_spread(current.x, current.y, current.uv, x, y)
         along_y = _slope_spread(current.y, current.x, current.uv.swapaxes(0, 1), y, x).T
         return np.asarray((along_x * wide + along_y * high) / 2)
-    return _sampled_deviation(x, y, velocity)
+    if isinstance(current, VaryingCurrent) and current.slices:
+        every = zip(current.slices, velocity, strict=True)
+        radii = [deviation_radius(one, x, y, at[None]) for one, at in every]
+        return np.asarray(np.max(radii, axis=0))
+    in_space = np.max([_sampled_deviation(x, y, at) for at in velocity], axis=0)
+    return np.asarray(in_space + _of_cells(_bend_in_time(current.slice_times, velocity)))
 
 
 def _slope_spread(
@@ -76,11 +82,24 @@ def _slope_spread(
 def _sampled_deviation(x: FloatArray, y: FloatArray, velocity: FloatArray) -> FloatArray:
     """Four times the interpolation error (m/s) that the nodes' second differences suggest."""
     bend = _bend(x, velocity.swapaxes(0, 1)).T + _bend(y, velocity)
-    bend = np.maximum(
-        np.maximum(bend[:-1, :-1], bend[:-1, 1:]), np.maximum(bend[1:, :-1], bend[1:, 1:])
-    )
+    bend = _of_cells(bend)
     twist = velocity[1:, 1:] - velocity[1:, :-1] - velocity[:-1, 1:] + velocity[:-1, :-1]
     return np.asarray(bend + np.linalg.norm(twist, axis=-1))
+
+
+def _of_cells(nodes: FloatArray) -> FloatArray:
+    """Largest of the figures (ny, nx) at the corners of each cell: (ny - 1, nx - 1)."""
+    rows = np.maximum(nodes[:-1], nodes[1:])
+    return np.maximum(rows[:, :-1], rows[:, 1:])
+
+
+def _bend_in_time(times: FloatArray, velocity: FloatArray) -> FloatArray:
+    """How far any slice (nt, ny, nx, 2) is off the line between those beside it: (ny, nx)."""
+    if times.size < 3:
+        return np.zeros(velocity.shape[1:3])
+    part = ((times[1:-1] - times[:-2]) / (times[2:] - times[:-2]))[:, None, None, None]
+    line = (1 - part) * velocity[:-2] + part * velocity[2:]
+    return np.asarray(np.linalg.norm(velocity[1:-1] - line, axis=-1).max(axis=0))
 
 
 def _bend(axis: FloatArray, velocity: FloatArray) -> FloatArray:

@@ -2,8 +2,8 @@
 
 u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
 from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
-most helpful of that triangle's currents. Nodes are settled in Dijkstra's order, and settled again
-where a later node improves them, as it may in a current.
+most helpful of that triangle's currents at the time of the first. Nodes are settled in Dijkstra's
+order, and settled again where a later node improves them, as it may in a current.
 
 u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bound from it, and has
 it solved again with the slowness of some cells lowered.
@@ -19,6 +19,7 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
+from renew.kernels.current_table import Table, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 TOLERANCE = 1e-4
@@ -40,7 +41,8 @@ class TravelGrid(NamedTuple):
 
     x: FloatArray  # (nx,)
     y: FloatArray  # (ny,)
-    current: FloatArray  # (ny, nx, 2)
+    current: Table  # slices of the nodes' velocities
+    departure: float  # s, on the table's clock: travel times count from it
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
     polar: Polar
@@ -175,7 +177,8 @@ def solve(
             continue
         dirty[row, column] = False
         times[0] = now
-        corner_currents[0, 0], corner_currents[0, 1] = grid.current[row, column]
+        clock = grid.departure + now
+        corner_currents[0] = node_velocity(grid.current, row, column, clock)
         for quadrant in range(4):
             dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
             cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
@@ -192,8 +195,8 @@ def solve(
                 times[1] = time[by_row, by_column]
                 if dirty[by_row, by_column] and times[1] > now:
                     times[1] = np.inf  # its turn comes, and this triangle's with it
-                corner_currents[1, 0], corner_currents[1, 1] = grid.current[by_row, by_column]
-                corner_currents[2, 0], corner_currents[2, 1] = grid.current[to_row, to_column]
+                corner_currents[1] = node_velocity(grid.current, by_row, by_column, clock)
+                corner_currents[2] = node_velocity(grid.current, to_row, to_column, clock)
                 legs[0, 0] = grid.x[to_column] - grid.x[column]
                 legs[0, 1] = grid.y[to_row] - grid.y[row]
                 legs[1, 0] = grid.x[to_column] - grid.x[by_column]

@@ -31,8 +31,8 @@ from renew.classes.roadmap import Roadmap, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.arguments import Order
-from renew.inputs.current_table import STILL_WATER
 from renew.inputs.voyage import Voyage
+from renew.kernels.current_table import STILL_WATER
 
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.

@@ -33,7 +33,7 @@ from renew.classes.reduced_rows import (
     with_room,
     word_changes,
 )
-from renew.classes.roadmap import GOAL, START, Roadmap
+from renew.classes.roadmap import GOAL, START, Roadmap, leg_time
 
 # A label that is not wanted.
 _BEATEN = -2
@@ -54,7 +54,7 @@ _NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
 
 @kernel
 def time_to_go(graph: Roadmap) -> FloatArray:
-    """Least time (n,) in s from each node to the goal; inf where no legs lead there."""
+    """Least time (n,) in s from each node to the goal, whenever; inf where no legs lead there."""
     time = np.full(len(graph.points), np.inf)
     time[GOAL] = 0.0
     done = np.zeros(len(time), dtype=np.bool_)
@@ -89,9 +89,10 @@ def k_best_paths(
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
-    used = 1
     changes, kind = word_changes(task), np.full(len(graph.head), _UNSEEN)
-    latest = to_go[START] * (_DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
+    used, dearest = 1, _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
+    # In a steady current the least time is that of the best path.
+    latest = to_go[START] * (dearest if len(graph.table.times) == 1 else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     found.clear()
@@ -108,19 +109,21 @@ def k_best_paths(
         is_known, labels[label, _SETTLED] = labels[label, _SETTLED], 1
         if not is_known and node == GOAL and may_end(task, rows, row):
             found.append(triangles_of(rows, row))
+            latest = min(latest, dearest * now)
             paths.append(_path(graph, labels, label))
         if is_known or node == GOAL:
             continue
         labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
         times = with_room(times, len(labels))
         for leg in range(graph.first[node], graph.first[node + 1]):
-            other, time = graph.head[leg], now + graph.time[leg]
+            other, least = graph.head[leg], now + graph.time[leg]
             # Most legs lead where a label with the same word is quicker: no row need be found.
-            if time + to_go[other] > latest or (
+            if least + to_go[other] > latest or (
                 _keeps_word(graph, changes, kind, node, leg)
-                and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN
+                and _known(labels, times, newest[other], rows[row, WORD], least, count) == _BEATEN
             ):
                 continue
+            time = now + leg_time(graph, node, leg, now)
             onwards = followed(graph, rows, row, node, leg)
             if onwards <= TO_BE_MADE:
                 onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, node, leg)

@@ -16,12 +16,12 @@ _OPEN_RADIUS = 2.0
 
 
 def overpowered_water(voyage: Voyage) -> BaseGeometry:
-    """Water where the current is at least as strong as the vessel is fast, as one geometry.
+    """Water where the current is always at least as strong as the vessel is fast, as one geometry.
 
     It is made of the table's cells with a node that strong, and so reaches up to a cell too far.
     """
     table, chart = voyage.table, voyage.chart
-    strong = np.linalg.norm(table.uv, axis=-1) >= voyage.vessel.speed
+    strong = (np.linalg.norm(table.uv, axis=-1) >= voyage.vessel.speed).all(axis=0)
     row, column = np.nonzero(strong[1:, 1:] | strong[1:, :-1] | strong[:-1, 1:] | strong[:-1, :-1])
     if not len(row):
         return shapely.MultiPolygon()

@@ -19,9 +19,9 @@ from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.resolution import Resolution, Tube
 from renew.classes.triangulation import Triangulation
-from renew.inputs.current_table import Table, velocities, velocity
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Segment
+from renew.kernels.current_table import Table, velocities, velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 START, GOAL = 0, 1
@@ -64,8 +64,9 @@ class Mesh(NamedTuple):
 class Roadmap(NamedTuple):
     """Nodes, start and goal first; the legs of a node are first[node] to first[node + 1].
 
-    `time` and `back` (m,) are those along a leg, to its `head`, and back, s; `crossed` (m,) is the
-    edge that it crosses, as the corner of the triangle it leaves that is opposite to it.
+    `time` and `back` (m,) are the least at any time along a leg, to its `head`, and back, s;
+    `crossed` (m,) is the edge that it crosses, as the corner of the triangle it leaves that is
+    opposite to it. The way is begun at `departure` (s), on the clock of the `table` of the current.
     """
 
     mesh: Mesh
@@ -76,6 +77,16 @@ class Roadmap(NamedTuple):
     time: FloatArray
     back: FloatArray
     crossed: IntArray
+    table: Table
+    departure: float
+    polar: Polar
+
+
+class _Extremes(NamedTuple):
+    """The least and the largest velocity (m/s) along x and along y at a place at any time."""
+
+    least: tuple[float, float]
+    largest: tuple[float, float]
 
 
 def roadmap(
@@ -117,8 +128,8 @@ def roadmap(
             _loose_pairs(points, around, resolution.reach * _coarsest(x, y)),
         ]
     )
-    legs = _legs(points, triangle, pairs, mesh, table, voyage.polar)
-    return Roadmap(mesh, points, triangle, *legs)
+    legs = _legs(points, triangle, pairs, mesh, table.extremes(), voyage.polar)
+    return Roadmap(mesh, points, triangle, *legs, table, voyage.departure, voyage.polar)
 
 
 def _mesh(triangulation: Triangulation, clearance: float) -> Mesh:
@@ -328,22 +339,57 @@ def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int) -> tuple[int, i
 
 
 @kernel
-def _leg_times(
-    leg: Segment, here: FloatArray, there: FloatArray, table: Table, polar: Polar
+def leg_time(graph: Roadmap, node: int, number: int, begin: float) -> float:
+    """Time (s) along a leg from a node, so many seconds after departure, by Simpson's rule."""
+    if len(graph.table.times) == 1:
+        return float(graph.time[number])
+    (ax, ay), (bx, by) = graph.points[node], graph.points[graph.head[number]]
+    length = math.hypot(bx - ax, by - ay)
+    if length == 0.0:
+        return 0.0
+    tx, ty = (bx - ax) / length, (by - ay) / length
+    slowest = _MIN_SPEED * graph.polar.speed
+    now, total, last = graph.departure + begin, 0.0, 0.0
+    for step, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+        x, y = ax + step * (bx - ax), ay + step * (by - ay)
+        u, v = velocity(graph.table, x, y, now + step * length * last)
+        last = 1.0 / max(slowest, ground_speed(u, v, tx, ty, graph.polar))
+        total += weight * last
+    return max(float(graph.time[number]), total * length / 6)
+
+
+@kernel
+def _least_times(
+    leg: Segment, here: _Extremes, there: _Extremes, extremes: tuple[Table, Table], polar: Polar
 ) -> tuple[float, float]:
-    """Times (s) along a leg and back, by Simpson's rule; `here`, `there` (2,) are the currents."""
+    """Least times (s) along a leg and back, by Simpson's rule, whenever it is sailed."""
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.hypot(dx, dy)
     if length == 0.0:
         return 0.0, 0.0
     tx, ty = dx / length, dy / length
     slowest = _MIN_SPEED * polar.speed
-    u, v = velocity(table, leg.ax + dx / 2, leg.ay + dy / 2)
+    x, y = leg.ax + dx / 2, leg.ay + dy / 2
+    middle = _Extremes(velocity(extremes[0], x, y, 0.0), velocity(extremes[1], x, y, 0.0))
     time, back = 0.0, 0.0
-    for weight, cu, cv in ((1.0, here[0], here[1]), (4.0, u, v), (1.0, there[0], there[1])):
-        time += weight / max(slowest, ground_speed(cu, cv, tx, ty, polar))
-        back += weight / max(slowest, ground_speed(cu, cv, -tx, -ty, polar))
+    for weight, currents in ((1.0, here), (4.0, middle), (1.0, there)):
+        time += weight / max(slowest, _fastest(currents, tx, ty, polar))
+        back += weight / max(slowest, _fastest(currents, -tx, -ty, polar))
     return time * length / 6, back * length / 6
+
+
+@kernel
+def _fastest(currents: _Extremes, tx: float, ty: float, polar: Polar) -> float:
+    """Largest speed over ground (m/s) along the unit tangent t in currents between two extremes.
+
+    No current is as helpful along t as the one taken, and none lies less across it.
+    """
+    (u, v), (more_u, more_v) = currents.least, currents.largest
+    along = max(tx * u, tx * more_u) + max(ty * v, ty * more_v)
+    low = min(tx * v, tx * more_v) - max(ty * u, ty * more_u)
+    high = max(tx * v, tx * more_v) - min(ty * u, ty * more_u)
+    across = low if low > 0.0 else min(0.0, high)
+    return ground_speed(along * tx - across * ty, along * ty + across * tx, tx, ty, polar)
 
 
 @kernel
@@ -352,11 +398,13 @@ def _legs(
     triangle: IntArray,
     pairs: IntArray,
     mesh: Mesh,
-    table: Table,
+    extremes: tuple[Table, Table],
     polar: Polar,
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:
     """Legs between pairs (p, 2) of nodes that see each other, as a roadmap's columns."""
-    current = velocities(table, points)
+    always = np.zeros(len(points))
+    least = velocities(extremes[0], points, always)
+    largest = velocities(extremes[1], points, always)
     crossed = np.empty((len(pairs), 2), dtype=np.int64)
     first = np.zeros(len(points) + 1, dtype=np.int64)
     for k in range(len(pairs)):
@@ -375,7 +423,9 @@ def _legs(
             continue
         a, b = pairs[k]
         leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
-        one, other = _leg_times(leg, current[a], current[b], table, polar)
+        here = _Extremes((least[a, 0], least[a, 1]), (largest[a, 0], largest[a, 1]))
+        there = _Extremes((least[b, 0], least[b, 1]), (largest[b, 0], largest[b, 1]))
+        one, other = _least_times(leg, here, there, extremes, polar)
         head[at[a]], time[at[a]], back[at[a]], edge[at[a]] = b, one, other, crossed[k, 0]
         head[at[b]], time[at[b]], back[at[b]], edge[at[b]] = a, other, one, crossed[k, 1]
         at[a] += 1

@@ -45,6 +45,8 @@ def check_options(
     seed: object,
     order: object,
     risk_at: object,
+    departure: object,
+    lateness: object,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -78,6 +80,10 @@ def check_options(
         )
         if value not in get_args(choices)
     ]
+    if not (_is_number(departure) and math.isfinite(departure)):
+        faults.append(f"departure = {departure!r} s must be finite")
+    if not (_is_number(lateness) and 0 <= lateness < 1):
+        faults.append(f"lateness = {lateness!r} must be a share of at least 0 and below 1")
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
     if faults:
@@ -116,8 +122,16 @@ def check_endpoints(voyage: Voyage) -> None:
             )
     if math.dist(start, goal) <= chart.precision:
         raise ParameterError("start and goal are the same point {0}; move one", start)
-    for name, point in (("start", start), ("goal", goal)):
-        strength = float(np.linalg.norm(voyage.current(point)))
+    first, last = voyage.current.span
+    if not first <= voyage.departure < last:
+        raise ParameterError(
+            f"departure = {voyage.departure:g} s lies outside the times for which the current is "
+            f"known, {first:g} to {last:g} s"
+        )
+    # In a current that changes nobody knows yet when the vessel comes to the goal.
+    ends = [("start", start), ("goal", goal)][: 2 if voyage.current.is_steady else 1]
+    for name, point in ends:
+        strength = float(np.linalg.norm(voyage.current.velocity(point, voyage.departure)))
         if strength >= voyage.vessel.speed:
             raise CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "

@@ -1,7 +1,8 @@
 """Ocean currents as the planner sees them: velocity at a point, mean and spread in a triangle.
 
 Every field takes points of shape (..., 2) in planar metres and returns velocities of the same
-shape in m/s along the plane's axes.
+shape in m/s along the plane's axes. Fields that change with time are in
+:mod:`renew.inputs.varying_current`.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ import numpy as np
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
 from renew.errors import ParameterError
-from renew.inputs.current_table import Table, table_of, tabulated, velocities
+from renew.inputs.tabulation import tabulated
 from renew.kernels.angles import wrapped
+from renew.kernels.current_table import Table, table_of, velocities
 
 # Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread
 # are taken: 36 points, vertices included. More change the single gyre's paddings by under 1 %.
 _LATTICE_ROWS = 8
+# Largest number of times in a window over which they are taken.
+_MAX_TIMES = 25
 # Largest figure of a field (m, m/s): far beyond any sea, and squares don't overflow.
 _MAX_FIGURE = 1e12
 
@@ -42,11 +46,42 @@ class CurrentStatistics(NamedTuple):
 
 
 class CurrentField(ABC):
-    """A steady current: call it with points, ask it for the statistics of triangles."""
+    """A current: call it with points, ask it for the statistics of triangles.
+
+    A steady field says no more than that. One that changes also has `velocity` and `slice_times`.
+    """
 
     @abstractmethod
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2) in m/s at points (..., 2) in metres."""
+        """Velocity (..., 2) in m/s at points (..., 2) in metres; of a changing field, at time 0."""
+
+    def velocity(self, points: FloatArray, time: float | FloatArray) -> FloatArray:
+        """Velocity (..., 2) at points (..., 2) and times (...) in seconds on the field's clock."""
+        del time
+        return self(points)
+
+    @property
+    def slice_times(self) -> FloatArray:
+        """Ascending times (nt,), s, between which the field changes nearly linearly.
+
+        A steady field has one.
+        """
+        return np.zeros(1)
+
+    @property
+    def period(self) -> float:
+        """Time (s) after which the slices begin again; infinite if they don't."""
+        return math.inf
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time (s) at which the field is known."""
+        return -math.inf, math.inf
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it is the same at all times."""
+        return len(self.slice_times) == 1
 
     def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
         """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here that of its table."""
@@ -56,10 +91,23 @@ class CurrentField(ABC):
         """The field inside (xmin, ymin, xmax, ymax) as nodes for compiled code."""
         return tabulated(self, bounds)
 
-    def statistics(self, triangles: FloatArray) -> CurrentStatistics:
-        """Mean and spread of the current in triangles (n, 3, 2)."""
+    def statistics(
+        self, triangles: FloatArray, windows: FloatArray | None = None
+    ) -> CurrentStatistics:
+        """Mean and spread of the current in triangles (n, 3, 2), over windows of time (n, 2), s.
+
+        Without windows at time 0.
+        """
         points = np.einsum("lk,nkd->nld", _lattice(), triangles)
-        return sample_statistics(self(points))
+        if windows is None or self.is_steady or not len(triangles):
+            return sample_statistics(self(points))
+        longest = float(np.diff(windows, axis=1).max())
+        step = float(np.diff(self.slice_times).min())
+        count = min(2 + math.ceil(longest / step), _MAX_TIMES)
+        times = windows[:, :1] + np.diff(windows, axis=1) * np.linspace(0.0, 1.0, count)
+        every = np.broadcast_to(points[:, None], (len(points), count, *points.shape[1:]))
+        velocity = self.velocity(every, times[:, :, None])
+        return sample_statistics(velocity.reshape(len(points), -1, 2))
 
 
 CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]
@@ -109,6 +157,23 @@ def as_field(current: CurrentLike) -> CurrentField:
     )
 
 
+def checked_velocity(points: FloatArray, answer: object) -> FloatArray:
+    """Velocities (..., 2) that a function gave for points (..., 2), if that is what they are."""
+    velocity = np.asarray(answer, dtype=float)
+    if velocity.shape != points.shape:
+        raise ParameterError(
+            f"current: for points of shape {points.shape} the function returned shape "
+            f"{velocity.shape}; it must return velocities of the points' own shape"
+        )
+    if not _is_figure(velocity):
+        raise ParameterError(
+            f"current: not finite, or beyond {_MAX_FIGURE:g} m/s, at {{0}}; fill the field "
+            "over the whole extent, land included",
+            points[~(np.abs(velocity) <= _MAX_FIGURE).all(axis=-1)][0],
+        )
+    return velocity
+
+
 @dataclass(frozen=True, slots=True)
 class FunctionCurrent(CurrentField):
     """Any function (..., 2) m -> (..., 2) m/s as a field; its answers are checked."""
@@ -118,19 +183,7 @@ class FunctionCurrent(CurrentField):
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity of the wrapped function."""
         points = np.asarray(points, dtype=float)
-        velocity = np.asarray(self.function(points), dtype=float)
-        if velocity.shape != points.shape:
-            raise ParameterError(
-                f"current: for points of shape {points.shape} the function returned shape "
-                f"{velocity.shape}; it must return velocities of the points' own shape"
-            )
-        if not _is_figure(velocity):
-            raise ParameterError(
-                f"current: not finite, or beyond {_MAX_FIGURE:g} m/s, at {{0}}; fill the field "
-                "over the whole extent, land included",
-                points[~(np.abs(velocity) <= _MAX_FIGURE).all(axis=-1)][0],
-            )
-        return velocity
+        return checked_velocity(points, self.function(points))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +195,7 @@ class UniformCurrent(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse a current that is not finite."""
-        _check_finite("uniform current", u=self.u, v=self.v)
+        check_finite("uniform current", u=self.u, v=self.v)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2), the same at every point."""
@@ -171,7 +224,7 @@ class GyreCurrent(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse what is not finite, and a rectangle without area."""
-        _check_finite("gyre", amplitude=self.amplitude, width=self.width, height=self.height)
+        check_finite("gyre", amplitude=self.amplitude, width=self.width, height=self.height)
         if self.width <= 0 or self.height <= 0:
             raise ParameterError(
                 f"gyre: width = {self.width!r} and height = {self.height!r} m must be above 0"
@@ -198,8 +251,23 @@ class TabulatedCurrent(CurrentField):
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) by bilinear interpolation at points (..., 2)."""
+        return self.velocity(points, 0.0)
+
+    def velocity(self, points: FloatArray, time: float | FloatArray) -> FloatArray:
+        """Velocity (..., 2), linear between slices as well, at points (..., 2) and times (...)."""
         points = for_kernels(points)
-        return velocities(self.nodes, points.reshape(-1, 2)).reshape(points.shape)
+        times = for_kernels(np.broadcast_to(time, points.shape[:-1]).ravel())
+        return velocities(self.nodes, points.reshape(-1, 2), times).reshape(points.shape)
+
+    @property
+    def slice_times(self) -> FloatArray:
+        """Times of its slices (nt,), s."""
+        return self.nodes.times
+
+    @property
+    def period(self) -> float:
+        """Time (s) after which the slices begin again; infinite if they don't."""
+        return self.nodes.period
 
     def table(self, bounds: tuple[float, float, float, float]) -> Table:
         """Its own nodes, all of them."""
@@ -255,10 +323,10 @@ class GriddedCurrent(TabulatedCurrent):
     @property
     def uv(self) -> FloatArray:
         """Velocities (ny, nx, 2) at the nodes, m/s."""
-        return self.nodes.uv
+        return np.asarray(self.nodes.uv[0])
 
 
-def _check_finite(name: str, **figures: float) -> None:
+def check_finite(name: str, **figures: float) -> None:
     """Refuse figures that are not finite, or so large that squares overflow; all at once."""
     faults = [
         f"{key} = {value!r}" for key, value in figures.items() if not abs(value) <= _MAX_FIGURE

@@ -10,14 +10,16 @@ along the unit tangent T in the current c:
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from renew._compiled import for_kernels
-from renew._types import FloatArray
+from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError
-from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.vessel import Vessel
 from renew.kernels.ground_speed import Polar, ground_speeds
 
@@ -27,6 +29,9 @@ Drift: TypeAlias = Literal["projected", "crab"]
 # single gyre the error is below 1e-9 of the fuel.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PIECES = 256
+# Blocks of a way in a changing current, rounds in each, and the change of its times, as a share of
+# the time under way, from which they count as settled.
+_BLOCKS, _ITERATIONS, _SETTLED = 16, 40, 1e-12
 
 
 def check_drift(drift: str) -> None:
@@ -52,32 +57,133 @@ def ground_speed(
 
 
 def passage_times(
-    path: FloatArray, current: CurrentLike, vessel: Vessel, *, drift: Drift = "projected"
+    path: FloatArray,
+    current: CurrentLike,
+    vessel: Vessel,
+    *,
+    drift: Drift = "projected",
+    departure: float = 0.0,
 ) -> FloatArray:
     """Time over each leg of a path (n, 2): shape (n - 1,), s; inf where no way can be made."""
+    leg, arrival = passage(path, current, vessel, drift=drift, departure=departure)
+    with np.errstate(invalid="ignore"):
+        durations = np.diff(arrival)
+    times = np.zeros(len(path) - 1)
+    # Nothing is known of what lies behind a leg that can't be passed.
+    np.add.at(times, leg, np.where(np.isfinite(durations), durations, math.inf))
+    return times
+
+
+def passage(
+    path: FloatArray,
+    current: CurrentLike,
+    vessel: Vessel,
+    *,
+    drift: Drift = "projected",
+    departure: float = 0.0,
+) -> tuple[IntArray, FloatArray]:
+    """Legs (p,) of the pieces into which a path (n, 2) is cut, and times (p + 1,) at their ends, s.
+
+    The first time is the departure, on the current's clock; the clock runs along the path.
+    """
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
         raise ParameterError(f"path has shape {path.shape}; it must be (n, 2) with n >= 2")
     check_drift(drift)
+    field = as_field(current)
     legs = np.diff(path, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     tangents = legs / np.where(lengths > 0, lengths, 1.0)[:, None]
     pieces = np.maximum(1, np.ceil(_PIECES * lengths / max(lengths.sum(), 1e-300))).astype(int)
     leg = np.repeat(np.arange(len(legs)), pieces)
     piece = np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    place = (piece[:, None] + (_NODES + 1) / 2) / pieces[leg][:, None]
+    within = (_NODES + 1) / 2
+    place = (piece[:, None] + within) / pieces[leg][:, None]
     points = path[leg][:, None] + place[..., None] * legs[leg][:, None]
-    speed = ground_speed(as_field(current)(points), tangents[leg][:, None], vessel.speed, drift)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slowness = np.where(speed > 0, 1 / speed, np.inf)
-    times = (slowness * (_WEIGHTS / 2)).sum(axis=1) * lengths[leg] / pieces[leg]
-    total = np.zeros(len(legs))
-    np.add.at(total, leg, np.where(lengths[leg] > 0, times, 0.0))
-    return total
+    tangent, length = tangents[leg][:, None], lengths[leg] / pieces[leg]
+
+    def durations(some: slice, times: FloatArray) -> FloatArray:
+        """Time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
+        when = times[:-1, None] + within * np.diff(times)[:, None]
+        speed = ground_speed(field.velocity(points[some], when), tangent[some], vessel.speed, drift)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slowness = np.where(speed > 0, 1 / speed, np.inf)
+        total = (slowness * (_WEIGHTS / 2)).sum(axis=1)
+        return np.asarray(np.where(length[some] > 0, total * length[some], 0.0))
+
+    return leg, times_under_way(durations, len(leg), departure, is_steady=field.is_steady)
+
+
+def reading_times(
+    path: FloatArray,
+    current: CurrentField,
+    vessel: Vessel,
+    *,
+    drift: Drift = "projected",
+    departure: float = 0.0,
+) -> FloatArray:
+    """Times (n,), s, at which the current at the points of a path (n, 2) is to be read.
+
+    Those of passage; of a steady current all are alike. Where no way can be made the clock stops.
+    """
+    if current.is_steady or len(path) < 2:
+        return np.full(len(path), departure)
+    leg, times = passage(path, current, vessel, drift=drift, departure=departure)
+    at_points = times[np.searchsorted(leg, np.arange(len(path)))]
+    return np.asarray(np.minimum(at_points, times[np.isfinite(times)][-1]))
+
+
+def times_under_way(
+    durations: Callable[[slice, FloatArray], FloatArray],
+    count: int,
+    departure: float,
+    *,
+    is_steady: bool,
+) -> FloatArray:
+    """Times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
+
+    `durations` gives the time over some pieces from the times at their ends. In a steady current
+    that is asked once. In one that changes the way is cut into blocks: in each, times are put in
+    until they come out again (Picard's iteration), and a block in which they don't is halved.
+    """
+    times = np.full(count + 1, float(departure))
+    if is_steady:
+        times[1:] += np.cumsum(durations(slice(0, count), times))
+        return times
+    first, size = 0, max(1, count // _BLOCKS)
+    while first < count:
+        last = min(first + size, count)
+        block = np.full(last - first + 1, times[first])
+        for _ in range(_ITERATIONS):
+            found = times[first] + np.cumsum(durations(slice(first, last), block))
+            if not math.isfinite(found[-1]):
+                break
+            change = np.abs(found - block[1:]).max()
+            block[1:] = found
+            if change <= _SETTLED * (block[-1] - departure):
+                break
+        else:
+            if size > 1:
+                size //= 2
+                continue
+        if not math.isfinite(found[-1]):
+            if size > 1:
+                size //= 2
+                continue
+            times[last:] = math.inf
+            break
+        times[first + 1 : last + 1] = block[1:]
+        first = last
+    return times
 
 
 def fuel(
-    path: FloatArray, current: CurrentLike, vessel: Vessel, *, drift: Drift = "projected"
+    path: FloatArray,
+    current: CurrentLike,
+    vessel: Vessel,
+    *,
+    drift: Drift = "projected",
+    departure: float = 0.0,
 ) -> float:
     """Fuel to follow a path at constant thrust (paper, Eq. 4).
 
@@ -91,6 +197,8 @@ def fuel(
         Gives v, α and the exponent.
     drift : {"projected", "crab"}
         Drift model; see the module.
+    departure : float
+        When the path is begun (s), on the clock of a current that changes.
 
     Returns
     -------
@@ -102,4 +210,5 @@ def fuel(
     ParameterError
         A path of another shape, or an unknown drift model.
     """
-    return float(vessel.fuel_rate * passage_times(path, current, vessel, drift=drift).sum())
+    _, times = passage(path, current, vessel, drift=drift, departure=departure)
+    return float(vessel.fuel_rate * (times[-1] - departure))

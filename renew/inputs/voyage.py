@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+
+import numpy as np
 
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.current_table import Table
-from renew.inputs.fuel import Drift, passage_times
+from renew.inputs.fuel import Drift, fuel, passage_times, reading_times
 from renew.inputs.vessel import Vessel
+from renew.kernels.current_table import Table
 from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import Clock
+
+# Share of the vessel's speed by which the current may change in a step of the clock, the number of
+# steps that a way across the chart has at most, and a change (m/s²) that counts as none.
+_CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Voyage:
-    """A passage from `start` to `goal` (2,), m, by a drift model of Eq. 4."""
+    """A passage from `start` to `goal` (2,), m, by a drift model of Eq. 4.
+
+    It begins at `departure` (s), on the clock of a current that changes, and may be early or late
+    by a share `lateness` of the time under way.
+    """
 
     chart: Chart
     current: CurrentField
@@ -24,6 +36,8 @@ class Voyage:
     start: FloatArray
     goal: FloatArray
     drift: Drift
+    departure: float = 0.0
+    lateness: float = 0.0
 
     @cached_property
     def table(self) -> Table:
@@ -35,6 +49,22 @@ class Voyage:
         """The current by its table, where that reproduces it, else the current itself."""
         return TabulatedCurrent(self.table) if self.table.is_fine else self.current
 
+    @cached_property
+    def clock(self) -> Clock:
+        """When the voyage begins, and how closely the search for paths follows the clock.
+
+        The current changes by no more than a share of the vessel's speed while she goes one step,
+        unless it is only known less often; and no more than so many steps cross the chart.
+        """
+        table, speed = self.table, self.vessel.speed
+        if table.is_steady:
+            return Clock(self.departure, math.inf)
+        intervals = np.diff(table.times)
+        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2)) / intervals
+        step = max(_CHANGE * speed / max(change.max(), _SLOWEST_CHANGE), float(intervals.min()))
+        xmin, ymin, xmax, ymax = self.chart.bounds
+        return Clock(self.departure, max(speed * step, (xmax - xmin + ymax - ymin) / _MAX_STEPS))
+
     @property
     def polar(self) -> Polar:
         """Speed and drift model, for kernels."""
@@ -42,5 +72,17 @@ class Voyage:
 
     def fuel(self, path: FloatArray) -> float:
         """Fuel by Eq. 4 along a path (n, 2); inf where no way can be made."""
-        times = passage_times(path, self.current, self.vessel, drift=self.drift)
-        return float(self.vessel.fuel_rate * times.sum())
+        return fuel(path, self.current, self.vessel, drift=self.drift, departure=self.departure)
+
+    def arrivals(self, path: FloatArray) -> FloatArray:
+        """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        durations = passage_times(
+            path, self.current, self.vessel, drift=self.drift, departure=self.departure
+        )
+        return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
+
+    def reading_times(self, path: FloatArray) -> FloatArray:
+        """Times (n,), s, at which the current at a path's points (n, 2) is to be read."""
+        return reading_times(
+            path, self.current, self.vessel, drift=self.drift, departure=self.departure
+        )

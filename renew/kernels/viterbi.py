@@ -2,6 +2,9 @@
 
 A state's cost is its arrival time. Each row of points is joined to the next by straight legs; a
 leg's time is its length times the mean slowness at its ends (trapezoidal rule: rows stand close).
+In a current that changes legs are sailed with the clock running, in pieces so short that a vessel
+that begins one later does not end it earlier (FIFO; Orda & Rom, 1990): then the chain is that of
+earliest arrival.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
+from renew.kernels.current_table import Table, site_of, velocity, velocity_there
 from renew.kernels.ground_speed import Polar, ground_speed
 
 # Current's share of the vessel's speed, squared, from which water counts as too strong at a point:
@@ -35,45 +39,87 @@ def slowness(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
     return 1.0 / speed if speed > 0.0 else math.inf
 
 
+class Clock(NamedTuple):
+    """When a path is begun, `departure` (s), and how far a vessel goes between looks at the clock.
+
+    That is `step` (m): legs in a current that changes are cut into pieces that are no longer.
+    """
+
+    departure: float
+    step: float
+
+
+class Stream(NamedTuple):
+    """A current, what a vessel makes in it, and its clock."""
+
+    table: Table
+    polar: Polar
+    clock: Clock
+
+
 @kernel
-def leg_time(
-    a: FloatArray, b: FloatArray, velocity_a: FloatArray, velocity_b: FloatArray, polar: Polar
-) -> float:
-    """Time (s) over a straight leg a -> b (2,) by the trapezoidal rule; inf where impassable."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
+def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: Stream) -> float:
+    """Time (s) over a straight leg a -> b, begun at a time; inf where impassable.
+
+    In each of its pieces the trapezoidal rule, with the current at the end looked up when the
+    vessel comes there at the speed of its beginning (Heun's rule).
+    """
+    dx, dy = bx - ax, by - ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return 0.0
     tx, ty = dx / length, dy / length
-    here = slowness(velocity_a[0], velocity_a[1], tx, ty, polar)
-    there = slowness(velocity_b[0], velocity_b[1], tx, ty, polar)
-    return length * (here + there) / 2
+    pieces = 1 if len(water.table.times) == 1 else math.ceil(length / water.clock.step)
+    piece, now = length / pieces, begin
+    u, v = velocity(water.table, ax, ay, now)
+    here = slowness(u, v, tx, ty, water.polar)
+    for k in range(1, pieces + 1):
+        if here == math.inf:
+            return math.inf
+        place = k / pieces
+        u, v = velocity(water.table, ax + place * dx, ay + place * dy, now + piece * here)
+        there = slowness(u, v, tx, ty, water.polar)
+        now += piece * (here + there) / 2
+        here = there
+    return now - begin
 
 
 @kernel
-def shortcut(
-    path: FloatArray, velocity: FloatArray, polar: Polar, capsules: Capsules, longest: float
-) -> BoolArray:
+def arrivals(path: FloatArray, water: Stream) -> FloatArray:
+    """Times (n,), s, at the points of a path (n, 2); inf from where no way can be made."""
+    times = np.full(len(path), np.inf)
+    times[0] = water.clock.departure
+    for k in range(1, len(path)):
+        if times[k - 1] < np.inf:
+            (ax, ay), (bx, by) = path[k - 1], path[k]
+            times[k] = times[k - 1] + leg_time(ax, ay, bx, by, times[k - 1], water)
+    return times
+
+
+@kernel
+def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float) -> BoolArray:
     """Points (n,) of a path to keep so that no short leg past one is clear and no slower.
 
-    Legs up to `longest` metres are tried, in one pass along the path; `velocity` (n, 2) is the
-    current at the path's points.
+    Legs up to `longest` metres are tried, in one pass along the path.
     """
     every = np.arange(len(capsules.radius))
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
     kept = np.zeros(len(path), dtype=np.int64)
+    times = arrivals(path, water)
     count = 1
     for new in range(1, len(path)):
         while count >= 2:
             a, b = kept[count - 2], kept[count - 1]
-            dx, dy = path[new, 0] - path[a, 0], path[new, 1] - path[a, 1]
+            (ax, ay), (bx, by), (cx, cy) = path[a], path[b], path[new]
+            dx, dy = cx - ax, cy - ay
             if dx * dx + dy * dy > longest * longest:
                 break
-            direct = leg_time(path[a], path[new], velocity[a], velocity[new], polar)
-            via = leg_time(path[a], path[b], velocity[a], velocity[b], polar)
-            via += leg_time(path[b], path[new], velocity[b], velocity[new], polar)
-            leg = Segment(path[a, 0], path[a, 1], path[new, 0], path[new, 1])
-            if direct > via or not leg_is_clear(leg, capsules, every, none_exempt):
+            direct = leg_time(ax, ay, cx, cy, times[a], water)
+            via = leg_time(ax, ay, bx, by, times[a], water)
+            via += leg_time(bx, by, cx, cy, times[a] + via, water)
+            if direct > via or not leg_is_clear(
+                Segment(ax, ay, cx, cy), capsules, every, none_exempt
+            ):
                 break
             count -= 1
         kept[count] = new
@@ -84,7 +130,7 @@ def shortcut(
 
 
 class _Row(NamedTuple):
-    """One row of points (m,): coordinates (m), currents (m/s), and the arrival times there (s).
+    """One row of points (m,): coordinates (m), arrival times (s), and currents then (m/s).
 
     One array each, so that the inner loop can be vectorised.
     """
@@ -98,22 +144,23 @@ class _Row(NamedTuple):
 
 @kernel
 def quickest_chain(
-    points: FloatArray, velocity: FloatArray, polar: Polar, capsules: Capsules, exempt: BoolArray
+    points: FloatArray, water: Stream, capsules: Capsules, exempt: BoolArray
 ) -> tuple[float, IntArray]:
     """Arrival time (s) and the chosen point (r,) of each row; inf where no chain is clear.
 
     Parameters
     ----------
-    points, velocity : (r, m, 2) metres, m/s; the first and the last row are one point each, at
-        index 0.
+    points : (r, m, 2) metres; the first and the last row are one point each, at index 0.
+    water : the current, what the vessel makes in it, and its clock.
     capsules : what legs stay out of, as in :func:`renew.kernels.capsules.leg_is_clear`.
     exempt : (2, capsules) True where the first, or the last, leg may enter a capsule.
     """
     rows, count = points.shape[:2]
     x, y = points[..., 0].copy(), points[..., 1].copy()
-    u, v = velocity[..., 0].copy(), velocity[..., 1].copy()
+    u, v = np.zeros((rows, count)), np.zeros((rows, count))
     arrival = np.full((rows, count), np.inf)
-    arrival[0, 0] = 0.0
+    arrival[0, 0] = water.clock.departure
+    u[0, 0], v[0, 0] = velocity(water.table, x[0, 0], y[0, 0], arrival[0, 0])
     came_from = np.zeros((rows, count), dtype=np.int64)
     bounds = capsule_bounds(capsules)
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
@@ -133,7 +180,7 @@ def quickest_chain(
         )
         near = _capsules_between(here, there, bounds)
         free = exempt[0] if row == 0 else exempt[1] if row == rows - 2 else none_exempt
-        _advance(here, there, came_from[after], polar, capsules, near, free)
+        _advance(here, there, came_from[after], water, capsules, near, free)
     chain = np.zeros(rows, dtype=np.int64)
     for row in range(rows - 1, 0, -1):
         chain[row - 1] = came_from[row, chain[row]]
@@ -145,18 +192,24 @@ def _advance(
     here: _Row,
     there: _Row,
     came_from: IntArray,
-    polar: Polar,
+    water: Stream,
     capsules: Capsules,
     near: IntArray,
     exempt: BoolArray,
 ) -> None:
-    """Fill in the arrival times of the next row, and from which point of this row each comes."""
+    """Fill in the next row's arrival times and currents, and from which point each comes."""
+    most = TOO_STRONG * water.polar.speed * water.polar.speed
+    is_steady = len(water.table.times) == 1
     totals = np.empty(len(here.x))
     for j in range(len(there.x)):
-        u, v = there.u[j], there.v[j]
-        if u * u + v * v >= TOO_STRONG * polar.speed * polar.speed:
-            continue
-        _arrivals(here, there.x[j], there.y[j], u, v, polar, totals)
+        site = site_of(water.table, there.x[j], there.y[j])
+        if is_steady:
+            u, v = velocity_there(water.table, site, 0.0)
+            if u * u + v * v >= most:
+                continue
+            _arrivals(here, there.x[j], there.y[j], u, v, water.polar, totals)
+        else:
+            _arrivals_by_clock(here, there.x[j], there.y[j], water, totals)
         while True:
             i = 0
             for k in range(1, len(totals)):
@@ -164,19 +217,29 @@ def _advance(
                     i = k
             if totals[i] == np.inf:
                 break
+            u, v = velocity_there(water.table, site, totals[i])
             leg = Segment(here.x[i], here.y[i], there.x[j], there.y[j])
-            if leg_is_clear(leg, capsules, near, exempt):
-                there.arrival[j] = totals[i]
+            if u * u + v * v < most and leg_is_clear(leg, capsules, near, exempt):
+                there.arrival[j], there.u[j], there.v[j] = totals[i], u, v
                 came_from[j] = i
                 break
             totals[i] = np.inf
 
 
 @kernel
+def _arrivals_by_clock(here: _Row, bx: float, by: float, water: Stream, totals: FloatArray) -> None:
+    """Fill in the arrival times (m,) at one point from each of a row, in a changing current."""
+    for i in range(len(totals)):
+        totals[i] = here.arrival[i]
+        if totals[i] < np.inf:
+            totals[i] += leg_time(here.x[i], here.y[i], bx, by, totals[i], water)
+
+
+@kernel
 def _arrivals(
     here: _Row, bx: float, by: float, bu: float, bv: float, polar: Polar, totals: FloatArray
 ) -> None:
-    """Arrival times (m,) at one point from each of a row: :func:`leg_time` without its branches.
+    """Fill in the same in a steady current: :func:`leg_time` without its branches.
 
     With d the leg and g its slowness' denominator, a time is |d|² / (|d| g): no unit vector is
     needed. Where the current is as strong as the vessel, `here.arrival` is inf.

@@ -2,7 +2,8 @@
 
 The padding is the σ-quantile (risk = 1 - σ) of the reach (:mod:`renew.padding.turn_reach`) of
 hard-over turns to the worse side, over currents drawn from the triangle's mean and spread and
-headings φ ± Δφ about the direction of travel.
+headings φ ± Δφ about the direction of travel. Where the current changes, mean and spread are also
+taken over the window of time in which the vessel may be in the triangle.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ from renew.padding.reach_quantile import TurnSampler
 from renew.padding.soft_no_go import PaddedEdges
 from renew.padding.turn_reach import normals_away
 
-_Crossing: TypeAlias = tuple[int, Transition]
-"""A triangle, and the transition of the channel in it or beside it."""
+_Place: TypeAlias = tuple[int, int, int]
+"""A triangle, and the first and the last step of the clock of the window in which it is crossed."""
+
+_Crossing: TypeAlias = tuple[_Place, Transition]
+"""A place, and the transition of the channel in it or beside it."""
 
 LAYERS = 2
 """Number of triangles by which a path may bulge out of its channel."""
@@ -53,15 +57,22 @@ class PaddingModel:
         self.sampler = TurnSampler.for_risk(policy.seed, policy.risk)
         lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
         self._tree = shapely.STRtree(lines)
-        count = len(triangulation.triangles)
+        # All windows of a steady current are alike.
+        steps = np.diff(current.slice_times)
+        self._clock_step = 0.0 if current.is_steady else float(steps.min())
         self._statistics = CurrentStatistics(
-            np.zeros((count, 2)), *(np.zeros(count) for _ in CurrentStatistics._fields[1:])
+            np.zeros((0, 2)), *(np.zeros(0) for _ in CurrentStatistics._fields[1:])
         )
-        self._near: dict[int, IntArray] = {}
+        self._row: dict[_Place, int] = {}
+        self._near: list[IntArray] = []
         self._known: dict[_Crossing, tuple[IntArray, FloatArray]] = {}
 
-    def padded_edges(self, channel: Channel, start: FloatArray, goal: FloatArray) -> PaddedEdges:
+    def padded_edges(
+        self, channel: Channel, start: FloatArray, goal: FloatArray, windows: FloatArray
+    ) -> PaddedEdges:
         """Constrained edges next to a channel, each with the largest padding it needs there.
+
+        Its triangles are crossed in windows of time (c, 2), s.
 
         Next to means: within the furthest reach of a turn, which takes in all that touch the
         channel by edge or vertex (the paper's rule) and those just beyond a narrow triangle. An
@@ -73,28 +84,34 @@ class PaddingModel:
         row = channel.triangles.tolist()
         places = surroundings(self._triangulation, row, LAYERS)
         place = np.fromiter(places.values(), dtype=np.int64)
-        crossings = [(triangle, transitions[at]) for triangle, at in places.items()]
+        steps = self._steps(windows[place])
+        crossings = [
+            ((triangle, *step), transitions[at])
+            for (triangle, at), step in zip(places.items(), steps, strict=True)
+        ]
         self._learn(crossings, middle[place], middle[place + 1])
         own, beside = np.full((2, len(self._edges)), -1.0)
         for crossing, at in zip(crossings, places.values(), strict=True):
             edges, needed = self._known[crossing]
-            padding = own if crossing[0] == row[at] else beside
+            padding = own if crossing[0][0] == row[at] else beside
             padding[edges] = np.maximum(padding[edges], needed)
         padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
         return PaddedEdges(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
 
     def shortfall(
-        self, path: Visits, channel: Channel, padded: PaddedEdges
+        self, path: Visits, windows: FloatArray, channel: Channel, padded: PaddedEdges
     ) -> tuple[IntArray, FloatArray] | None:
         """Constrained edges whose padding is too small for a path, and by how much (m).
+
+        Its visits fall into windows of time (v, 2), s.
 
         Where a path bulges out of the channel for which the padding was set it meets other edges,
         or the same on another heading. It is assumed to cross each of its triangles from one
         passing edge's midpoint to the next's, as in its channel; where it comes back through the
         edge by which it went, its own heading counts. None where nothing is short.
         """
-        if np.array_equal(path.triangle, channel.triangles):
+        if self._current.is_steady and np.array_equal(path.triangle, channel.triangles):
             return None
         row = np.concatenate([[-1], path.triangle, [-1]])
         before, after = row[:-2], row[2:]
@@ -102,7 +119,10 @@ class PaddingModel:
         enter = self._passing(path.triangle, np.where(there_and_back, -1, before), path.enter)
         leave = self._passing(path.triangle, np.where(there_and_back, -1, after), path.leave)
         transitions = zip(before.tolist(), path.triangle.tolist(), after.tolist(), strict=True)
-        crossings = [(transition[1], transition) for transition in transitions]
+        crossings = [
+            ((transition[1], *step), transition)
+            for transition, step in zip(transitions, self._steps(windows), strict=True)
+        ]
         for at in np.flatnonzero(there_and_back).tolist():
             # The heading there is this path's own, so it is not taken from an earlier path.
             self._known.pop(crossings[at], None)
@@ -114,6 +134,14 @@ class PaddingModel:
         short = wanted[padded.edge] - padded.padding
         found = np.flatnonzero(short > 0)
         return (padded.edge[found], short[found]) if len(found) else None
+
+    def _steps(self, windows: FloatArray) -> list[tuple[int, int]]:
+        """First and last step of the clock of windows (n, 2), s: each lies in its steps."""
+        if self._current.is_steady:
+            return [(0, 0)] * len(windows)
+        first = np.floor(windows[:, 0] / self._clock_step).astype(int)
+        last = np.ceil(windows[:, 1] / self._clock_step).astype(int)
+        return list(zip(first.tolist(), last.tolist(), strict=True))
 
     def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
         """Midpoints (n, 2) of the edges that triangles (n,) share with others, where they do."""
@@ -133,12 +161,13 @@ class PaddingModel:
         if not new:
             return
         place = np.fromiter(new.values(), dtype=np.int64)
-        triangles = [triangle for triangle, _ in new]
-        self._survey(triangles)
-        near = [self._near[triangle] for triangle in triangles]
+        places = [one for one, _ in new]
+        self._survey(places)
+        rows = [self._row[one] for one in places]
+        near = [self._near[one] for one in rows]
         bounds = np.cumsum([0, *map(len, near)])
         row = np.repeat(np.arange(len(new)), np.diff(bounds))
-        statistics = CurrentStatistics(*(of[triangles] for of in self._statistics))
+        statistics = CurrentStatistics(*(of[rows] for of in self._statistics))
         if self._policy.is_adaptive:
             edges = self._edges[np.concatenate(near)]
             needed = self._adaptive(statistics, row, edges, enter[place], leave[place])
@@ -150,24 +179,29 @@ class PaddingModel:
         ):
             self._known[crossing] = edge, needed[first:last]
 
-    def _survey(self, triangles: Sequence[int]) -> None:
-        """Find the current in triangles, and the edges within reach of it, if not yet known."""
-        if all(triangle in self._near for triangle in triangles):
+    def _survey(self, places: Sequence[_Place]) -> None:
+        """Find the current at places, and the edges within reach in it, if not yet known."""
+        new = list(dict.fromkeys(one for one in places if one not in self._row))
+        if not new:
             return
-        at_hand = itertools.chain(triangles, range(len(self._triangulation.triangles)))
-        unknown = (triangle for triangle in at_hand if triangle not in self._near)
-        new = list(dict.fromkeys(itertools.islice(unknown, len(triangles) + _BATCH)))
-        corners = self._triangulation.corners[new]
-        statistics = self._current.statistics(corners)
-        for of, values in zip(self._statistics, statistics, strict=True):
-            of[new] = values
+        if self._current.is_steady:
+            others = ((t, 0, 0) for t in range(len(self._triangulation.triangles)))
+            unknown = (one for one in others if one not in self._row)
+            new = list(dict.fromkeys([*new, *itertools.islice(unknown, len(new) + _BATCH)]))
+        triangles, first, last = np.array(new).T
+        corners = self._triangulation.corners[triangles]
+        windows = np.stack([first, last], axis=1) * self._clock_step
+        statistics = self._current.statistics(corners, windows)
         row, edge = self._tree.query(
             shapely.polygons(corners), predicate="dwithin", distance=self._furthest(statistics)
         )
         order = np.lexsort((edge, row))
         bounds = np.searchsorted(row[order], np.arange(len(new) + 1))
-        for triangle, (first, last) in zip(new, itertools.pairwise(bounds.tolist()), strict=True):
-            self._near[triangle] = edge[order[first:last]]
+        self._row |= {one: len(self._row) + at for at, one in enumerate(new)}
+        self._near += np.split(edge[order], bounds[1:-1])
+        self._statistics = CurrentStatistics(
+            *(np.concatenate(both) for both in zip(self._statistics, statistics, strict=True))
+        )
 
     def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
         """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""

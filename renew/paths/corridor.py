@@ -13,6 +13,7 @@ from renew.errors import InfeasibleError, Strait
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import Stream
 from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
 
@@ -39,6 +40,11 @@ class Corridor:
     corners: FloatArray
     open_outline: FloatArray
     padded: PaddedEdges
+
+    @property
+    def stream(self) -> Stream:
+        """The current as paths are planned in it."""
+        return Stream(self.voyage.table, self.polar, self.voyage.clock)
 
     @cached_property
     def search_capsules(self) -> Capsules:

@@ -17,7 +17,6 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
-from renew.inputs.current_table import velocities
 from renew.kernels.capsules import capsules_near
 from renew.kernels.viterbi import quickest_chain
 from renew.paths.corridor import SLACK, Corridor
@@ -109,7 +108,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) ->
     """Path (n, 2) after some passes over transversals."""
     length = _length(path)
     closest = _MIN_SPACING * corridor.voyage.vessel.turning_radius
-    water = Water(corridor.voyage.table, corridor.polar, corridor.search_capsules)
+    water = Water(corridor.stream, corridor.search_capsules)
     # A pass moves the path by its window at most, and windows shrink: twice the first in all.
     within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
     water, exempt = water.near(within), corridor.exempt[:, within]
@@ -145,9 +144,8 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
     points = np.empty((len(places) + 2, max(places.shape[1], 1), 2))
     points[0], points[-1] = voyage.start, voyage.goal
     points[1:-1] = sections.points(places)
-    current = velocities(voyage.table, points.reshape(-1, 2)).reshape(points.shape)
     arrival, chain = quickest_chain(
-        points, current, corridor.polar, corridor.search_capsules, corridor.exempt
+        points, corridor.stream, corridor.search_capsules, corridor.exempt
     )
     if not math.isfinite(arrival):
         raise InfeasibleError(

@@ -13,24 +13,21 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.inputs.current_table import Table, velocities
 from renew.kernels.angles import wrapped
 from renew.kernels.capsules import Capsules
-from renew.kernels.ground_speed import Polar
-from renew.kernels.viterbi import quickest_chain, shortcut
+from renew.kernels.viterbi import Stream, quickest_chain, shortcut
 from renew.paths.sections import free_intervals
 
 
 class Water(NamedTuple):
-    """What a path is refined in: current, what the vessel makes in it, and what to keep out of."""
+    """What a path is refined in: a current, and what to keep out of."""
 
-    table: Table
-    polar: Polar
+    stream: Stream
     capsules: Capsules
 
     def near(self, chosen: IntArray) -> Water:
         """Return the same with only some of the capsules."""
-        return Water(self.table, self.polar, self.capsules.select(chosen))
+        return Water(self.stream, self.capsules.select(chosen))
 
 
 @kernel
@@ -120,8 +117,7 @@ def refined_on_transversals(
                 points[k + 1, j, d] = left[k, d] + place * (right[k, d] - left[k, d])
         # The path's own point stays among them, so that no pass is worse than the one before.
         points[k + 1, count - 1, 0], points[k + 1, count - 1, 1] = path[k + 1]
-    velocity = velocities(water.table, points.reshape(-1, 2)).reshape(points.shape)
-    arrival, chain = quickest_chain(points, velocity, water.polar, water.capsules, exempt)
+    arrival, chain = quickest_chain(points, water.stream, water.capsules, exempt)
     if arrival == np.inf:
         return path
     chosen = np.empty((rows, 2))
@@ -134,8 +130,7 @@ def refined_on_transversals(
 @kernel
 def without_detours(path: FloatArray, longest: float, water: Water) -> FloatArray:
     """Path (n', 2) without the points that a shortcut of up to `longest` m passes no slower."""
-    current = velocities(water.table, path)
-    return path[shortcut(path, current, water.polar, water.capsules, longest)]
+    return path[shortcut(path, water.stream, water.capsules, longest)]
 
 
 @kernel

@@ -16,8 +16,8 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
-from renew.inputs.current_table import Table, velocity
 from renew.kernels.capsules import Capsules, Segment, leg_is_clear
+from renew.kernels.current_table import Table, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
@@ -40,10 +40,11 @@ class Shortened(NamedTuple):
 class _Water(NamedTuple):
     """What legs are timed in, what they keep out of, and the rays that tell classes apart.
 
-    `exempt` (2, c) is as :attr:`Corridor.exempt`.
+    `exempt` (2, c) is as :attr:`Corridor.exempt`; paths are begun at `departure`, s.
     """
 
     table: Table
+    departure: float
     polar: Polar
     capsules: Capsules
     exempt: BoolArray
@@ -73,6 +74,7 @@ def _water(corridor: Corridor, rays: Rays) -> _Water:
     """Water of a corridor, in which rays tell classes apart."""
     return _Water(
         corridor.voyage.table,
+        corridor.voyage.departure,
         corridor.polar,
         corridor.search_capsules,
         corridor.exempt,
@@ -127,19 +129,25 @@ def _length(path: FloatArray) -> float:
 
 
 @kernel
-def _leg_time(leg: Segment, longest: float, water: _Water) -> float:
-    """Time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m; inf if impassable."""
+def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> float:
+    """Time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m; inf if impassable.
+
+    It is begun at a time of the table's clock, s.
+    """
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.hypot(dx, dy)
     if length == 0.0:
         return 0.0
     pieces = math.ceil(length / longest)
-    total = 0.0
+    total, last, behind = 0.0, 1.0 / water.polar.speed, 0.0
     for piece in range(pieces):
         for within in _GAUSS:
             place = (piece + within) / pieces
-            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy)
-            total += slowness(u, v, dx / length, dy / length, water.polar)
+            # The way from the point before, at the slowness there.
+            begin += last * (place - behind) * length
+            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
+            last, behind = slowness(u, v, dx / length, dy / length, water.polar), place
+            total += last
     return total * length / (2 * pieces)
 
 
@@ -159,8 +167,9 @@ def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
         word[new] = appended(water.rays, words, word[new - 1], Segment(ax, ay, bx, by))
         for old in range(new):
             leg = Segment(points[old, 0], points[old, 1], bx, by)
-            is_reached = arrival[old] < np.inf
-            total[old] = arrival[old] + _leg_time(leg, longest, water) if is_reached else np.inf
+            total[old] = arrival[old]
+            if arrival[old] < np.inf:
+                total[old] += _leg_time(leg, water.departure + arrival[old], longest, water)
         while True:
             old = int(np.argmin(total[:new]))
             if total[old] == np.inf:

@@ -21,6 +21,7 @@ from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import Polar
 from renew.padding.padding_model import LAYERS, PaddingModel
+from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import (
@@ -119,6 +120,9 @@ class ClassPlanner:
         """Where a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         row = channel.triangles.tolist()
+        middle = channel.midline(voyage.start, voyage.goal)
+        way = middle if channel.found_by is None else channel.found_by
+        windows = passage_windows(voyage, way, middle[:-1], middle[1:])
         region = np.array(list(surroundings(triangulation, row, LAYERS)))
         return Corridor(
             voyage=voyage,
@@ -127,7 +131,7 @@ class ClassPlanner:
             triangles=region,
             corners=triangulation.corners[region],
             open_outline=triangulation.open_outline(region),
-            padded=self._model.padded_edges(channel, voyage.start, voyage.goal),
+            padded=self._model.padded_edges(channel, voyage.start, voyage.goal, windows),
         )
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> _Found:
@@ -235,9 +239,15 @@ class ClassPlanner:
             return _refined(corridor, way(corridor))
 
     def _check_current(self, trajectory: FloatArray) -> None:
-        """Refuse a trajectory through water whose current is as strong as the vessel."""
+        """Refuse a trajectory through a current as strong as the vessel, or no longer known."""
         voyage = self.problem.voyage
-        strength = np.linalg.norm(voyage.current(trajectory[:, 1:3]), axis=1)
+        arrival, (_, last) = trajectory[-1, 0], voyage.current.span
+        if arrival > last:
+            raise InfeasibleError(
+                f"it would arrive at {arrival:.6g} s, and the current is known until {last:.6g} s"
+            )
+        velocity = voyage.current.velocity(trajectory[:, 1:3], trajectory[:, 0])
+        strength = np.linalg.norm(velocity, axis=1)
         worst = int(strength.argmax())
         if strength[worst] >= voyage.vessel.speed:
             raise InfeasibleError(
@@ -299,6 +309,7 @@ class ClassPlanner:
             length=float(line.length),
             clearance=float(clearance),
             duration=fuel / voyage.vessel.fuel_rate,
+            times=voyage.arrivals(path),
             fuel_bound=self.problem.fuel_bound,
             homotopy=name(self.problem.rays.word(path)),
             corners=corridor.corners,
@@ -334,5 +345,6 @@ def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
     for count in np.unique(points):
         alike = np.flatnonzero(points == count)
         stacked = np.stack([paths[i] for i in alike.tolist()])
-        result[alike] = steerable(stacked, voyage.current, voyage.vessel)
+        times = np.stack([voyage.reading_times(paths[i])[1:-1] for i in alike.tolist()])
+        result[alike] = steerable(stacked, voyage.current, voyage.vessel, times)
     return result

@@ -12,6 +12,7 @@ from typing import TypeAlias
 from renew._types import FloatArray, IntArray
 from renew.kernels.traversal import visits
 from renew.padding.padding_model import PaddingModel
+from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
 from renew.paths.corridor import Corridor
 from renew.search.problem import Problem
@@ -49,7 +50,8 @@ class PaddingGrowth:
             return None
         inside = visits(path, corridor.corners)
         crossed = inside._replace(triangle=corridor.triangles[inside.triangle])
-        return self.model.shortfall(crossed, corridor.channel, corridor.padded)
+        windows = passage_windows(self.problem.voyage, path, inside.enter, inside.leave)
+        return self.model.shortfall(crossed, windows, corridor.channel, corridor.padded)
 
 
 def grown(corridor: Corridor, shortfall: Shortfall) -> Corridor:

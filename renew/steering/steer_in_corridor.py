@@ -58,9 +58,11 @@ def _steered(
     path: FloatArray, corridor: Corridor, rounding: float
 ) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it."""
-    field, vessel = corridor.voyage.current, corridor.voyage.vessel
+    voyage = corridor.voyage
+    field, vessel = voyage.current, voyage.vessel
     if len(path) > 2:
-        radius = rounding * corner_radius(path, field, vessel)
+        times = voyage.reading_times(path)[1:-1]
+        radius = rounding * corner_radius(path, field, vessel, times)
         sharp = _sharp_corners(path, corridor, radius)
         if sharp.any():
             keep = ~_crowding(path, sharp, radius)
@@ -71,7 +73,7 @@ def _steered(
         raise InfeasibleError(
             "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
         )
-    trajectory = steer(path, field, vessel)
+    trajectory = steer(path, field, vessel, voyage.departure)
     track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))

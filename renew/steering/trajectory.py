@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.current import CurrentField
-from renew.inputs.fuel import ground_speed
+from renew.inputs.fuel import ground_speed, reading_times, times_under_way
 from renew.inputs.vessel import Vessel
 from renew.steering.turning_radius import corner_radius, course_changes
 
@@ -21,17 +22,22 @@ _LEG_SAMPLES = 256
 _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 20
 
 
-def steer(path: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray:
+def steer(
+    path: FloatArray, current: CurrentField, vessel: Vessel, departure: float = 0.0
+) -> FloatArray:
     """Trajectory (m, 4) of t (s), x, y (m), heading (rad) along a path (n, 2), corners rounded.
+
+    It begins at the departure, on the clock of a current that changes.
 
     The vessel crabs: at each row its heading is the one whose ground velocity
     v (cos θ, sin θ) + c runs along the path. Post-condition: |Δθ/Δt| <= ω between rows; where
     that can't be, InfeasibleError says why.
     """
-    radius = corner_radius(path, current, vessel)
+    times = reading_times(path, current, vessel, drift="crab", departure=departure)
+    radius = corner_radius(path, current, vessel, times[1:-1])
     for _ in range(_MAX_GROWTHS):
         curve = _rounded(path, radius)
-        trajectory = _crab_along(curve, current, vessel)
+        trajectory = _crab_along(curve, current, vessel, departure)
         turning = np.abs(np.diff(trajectory[:, 3]))
         fast = turning > vessel.turn_rate * np.diff(trajectory[:, 0]) * (1 + 1e-9)
         if not fast.any():
@@ -112,17 +118,27 @@ def _densified(curve: _Curve) -> _Curve:
     )
 
 
-def _crab_along(curve: _Curve, current: CurrentField, vessel: Vessel) -> FloatArray:
+def _crab_along(
+    curve: _Curve, current: CurrentField, vessel: Vessel, departure: float
+) -> FloatArray:
     """Trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule."""
     tangent = np.stack([np.cos(curve.course), np.sin(curve.course)], axis=-1)
-    velocity = current(curve.points)
-    speed = ground_speed(velocity, tangent, vessel.speed, "crab")
-    if not (speed > 0).all():
-        at = curve.points[~(speed > 0)][0]
+    lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
+
+    def durations(some: slice, times: FloatArray) -> FloatArray:
+        """Time (p,), s, over some legs, by the times (p + 1,) at their ends."""
+        ends = slice(some.start, some.stop + 1)
+        velocity = current.velocity(curve.points[ends], times)
+        speed = ground_speed(velocity, tangent[ends], vessel.speed, "crab")
+        slowness = np.where(speed > 0, 1 / np.where(speed > 0, speed, 1.0), np.inf)
+        return np.asarray(lengths[some] * (slowness[:-1] + slowness[1:]) / 2)
+
+    time = times_under_way(durations, len(lengths), departure, is_steady=current.is_steady)
+    if not math.isfinite(time[-1]):
+        at = curve.points[np.isfinite(time)][-1]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)
+    velocity = current.velocity(curve.points, time)
+    speed = ground_speed(velocity, tangent, vessel.speed, "crab")
     through_water = speed[:, None] * tangent - velocity
     heading = np.unwrap(np.arctan2(through_water[:, 1], through_water[:, 0]))
-    lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
-    slowness = (1 / speed[:-1] + 1 / speed[1:]) / 2
-    time = np.concatenate([[0.0], np.cumsum(lengths * slowness)])
     return np.column_stack([time, curve.points, heading])

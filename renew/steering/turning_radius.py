@@ -17,24 +17,29 @@ from renew.kernels.angles import wrapped
 
 
 def effective_turning_radius(
-    points: FloatArray, heading: FloatArray, current: CurrentField, vessel: Vessel
+    velocity: FloatArray, heading: FloatArray, vessel: Vessel
 ) -> FloatArray:
-    """Effective turning radius |v (cos φ, sin φ) + c| / ω (...), m, at points on headings φ."""
+    """Effective turning radius |v (cos φ, sin φ) + c| / ω (...), m, in currents on headings φ."""
     through_water = vessel.speed * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    over_ground = np.linalg.norm(through_water + current(points), axis=-1)
+    over_ground = np.linalg.norm(through_water + velocity, axis=-1)
     return np.asarray(over_ground / vessel.turn_rate)
 
 
-def steerable(paths: FloatArray, current: CurrentField, vessel: Vessel) -> BoolArray:
-    """Whether every corner of each path (..., n, 2) can be rounded with r' (paper's check)."""
+def steerable(
+    paths: FloatArray, current: CurrentField, vessel: Vessel, times: float | FloatArray = 0.0
+) -> BoolArray:
+    """Whether every corner of each path (..., n, 2) can be rounded with r' (paper's check).
+
+    Corners are passed at `times` (..., n - 2), s.
+    """
     lengths = np.linalg.norm(np.diff(paths, axis=-2), axis=-1)
     room = np.minimum(lengths[..., :-1], lengths[..., 1:]) / 2
     turns, _ = course_changes(paths)
     course = np.arctan2(*np.moveaxis(np.diff(paths, axis=-2), -1, 0)[::-1])
-    corners = paths[..., 1:-1, :]
+    velocity = current.velocity(paths[..., 1:-1, :], times)
     radius = np.maximum(
-        effective_turning_radius(corners, course[..., :-1], current, vessel),
-        effective_turning_radius(corners, course[..., 1:], current, vessel),
+        effective_turning_radius(velocity, course[..., :-1], vessel),
+        effective_turning_radius(velocity, course[..., 1:], vessel),
     )
     needed = radius * np.tan(np.abs(turns) / 2)
     return np.asarray((needed <= room).all(axis=-1))
@@ -52,17 +57,20 @@ def course_changes(paths: FloatArray) -> tuple[FloatArray, FloatArray]:
     return turns, np.stack([np.cos(inwards), np.sin(inwards)], axis=-1)
 
 
-def corner_radius(paths: FloatArray, current: CurrentField, vessel: Vessel) -> FloatArray:
+def corner_radius(
+    paths: FloatArray, current: CurrentField, vessel: Vessel, times: float | FloatArray = 0.0
+) -> FloatArray:
     """Smallest radius (..., n - 2) in metres that can be steered over ground at inner corners.
 
     At a course χ with crab angle β (sin β = c⊥ / v) the heading turns by V / (v cos β) for each
     radian of χ, with V the speed over ground: following the curve at rate ω takes a radius of
     V² / (ω v cos β). In a following current that is more than r' = V / ω. The larger of the two
-    legs' radii counts; where the course can't be held, r' with V = v + |c|.
+    legs' radii counts; where the course can't be held, r' with V = v + |c|. Corners are passed at
+    `times` (..., n - 2), s.
     """
     corners, legs = paths[..., 1:-1, :], np.diff(paths, axis=-2)
     units = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
-    velocity = current(corners)
+    velocity = current.velocity(corners, times)
     radius = np.zeros(corners.shape[:-1])
     for tangent in (units[..., :-1, :], units[..., 1:, :]):
         over_ground = ground_speed(velocity, tangent, vessel.speed, "crab")

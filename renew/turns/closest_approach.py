@@ -82,8 +82,11 @@ def tightest(
     course = np.arctan2(north, east)
     triangles = shapely.polygons(route.corners)
     inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
+    when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
     reaches = TurnSampler(seed, _DRAWS).reaches(
-        as_field(current).statistics(route.corners[[inside]]),
+        as_field(current).statistics(
+            route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
+        ),
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),

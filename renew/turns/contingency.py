@@ -26,9 +26,9 @@ from renew.inputs.current import (
     as_field,
     sample_statistics,
 )
-from renew.inputs.current_table import Table, velocity
-from renew.inputs.fuel import ground_speed
+from renew.inputs.fuel import Drift, ground_speed, reading_times
 from renew.inputs.vessel import Vessel
+from renew.kernels.current_table import Table, velocity
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
 
 # Number of headings of a full turn, one every 10 degrees: by the midpoint rule the track is within
@@ -75,8 +75,14 @@ def contingency(
     *,
     spacing: float = 1.0,
     seed: int = 0,
+    departure: float = 0.0,
+    lateness: float = 0.05,
+    drift: Drift = "projected",
 ) -> Contingency:
     """Fly a full hard-over turn to both sides from points along a route.
+
+    In a current that changes the clock runs: turns begin when the vessel passes, and when it is
+    early and late by a share of the time under way.
 
     Parameters
     ----------
@@ -92,6 +98,12 @@ def contingency(
         Distance between points along the route (m).
     seed : int
         Seed of the draws of the field's spread.
+    departure : float
+        When the route is begun (s), on the clock of a current that changes.
+    lateness : float
+        Share of the time since departure by which the vessel may be early or late.
+    drift : {"projected", "crab"}
+        Drift model by which the time of passage is reckoned.
 
     Returns
     -------
@@ -105,8 +117,12 @@ def contingency(
     """
     if not (math.isfinite(spacing) and spacing > 0):
         raise ParameterError(f"spacing = {spacing!r} m must be finite and above 0")
-    field = as_field(current)
-    points, course = stations(np.asarray(route.path, dtype=float), spacing)
+    if not 0 <= lateness < 1:
+        raise ParameterError(f"lateness = {lateness!r} must be at least 0 and below 1")
+    field, path = as_field(current), np.asarray(route.path, dtype=float)
+    points, course = stations(path, spacing)
+    times = reading_times(points, field, vessel, drift=drift, departure=departure)
+    delays = (0.0,) if field.is_steady else (-lateness, 0.0, lateness)
     # Only turns within reach of land can touch it; the others are counted without being flown.
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
@@ -116,11 +132,13 @@ def contingency(
         near[np.unique(found[0])] = True
     hits = np.zeros(len(points), dtype=np.int64)
     deviations = _drawn_deviations(len(points), seed)
-    turns = fly_turns(points[near], course[near], field, vessel, deviations[near])
-    if chart.no_go and near.any():
-        hits[near] = _touching(turns, tree).sum(axis=1)
+    for delay in delays:
+        begin = times[near] + delay * (times[near] - departure)
+        turns = fly_turns(points[near], course[near], field, vessel, deviations[near], begin)
+        if chart.no_go and near.any():
+            hits[near] += _touching(turns, tree).sum(axis=1)
     return Contingency(
-        trials=2 * (1 + _DRAWS) * len(points),
+        trials=2 * (1 + _DRAWS) * len(points) * len(delays),
         collisions=int(hits.sum()),
         points=points,
         collided=hits > 0,
@@ -141,19 +159,22 @@ def fly_turns(
     field: CurrentField,
     vessel: Vessel,
     deviations: FloatArray,
+    times: FloatArray,
     steps: int = _TURN_STEPS,
 ) -> FloatArray:
     """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
-    Each of the draws, to either side, is flown in the field perturbed by `deviations` (n or 1,
-    draws, 2): multiples of the spread of its speed and of its direction.
+    They begin at `times` (n,), s. Each of the draws, to either side, is flown in the field
+    perturbed by `deviations` (n or 1, draws, 2): multiples of the spread of its speed and of its
+    direction.
     """
-    heading = _crab_heading(points, course, field, vessel)
-    speed_change, direction_change = perturbations(points, field, vessel, deviations)
+    heading = _crab_heading(points, course, field, vessel, times)
+    speed_change, direction_change = perturbations(points, field, vessel, deviations, times)
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
             _flown_by_table(
                 points,
+                times,
                 heading,
                 speed_change,
                 direction_change,
@@ -163,11 +184,12 @@ def fly_turns(
                 steps,
             )
         )
-    return _flown(points, heading, speed_change, direction_change, field, vessel, steps)
+    return _flown(points, times, heading, speed_change, direction_change, field, vessel, steps)
 
 
 def _flown(
     points: FloatArray,
+    times: FloatArray,
     heading: FloatArray,
     speed_change: FloatArray,
     direction_change: FloatArray,
@@ -185,14 +207,16 @@ def _flown(
     step = vessel.turn_period / steps
     track = [position]
     for i in range(steps):
+        now = times[:, None, None] + i * step
         middle = heading[:, None, None] + side * vessel.turn_rate * step * (i + 0.5)
         through = vessel.speed * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
         through = np.broadcast_to(through, position.shape)
         half = position + step / 2 * (
-            through + _perturbed(field(position), speed_change, direction_change)
+            through + _perturbed(field.velocity(position, now), speed_change, direction_change)
         )
         position = position + step * (
-            through + _perturbed(field(half), speed_change, direction_change)
+            through
+            + _perturbed(field.velocity(half, now + step / 2), speed_change, direction_change)
         )
         track.append(position)
     return np.stack(track, axis=-2).reshape(len(points), 2 * speed_change.shape[1], steps + 1, 2)
@@ -201,6 +225,7 @@ def _flown(
 @kernel
 def _flown_by_table(
     points: FloatArray,
+    times: FloatArray,
     heading: FloatArray,
     speed_change: FloatArray,
     direction_change: FloatArray,
@@ -227,12 +252,14 @@ def _flown_by_table(
                 track = tracks[i, 2 * draw + side]
                 track[0, 0], track[0, 1] = x, y
                 for k in range(steps):
-                    u, v = _perturbed_velocity(velocity(table, x, y), more, cos, sin)
+                    now = times[i] + k * step
+                    u, v = _perturbed_velocity(velocity(table, x, y, now), more, cos, sin)
                     u, v = _perturbed_velocity(
                         velocity(
                             table,
                             x + step / 2 * (through[k, 0] + u),
                             y + step / 2 * (through[k, 1] + v),
+                            now + step / 2,
                         ),
                         more,
                         cos,
@@ -281,20 +308,28 @@ def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _crab_heading(
-    points: FloatArray, course: FloatArray, field: CurrentField, vessel: Vessel
+    points: FloatArray,
+    course: FloatArray,
+    field: CurrentField,
+    vessel: Vessel,
+    times: FloatArray,
 ) -> FloatArray:
     """Heading (n,) that holds the course in the current, or the course where none does."""
     tangent = np.stack([np.cos(course), np.sin(course)], axis=-1)
-    velocity = field(points)
+    velocity = field.velocity(points, times)
     speed = ground_speed(velocity, tangent, vessel.speed, "crab")
     through = np.where((speed > 0)[:, None], speed[:, None] * tangent - velocity, tangent)
     return np.arctan2(through[:, 1], through[:, 0])
 
 
 def perturbations(
-    points: FloatArray, field: CurrentField, vessel: Vessel, deviations: FloatArray
+    points: FloatArray,
+    field: CurrentField,
+    vessel: Vessel,
+    deviations: FloatArray,
+    times: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Perturbations of the field (n, draws): change of speed (m/s) and of direction (rad).
+    """Perturbations of the field (n, draws) at times (n,): of speed (m/s) and of direction (rad).
 
     The field's spread is taken on rings within the turning circle's diameter.
     """
@@ -305,7 +340,7 @@ def perturbations(
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     reach = 2 * vessel.turning_radius
     around = np.concatenate([np.zeros((1, 2)), ring * reach / 2, ring * reach])
-    spread = sample_statistics(field(points[:, None] + around))
+    spread = sample_statistics(field.velocity(points[:, None] + around, times[:, None]))
     return (
         spread.speed_std[:, None] * deviations[..., 0],
         spread.direction_std[:, None] * deviations[..., 1],

@@ -17,6 +17,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.current import CurrentStatistics
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import nearest_on_segments
+from renew.padding.passage_windows import passage_windows
 from renew.padding.reach_quantile import TurnSampler
 from renew.padding.soft_no_go import PaddedEdges
 from renew.turns.contingency import stations
@@ -101,12 +102,17 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
     radius = voyage.vessel.turning_radius
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     points, course = stations(path, max(_SPACING * radius, length / _MAX_STATIONS))
+    windows = passage_windows(voyage, points, points, points)
     found, triangle = shapely.STRtree(shapely.polygons(corners)).query(
         shapely.points(points), predicate="intersects"
     )
     found, first = np.unique(found, return_index=True)
     met, back = np.unique(triangle[first], return_inverse=True)
-    current = voyage.quick_current.statistics(corners[met])
+    # In each triangle from when the first of its stations is passed until the last is.
+    within = np.tile([np.inf, -np.inf], (len(met), 1))
+    np.minimum.at(within[:, 0], back, windows[found, 0])
+    np.maximum.at(within[:, 1], back, windows[found, 1])
+    current = voyage.quick_current.statistics(corners[met], within)
     current = CurrentStatistics(*(of[back] for of in current))
     return _Stations(points[found], course[found], current)
 

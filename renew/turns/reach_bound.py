@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from renew._types import FloatArray
-from renew.inputs.current_table import Table
 from renew.inputs.vessel import Vessel
+from renew.kernels.current_table import Table
 
 MAX_DEVIATIONS = 2.0
 """Standard deviations by which the currents that turns are flown in differ at most from the field:
@@ -26,7 +26,7 @@ class TurnReach:
 
     @classmethod
     def of(cls, table: Table, vessel: Vessel) -> TurnReach:
-        """Bounds from the strongest current that a turn can meet.
+        """Bounds from the strongest current that a turn can meet, at any time.
 
         A turn is 2 v/ω wide in still water, and is carried by the drift of one period. Speeds
         between 0 and m have a standard deviation of at most m / 2, so that a perturbed current is
@@ -34,7 +34,7 @@ class TurnReach:
         """
         drift = (1 + MAX_DEVIATIONS / 2) * vessel.turn_period
         wide = 2 * vessel.turning_radius
-        speed = np.linalg.norm(table.uv, axis=-1)
+        speed = np.linalg.norm(table.uv, axis=-1).max(axis=0)
         # Distance within which a turn meets its strongest current; one node more for safety.
         sight = wide + drift * float(speed.max())
         size = [

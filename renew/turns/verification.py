@@ -50,7 +50,7 @@ def colliding_edges(
     margin = _MARGIN * vessel.turning_radius
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     spacing = max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
-    points, course = stations(path, spacing)
+    points, course, times = passed_stations(path, spacing, voyage)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     furthest = reach(points)
     first, near = segments_near(points, furthest + margin, padded.start, padded.end)
@@ -58,7 +58,8 @@ def colliding_edges(
     close = close[~in_soft_endpoints(points[close], voyage, padded)]
 
     def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
-        turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, steps=_STEPS)
+        begin = times[chosen]
+        turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, begin, _STEPS)
         edges = np.concatenate([near[first[i] : first[i + 1]] for i in chosen])
         bounds = np.concatenate([[0], np.cumsum(np.diff(first)[chosen])])
         return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
@@ -66,7 +67,7 @@ def colliding_edges(
     if len(close):
         # Perturbed turns are not flown where the unperturbed one stays too far off for any of them.
         drift = (furthest[close] - 2 * vessel.turning_radius) / 2
-        off = _max_offset(points[close], field, vessel, drift)
+        off = _max_offset(points[close], field, vessel, drift, times[close])
         turns, track, _ = touching(close, margin + off, _CORNERS[:, :1])
         close = close[np.unique(track // turns.shape[1])]
     if not len(close):
@@ -79,14 +80,30 @@ def colliding_edges(
     return padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
 
 
+def passed_stations(
+    path: FloatArray, spacing: float, voyage: Voyage
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Stations (n, 2) along a path, the course (n,) rad there, and times (n,), s, of passage.
+
+    In a current that changes each is there three times: passed early, on time and late.
+    """
+    points, course = stations(path, spacing)
+    times = voyage.reading_times(points)
+    if voyage.current.is_steady:
+        return points, course, times
+    delays = voyage.lateness * np.array([-1.0, 0.0, 1.0])
+    begin = times[:, None] + delays * (times - voyage.departure)[:, None]
+    return np.repeat(points, 3, axis=0), np.repeat(course, 3), begin.ravel()
+
+
 def _max_offset(
-    points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray
+    points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray, times: FloatArray
 ) -> FloatArray:
     """How far perturbations can carry a turn off its own track (n,), m; `drift` (n,) its own, m.
 
     Twice the perturbations of one turn's water: a track that is carried off meets other water.
     """
-    speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2])
+    speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2], times)
     return 2 * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 

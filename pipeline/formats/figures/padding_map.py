@@ -188,12 +188,14 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
     ahead = np.stack(
         [_point_at(ranked.route, at + step) - _point_at(ranked.route, at - step) for at in along]
     )
+    passed = np.cumsum(np.linalg.norm(np.diff(ranked.route.path, axis=0), axis=1))
     return fly_turns(
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
         result.scene.currents[ranked.season],
         result.scene.vessel,
         np.zeros((1, 1, 2)),
+        np.interp(along, np.append(0.0, passed), ranked.route.times),
     )
 
 

@@ -20,7 +20,7 @@ STAGES = ("land", "current", "simplify", "project", "plan", "evaluate", "write")
     ("stage", "file"),
     [
         ("land", "pipeline/sources/land/vector_layer.py"),
-        ("project", "renew/inputs/current_table.py"),
+        ("project", "renew/kernels/current_table.py"),
         ("plan", "renew/kernels/capsules.py"),
         ("write", "pipeline/formats/report/templates/report.css"),
         ("write", "pipeline/formats/report/scripts/map.js"),

@@ -37,7 +37,8 @@ def grid_over(
     return TravelGrid(
         x,
         y,
-        current(np.stack(np.meshgrid(x, y), axis=-1)),
+        bounds._sampled(current, x, y),
+        0.0,
         np.zeros((nodes - 1, nodes - 1)),
         bounds._wet(chart, x, y),
         Polar(1.0, crab),

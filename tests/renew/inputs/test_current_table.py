@@ -12,7 +12,8 @@ from shapely import box
 
 import renew
 from renew.inputs.current import TabulatedCurrent
-from renew.inputs.current_table import table_of, tabulated, velocities, velocity
+from renew.inputs.tabulation import tabulated
+from renew.kernels.current_table import next_slice, table_of, velocities, velocity
 from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
 
@@ -34,11 +35,51 @@ def test_lookups_are_bilinear_on_even_and_uneven_nodes(seed: int) -> None:
     points = rng.uniform((x[0] - 1, y[0] - 1), (x[-1] + 1, y[-1] + 1), (200, 2))
     inside = np.clip(points, (x[0], y[0]), (x[-1], y[-1]))
     expected = RegularGridInterpolator((y, x), uv)(inside[:, ::-1])
-    assert velocities(table, points) == pytest.approx(expected, abs=1e-12)
+    assert velocities(table, points, np.zeros(200)) == pytest.approx(expected, abs=1e-12)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    assert velocities(table, nodes.reshape(-1, 2)) == pytest.approx(uv.reshape(-1, 2), abs=1e-9)
+    assert velocities(table, nodes.reshape(-1, 2), np.zeros(35)) == pytest.approx(
+        uv.reshape(-1, 2), abs=1e-9
+    )
     # The same without the compiler.
-    assert uncompiled(velocity)(table, *points[0]) == pytest.approx(expected[0], abs=1e-12)
+    assert uncompiled(velocity)(table, points[0, 0], points[0, 1], 0.0) == pytest.approx(
+        expected[0], abs=1e-12
+    )
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_between_slices_lookups_are_linear_in_time_and_held_outside_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = np.linspace(0, 4, 5), np.linspace(0, 3, 4)
+    times = np.cumsum(rng.uniform(0.5, 2.0, 6)) - 3.0
+    uv = rng.normal(0, 1, (6, 4, 5, 2))
+    table = table_of(x, y, uv, times=times)
+    points, when = rng.uniform((0, 0), (4, 3), (200, 2)), rng.uniform(-5, 8, 200)
+    inside = np.clip(when, times[0], times[-1])
+    expected = RegularGridInterpolator((times, y, x), uv)(
+        np.column_stack([inside, points[:, ::-1]])
+    )
+    assert velocities(table, points, when) == pytest.approx(expected, abs=1e-12)
+    assert uncompiled(velocity)(table, points[0, 0], points[0, 1], when[0]) == pytest.approx(
+        expected[0]
+    )
+    # Where the last slice is the first again the table goes on for ever.
+    uv[-1] = uv[0]
+    period = times[-1] - times[0]
+    for turns in (-2, 3):
+        again = velocities(table_of(x, y, uv, 0.0, times, period), points, when + turns * period)
+        once = velocities(table_of(x, y, uv, 0.0, times, period), points, when)
+        assert again == pytest.approx(once, abs=1e-9)
+
+
+def test_the_next_slice_is_the_first_behind_a_time() -> None:
+    x = np.array([0.0, 1.0])
+    times = np.array([10.0, 12.0, 15.0])
+    uv = np.zeros((3, 2, 2, 2))
+    once, periodic = table_of(x, x, uv, times=times), table_of(x, x, uv, 0.0, times, 5.0)
+    assert [next_slice(once, t) for t in (9, 10, 13, 15)] == [10, 12, 15, np.inf]
+    assert [next_slice(periodic, t) for t in (9, 10, 13, 15, 16)] == [10, 12, 15, 17, 17]
+    assert next_slice(table_of(x, x, uv[:1]), 0.0) == np.inf
 
 
 @settings(max_examples=8, deadline=None)
@@ -63,7 +104,7 @@ def test_a_table_is_the_field_at_its_nodes_and_asks_for_no_point_twice() -> None
     table = tabulated(counted, (0.0, 0.0, SIZE, SIZE / 3))
     assert len(table.x) > 65, "the scene must need a second table"
     nodes = np.stack(np.meshgrid(table.x, table.y), axis=-1)
-    assert table.uv == pytest.approx(field(nodes), abs=1e-12)
+    assert table.uv[0] == pytest.approx(field(nodes), abs=1e-12)
     points = np.vstack(asked).round(9)
     assert len(np.unique(points, axis=0)) == len(points)
 

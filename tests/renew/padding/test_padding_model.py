@@ -22,7 +22,14 @@ from renew.padding.turn_reach import turn_reach
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
 
 if TYPE_CHECKING:
+    from renew._types import FloatArray
+    from renew.classes.channel import Channel
     from renew.inputs.arguments import Padding
+
+
+def always(channel: Channel) -> FloatArray:
+    """Windows of time in a steady current, where any will do."""
+    return np.zeros((len(channel.triangles), 2))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -34,7 +41,7 @@ def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, ris
     model = PaddingModel(triangulation, current, PAPER_VESSEL, policy)
     voyage = voyage_on(chart, start, goal)
     channel = ClassEnumerator(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
-    edges = model.padded_edges(channel, start, goal)
+    edges = model.padded_edges(channel, start, goal, always(channel))
     middle = channel.midline(start, goal)
     rng = np.random.default_rng(99)
     draws = 20_000
@@ -78,7 +85,7 @@ def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
     for padding, clearance, expected in cases:
         policy = PaddingPolicy(padding, clearance, risk=0.05, seed=0)
         model = PaddingModel(triangulation, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, policy)
-        edges = model.padded_edges(channel, voyage.start, voyage.goal)
+        edges = model.padded_edges(channel, voyage.start, voyage.goal, always(channel))
         assert len(edges.edge)
         assert edges.padding == pytest.approx(expected)
 
@@ -92,7 +99,7 @@ def test_less_risk_takes_more_padding() -> None:
         PaddingModel(
             triangulation, current, PAPER_VESSEL, PaddingPolicy("adaptive", 0.0, risk, seed=0)
         )
-        .padded_edges(channel, start, goal)
+        .padded_edges(channel, start, goal, always(channel))
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -12,10 +11,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renew.inputs.current_table import STILL_WATER, velocities
 from renew.kernels.capsules import Capsules, legs_are_clear
+from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
-from renew.kernels.viterbi import leg_time
+from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.paths.refinement import (
     Water,
     refined_on_transversals,
@@ -28,15 +27,14 @@ if TYPE_CHECKING:
     from renew._types import FloatArray
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-CALM = Water(STILL_WATER, Polar(1.0, crab=False), NO_LAND)
+AT_ONCE = Clock(0.0, math.inf)
+CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
 NOTHING_WHOLE = np.zeros(2, dtype=bool)
 
 
 def time_of(path: FloatArray, water: Water) -> float:
     """Time (s) along a path, leg by leg."""
-    current = velocities(water.table, path)
-    legs = itertools.pairwise(range(len(path)))
-    return sum(leg_time(path[a], path[b], current[a], current[b], water.polar) for a, b in legs)
+    return float(arrivals(path, water.stream)[-1])
 
 
 @settings(max_examples=20)
@@ -83,7 +81,7 @@ def test_a_pass_is_never_slower_and_stays_clear_and_near(seed: int, crab: bool) 
     axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
     capsules = capsules.select(shapely.distance(axes, line) > capsules.radius)
     table = StreamFunctionCurrent(seed, 0.6).table((0.0, 0.0, SIZE, SIZE))
-    water = Water(table, Polar(1.0, crab), capsules)
+    water = Water(Stream(table, Polar(1.0, crab), AT_ONCE), capsules)
     exempt = np.zeros((2, len(capsules.radius)), dtype=bool)
     window = 10.0
     found = refined_on_transversals(path, window, 9, 60.0, water, exempt)

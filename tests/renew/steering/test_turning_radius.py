@@ -38,7 +38,7 @@ def test_the_effective_radius_is_the_speed_over_ground_by_the_turn_rate(
     heading: float, strength: float, towards: float
 ) -> None:
     current = renew.UniformCurrent(strength * math.cos(towards), strength * math.sin(towards))
-    radius = effective_turning_radius(np.zeros(2), np.asarray(heading), current, PAPER_VESSEL)
+    radius = effective_turning_radius(current(np.zeros(2)), np.asarray(heading), PAPER_VESSEL)
     # By the law of cosines.
     square = 1 + strength**2 + 2 * strength * math.cos(towards - heading)
     expected = math.sqrt(max(square, 0)) / PAPER_VESSEL.turn_rate

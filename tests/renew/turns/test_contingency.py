@@ -36,7 +36,7 @@ def test_turns_in_a_table_are_the_turns_in_its_field(seed: int) -> None:
             return TabulatedCurrent(table)(points)
 
     one, other = (
-        fly_turns(points, course, field, PAPER_VESSEL, deviations)
+        fly_turns(points, course, field, PAPER_VESSEL, deviations, np.zeros(6))
         for field in (TabulatedCurrent(table), NotTabulated())
     )
     assert one == pytest.approx(other, abs=1e-9)
@@ -108,7 +108,7 @@ def test_perturbations_follow_the_spread_of_the_current_around_a_point() -> None
     deviations = np.array([[[0.0, 0.0], [1.0, -2.0]]])
     point = np.array([[50.0, 50.0]])
     uniform = renew.UniformCurrent(0.4, 0.3)
-    for changes in perturbations(point, uniform, PAPER_VESSEL, deviations):
+    for changes in perturbations(point, uniform, PAPER_VESSEL, deviations, np.zeros(1)):
         assert changes == pytest.approx(np.zeros((1, 2)))
 
     def sheared(points: np.ndarray) -> np.ndarray:
@@ -119,7 +119,9 @@ def test_perturbations_follow_the_spread_of_the_current_around_a_point() -> None
         def __call__(self, points: np.ndarray) -> np.ndarray:
             return sheared(points)
 
-    speed_change, direction_change = perturbations(point, Sheared(), PAPER_VESSEL, deviations)
+    speed_change, direction_change = perturbations(
+        point, Sheared(), PAPER_VESSEL, deviations, np.zeros(1)
+    )
     # Its direction is the same everywhere; its speed differs as on two rings and in their middle.
     radius = PAPER_VESSEL.turning_radius
     angle = np.radians(np.arange(0, 360, 45))

@@ -20,7 +20,9 @@ def test_no_turn_gets_further_than_its_bound(seed: int) -> None:
     table = StreamFunctionCurrent(seed, 0.9).table((0.0, 0.0, SIZE, SIZE))
     points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
     deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
-    tracks = fly_turns(points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations)
+    tracks = fly_turns(
+        points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations, np.zeros(100)
+    )
     furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
     reach = TurnReach.of(table, PAPER_VESSEL)(points)
     assert (furthest <= reach).all()

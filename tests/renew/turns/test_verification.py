@@ -67,6 +67,7 @@ def test_it_finds_the_edges_that_flying_every_turn_finds(seed: int) -> None:
         voyage.quick_current,
         PAPER_VESSEL,
         MAX_DEVIATIONS * np.array([corners], dtype=float),
+        np.zeros(len(points)),
         steps=24,
     )
     tracks = shapely.linestrings(turns.reshape(-1, *turns.shape[2:]))

@@ -1,0 +1,222 @@
+"""A current as a table of nodes, bilinear between them: how compiled code looks it up.
+
+The search for paths asks for the current millions of times; it reads a table, made once a plan.
+What a plan reports is worked out in the field itself. A current that changes has one slice of nodes
+for each of some times, and is linear between them; a steady one has one slice.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renew._compiled import for_kernels, kernel
+from renew._types import FloatArray
+
+# Largest error of a table that counts as fine, as a share of its strongest current, in the middle
+# of any cell. A path found with such a table needs more fuel than the least by a second-order term.
+_TOLERANCE = 1e-3
+# Number of nodes a side above which a current has small eddies: about eight along the side.
+_SMALL_EDDIES = 300
+# Largest difference between the steps of an even axis, as a share of its largest coordinate:
+# rounding.
+_EVEN = 1e-12
+
+
+class Table(NamedTuple):
+    """Ascending nodes x (nx,), y (ny,) in metres and velocities uv (nt, ny, nx, 2) there in m/s.
+
+    The slices stand at ascending `times` (nt,), in seconds on the field's clock; before the first
+    and after the last the current is held, or repeats itself after a `period` (s) that is finite.
+    `error` (m/s) is the largest difference found between field and table. `per_x` and
+    `per_y` are cells per metre, 0 where nodes don't stand evenly.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    times: FloatArray
+    uv: FloatArray
+    error: float
+    period: float
+    per_x: float
+    per_y: float
+
+    @property
+    def strongest(self) -> float:
+        """Strongest current (m/s): between nodes it is no stronger than at the strongest."""
+        return float(np.linalg.norm(self.uv, axis=-1).max())
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it has one slice."""
+        return len(self.times) == 1
+
+    @property
+    def has_small_eddies(self) -> bool:
+        """Whether the current turns so often that it takes many nodes to reproduce it."""
+        return max(len(self.x), len(self.y)) > _SMALL_EDDIES
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether the table reproduces the field to within _TOLERANCE."""
+        return self.error <= _TOLERANCE * self.strongest
+
+    def extremes(self) -> tuple[Table, Table]:
+        """Steady tables of the least and the largest velocity along x and along y at any time."""
+        least, largest = self.uv.min(axis=0), self.uv.max(axis=0)
+        return table_of(self.x, self.y, least), table_of(self.x, self.y, largest)
+
+
+def table_of(
+    x: FloatArray,
+    y: FloatArray,
+    uv: FloatArray,
+    error: float = 0.0,
+    times: FloatArray | None = None,
+    period: float = math.inf,
+) -> Table:
+    """Table of nodes and velocities, (ny, nx, 2) or (nt, ny, nx, 2); see :class:`Table`."""
+    times = np.zeros(1) if times is None else times
+    x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
+    slices = uv.reshape(len(times), len(y), len(x), 2)
+    return Table(x, y, times, slices, error, period, _per_metre(x), _per_metre(y))
+
+
+def _per_metre(axis: FloatArray) -> float:
+    """Cells per metre of an even axis (n,); 0 if it is uneven by more than rounding."""
+    steps = np.diff(axis)
+    even = np.ptp(steps) <= _EVEN * np.abs(axis).max()
+    return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
+
+
+STILL_WATER = table_of(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)))
+"""No current anywhere."""
+
+
+class Site(NamedTuple):
+    """A point of a table: the cell that holds it, and its place in that, in [0, 1] along x and y.
+
+    So that it need not be looked up again for each time.
+    """
+
+    column: int
+    row: int
+    along_x: float
+    along_y: float
+
+
+@kernel
+def site_of(table: Table, px: float, py: float) -> Site:
+    """Site of a point; one outside the table has the nearest place on its edge."""
+    column, along_x = _cell(table.x, table.per_x, px)
+    row, along_y = _cell(table.y, table.per_y, py)
+    return Site(column, row, along_x, along_y)
+
+
+@kernel
+def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]:
+    """Velocity (m/s) at a site at some time (s)."""
+    at, share = _slice(table, time)
+    u, v = _in_slice(table.uv, at, site)
+    if share > 0.0:
+        later_u, later_v = _in_slice(table.uv, at + 1, site)
+        u += share * (later_u - u)
+        v += share * (later_v - v)
+    return u, v
+
+
+@kernel
+def node_velocity(table: Table, row: int, column: int, time: float) -> tuple[float, float]:
+    """Velocity (m/s) at a node at some time (s)."""
+    at, share = _slice(table, time)
+    u, v = table.uv[at, row, column]
+    if share > 0.0:
+        later_u, later_v = table.uv[at + 1, row, column]
+        u += share * (later_u - u)
+        v += share * (later_v - v)
+    return u, v
+
+
+@kernel
+def next_slice(table: Table, time: float) -> float:
+    """Time (s) of the first slice after a time; infinite where there is none."""
+    times = table.times
+    last = len(times) - 1
+    if last == 0:
+        return math.inf
+    begin = 0.0
+    if table.period < math.inf:
+        begin = math.floor((time - times[0]) / table.period) * table.period
+    for _ in range(2):
+        at = int(np.searchsorted(times, time - begin, side="right"))
+        if at <= last:
+            # In the next period the first slice is that at whose time this one ends.
+            return float(begin + times[at])
+        if table.period == math.inf:
+            break
+        begin += table.period
+    return math.inf
+
+
+@kernel
+def _slice(table: Table, time: float) -> tuple[int, float]:
+    """Slice before a time, and how far it lies between that and the next, in [0, 1)."""
+    times = table.times
+    last = len(times) - 1
+    if last == 0:
+        return 0, 0.0
+    if table.period < math.inf:
+        time = times[0] + (time - times[0]) % table.period
+    if time <= times[0]:
+        return 0, 0.0
+    if time >= times[last]:
+        return last, 0.0
+    at = int(np.searchsorted(times, time, side="right")) - 1
+    return at, (time - times[at]) / (times[at + 1] - times[at])
+
+
+@kernel
+def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
+    """Velocity (m/s) at a site in one slice."""
+    i, j, s, t = site
+    sw, se, nw, ne = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
+    return (
+        sw * uv[k, j, i, 0]
+        + se * uv[k, j, i + 1, 0]
+        + nw * uv[k, j + 1, i, 0]
+        + ne * uv[k, j + 1, i + 1, 0],
+        sw * uv[k, j, i, 1]
+        + se * uv[k, j, i + 1, 1]
+        + nw * uv[k, j + 1, i, 1]
+        + ne * uv[k, j + 1, i + 1, 1],
+    )
+
+
+@kernel
+def velocity(table: Table, px: float, py: float, time: float) -> tuple[float, float]:
+    """Velocity (m/s) at a point and time, held constant outside the table."""
+    return velocity_there(table, site_of(table, px, py), time)
+
+
+@kernel
+def _cell(axis: FloatArray, per_metre: float, value: float) -> tuple[int, float]:
+    """Index of the cell that holds a value, and the place in it in [0, 1]."""
+    last = len(axis) - 2
+    if per_metre > 0.0:
+        along = min(max((value - axis[0]) * per_metre, 0.0), last + 1.0)
+        i = min(int(along), last)
+        return i, along - i
+    i = min(max(int(np.searchsorted(axis, value, side="right")) - 1, 0), last)
+    place = (value - axis[i]) / (axis[i + 1] - axis[i])
+    return i, min(max(place, 0.0), 1.0)
+
+
+@kernel
+def velocities(table: Table, points: FloatArray, times: FloatArray) -> FloatArray:
+    """Velocities (n, 2) at points (n, 2) and times (n,)."""
+    result = np.empty(points.shape)
+    for k in range(len(points)):
+        result[k, 0], result[k, 1] = velocity(table, points[k, 0], points[k, 1], times[k])
+    return result

@@ -1,0 +1,189 @@
+"""An independent oracle for currents that change: Dijkstra's algorithm with the clock running.
+
+Labels are arrival times on a dense grid with a wide stencil; an edge is sailed from the time at
+which its first node is reached, by this module's own rule. Where nobody who leaves later arrives
+earlier (FIFO) the label that is settled is the earliest arrival along edges. As in
+:mod:`tests.oracles`, whose edges it takes, the fuel is that of a real path and never too low, and
+`tighten` removes most of what an edge's course costs.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tests.oracles import _transversals, _Water, grid_graph
+
+if TYPE_CHECKING:
+    import renew
+    from renew._types import FloatArray
+
+# Number of pieces of an edge, and of a leg between transversals or along a path.
+_EDGE_PIECES, _LEG_PIECES, _PATH_PIECES = 4, 3, 24
+
+
+def earliest_arrival(
+    chart: renew.Chart,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    start: FloatArray,
+    goal: FloatArray,
+    departure: float,
+    *,
+    spacing: float,
+    clearance: float = 0.0,
+    drift: str = "projected",
+    radius: int = 7,
+) -> tuple[float, FloatArray]:
+    """Least fuel from start to goal over a grid's edges, and the path (n, 2) in metres."""
+    points, graph = grid_graph(
+        chart, _still, vessel, start, goal, spacing, clearance, drift, radius=radius
+    )
+    graph = graph.tocsr()
+    first, last = len(points) - 2, len(points) - 1
+    arrival = np.full(len(points), np.inf)
+    came_from = np.full(len(points), -1)
+    arrival[first] = departure
+    queue, settled = [(departure, first)], np.zeros(len(points), dtype=bool)
+    while queue:
+        now, node = heapq.heappop(queue)
+        if settled[node]:
+            continue
+        settled[node] = True
+        if node == last:
+            break
+        heads = graph.indices[graph.indptr[node] : graph.indptr[node + 1]]
+        heads = heads[~settled[heads]]
+        begin = np.full(len(heads), now)
+        tails = np.broadcast_to(points[node], (len(heads), 2))
+        found = sailed(tails, points[heads], begin, current, vessel, drift, _EDGE_PIECES)
+        better = found < arrival[heads]
+        arrival[heads[better]] = found[better]
+        came_from[heads[better]] = node
+        for time, head in zip(found[better].tolist(), heads[better].tolist(), strict=True):
+            heapq.heappush(queue, (time, head))
+    if not math.isfinite(arrival[last]):
+        return math.inf, np.empty((0, 2))
+    row = [last]
+    while row[-1] != first:
+        row.append(int(came_from[row[-1]]))
+    return float(vessel.fuel_rate * (arrival[last] - departure)), points[row[::-1]]
+
+
+def tighten(
+    path: FloatArray,
+    chart: renew.Chart,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    departure: float,
+    *,
+    clearance: float = 0.0,
+    drift: str = "projected",
+    spacing: float = 3.0,
+    width: float = 6.0,
+    rounds: int = 7,
+) -> tuple[float, FloatArray]:
+    """Improve a path locally: its fuel, and the path (n, 2); never worse than the given one."""
+    water = _Water.of(chart, clearance)
+    best = path
+    least = duration(path, current, vessel, departure, drift)
+    for _ in range(rounds):
+        places = _transversals(best, spacing, width)
+        rows, count = places.shape[:2]
+        arrival = np.where(np.arange(count) == 0, departure, np.inf)
+        came_from = []
+        for here, there in itertools.pairwise(places):
+            a = np.repeat(here, count, axis=0)
+            b = np.tile(there, (count, 1))
+            begin = np.repeat(arrival, count)
+            reached = np.isfinite(begin)
+            total = np.full(len(a), np.inf)
+            total[reached] = sailed(
+                a[reached], b[reached], begin[reached], current, vessel, drift, _LEG_PIECES
+            )
+            total[~water.legs_clear(a, b)] = np.inf
+            layer = total.reshape(count, count)
+            came_from.append(layer.argmin(axis=0))
+            arrival = layer.min(axis=0)
+        chain = [int(arrival.argmin())]
+        for previous in reversed(came_from):
+            chain.append(int(previous[chain[-1]]))
+        found = places[np.arange(rows), chain[::-1]]
+        taken = duration(found, current, vessel, departure, drift)
+        if taken < least:
+            best, least = found, taken
+        width /= 2
+    return float(vessel.fuel_rate * least), best
+
+
+def duration(
+    path: FloatArray,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    departure: float,
+    drift: str = "projected",
+) -> float:
+    """Time (s) along a path (n, 2) with the clock running."""
+    now = np.array([departure])
+    for a, b in itertools.pairwise(path):
+        now = sailed(a[None], b[None], now, current, vessel, drift, _PATH_PIECES)
+    return float(now[0] - departure)
+
+
+def sailed(
+    a: FloatArray,
+    b: FloatArray,
+    begin: FloatArray,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    drift: str,
+    pieces: int,
+) -> FloatArray:
+    """Arrival times (n,), s, over straight legs a -> b (n, 2) begun at times (n,); inf if shut.
+
+    The midpoint rule: half of each piece at the speed of its beginning finds the time in its middle
+    at which the current counts for all of it. Water whose current is as strong as the vessel is
+    no-go.
+    """
+    leg = b - a
+    length = np.hypot(leg[:, 0], leg[:, 1])
+    unit = leg / np.where(length > 0, length, 1.0)[:, None]
+    piece, now = length / pieces, begin.astype(float)
+    for k in range(pieces):
+        finite = np.where(np.isfinite(now), now, 0.0)
+        first = _slowness(a + k / pieces * leg, finite, unit, current, vessel, drift)
+        middle = np.where(np.isfinite(first), finite + piece / 2 * first, finite)
+        slow = _slowness(a + (k + 0.5) / pieces * leg, middle, unit, current, vessel, drift)
+        slow[first == np.inf] = np.inf
+        now = now + np.where(length > 0, piece * slow, 0.0)
+    return now
+
+
+def _slowness(
+    points: FloatArray,
+    times: FloatArray,
+    unit: FloatArray,
+    current: renew.CurrentField,
+    vessel: renew.Vessel,
+    drift: str,
+) -> FloatArray:
+    """Seconds a metre (n,) along unit vectors (n, 2)."""
+    velocity = current.velocity(points, times)
+    along = (velocity * unit).sum(axis=1)
+    square = (velocity * velocity).sum(axis=1)
+    if drift == "crab":
+        ahead = np.sqrt(np.maximum(vessel.speed**2 - square + along**2, 0.0))
+    else:
+        ahead = np.full(len(points), vessel.speed)
+    speed = ahead + along
+    passable = (square < vessel.speed**2) & (speed > 0)
+    return np.where(passable, 1 / np.where(passable, speed, 1.0), np.inf)
+
+
+def _still(points: FloatArray) -> FloatArray:
+    """No current: edges are chosen by land alone."""
+    return np.zeros_like(points)
