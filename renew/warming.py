@@ -19,6 +19,7 @@ from renew.errors import UnreachableError
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.fuel import fuel
+from renew.inputs.varying_current import SwingingGyre
 from renew.inputs.vessel import Vessel
 from renew.planner import plan
 from renew.route import Route
@@ -58,6 +59,7 @@ REHEARSALS = (
     Rehearsal("a current in a table", _as_grid(_GYRE), {}),
     Rehearsal("a uniform current", UniformCurrent(0.1, 0.0), {}),
     Rehearsal("a current that is a function", lambda points: _GYRE(points), {}),  # noqa: PLW0108 - any function, not a field
+    Rehearsal("a current that changes", SwingingGyre(0.2, _SIDE, _SIDE, 0.25, 0.05), {}),
     Rehearsal("overpowered water", GyreCurrent(1.05, _SIDE, _SIDE), {}),
     Rehearsal("the exact drift model", _GYRE, {"drift": "crab"}),
     Rehearsal("no padding", _GYRE, {"padding": "none"}),

@@ -124,7 +124,7 @@ def moving_scene(seed: int, strongest: float = 0.7) -> MovingScene:
     land = random_islands(seed, 7) if kind == "drifting" else random_islands(seed, 2)
     current: renew.CurrentField
     if kind == "swinging":
-        current = renew.SwingingGyre(peak / math.pi, SIZE, SIZE, 0.25, 2 * math.pi / period)
+        current = renew.SwingingGyre(peak / (3 * math.pi), SIZE, SIZE, 0.25, 2 * math.pi / period)
     else:
         times = np.arange(0.0, 4 * _VOYAGE_S, period / _SAMPLES)
         gyre = renew.GyreCurrent(peak, SIZE, SIZE)

@@ -31,7 +31,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PIECES = 256
 # Blocks of a way in a changing current, rounds in each, and the change of its times, as a share of
 # the time under way, from which they count as settled.
-_BLOCKS, _ITERATIONS, _SETTLED = 16, 40, 1e-12
+_BLOCKS, _ITERATIONS, _SETTLED = 16, 40, 1e-11
 
 
 def check_drift(drift: str) -> None:
@@ -150,30 +150,27 @@ def times_under_way(
     if is_steady:
         times[1:] += np.cumsum(durations(slice(0, count), times))
         return times
-    first, size = 0, max(1, count // _BLOCKS)
+    first, size, pace = 0, max(1, count // _BLOCKS), 0.0
     while first < count:
         last = min(first + size, count)
-        block = np.full(last - first + 1, times[first])
+        # Each piece may take about as long as the last one before.
+        block = times[first] + pace * np.arange(last - first + 1)
         for _ in range(_ITERATIONS):
             found = times[first] + np.cumsum(durations(slice(first, last), block))
-            if not math.isfinite(found[-1]):
-                break
+            # Infinite where no way can be made: then so is the change.
             change = np.abs(found - block[1:]).max()
             block[1:] = found
-            if change <= _SETTLED * (block[-1] - departure):
+            if not change > _SETTLED * (found[-1] - departure):
+                break
+        is_settled = math.isfinite(found[-1]) and change <= _SETTLED * (found[-1] - departure)
+        if is_settled or size == 1:
+            times[first + 1 : last + 1] = found
+            first, pace = last, float(found[-1] - times[first]) / (last - first)
+            if not math.isfinite(found[-1]):
+                times[last:] = math.inf
                 break
         else:
-            if size > 1:
-                size //= 2
-                continue
-        if not math.isfinite(found[-1]):
-            if size > 1:
-                size //= 2
-                continue
-            times[last:] = math.inf
-            break
-        times[first + 1 : last + 1] = block[1:]
-        first = last
+            size //= 2
     return times
 
 

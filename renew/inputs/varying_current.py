@@ -96,6 +96,8 @@ class VaryingCurrent(CurrentField):
     def table(self, bounds: tuple[float, float, float, float]) -> Table:
         """The field as nodes, a slice for each time."""
         nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
+        if self._slices and all(one is self._slices[0] for one in self._slices):
+            return self._slices[0].table(bounds)
         if len(nodes) == self._times.size and all(_same_axes(nodes[0], one) for one in nodes):
             uv = np.concatenate([one.uv for one in nodes])
             return table_of(nodes[0].x, nodes[0].y, uv, times=self._times)

@@ -8,14 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
+from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.fuel import Drift, fuel, passage_times, reading_times
+from renew.inputs.fuel import Drift, fuel, passage_times
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import Table
 from renew.kernels.ground_speed import Polar
-from renew.kernels.viterbi import Clock
+from renew.kernels.viterbi import Clock, Stream, arrivals
 
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
 # steps that a way across the chart has at most, and a change (m/s²) that counts as none.
@@ -82,7 +83,12 @@ class Voyage:
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
 
     def reading_times(self, path: FloatArray) -> FloatArray:
-        """Times (n,), s, at which the current at a path's points (n, 2) is to be read."""
-        return reading_times(
-            path, self.current, self.vessel, drift=self.drift, departure=self.departure
-        )
+        """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
+
+        Those of passage by the table; of a steady current all are alike. Where no way can be made
+        the clock stops.
+        """
+        if self.current.is_steady:
+            return np.full(len(path), self.departure)
+        times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
+        return np.asarray(np.minimum(times, times[np.isfinite(times)][-1]))

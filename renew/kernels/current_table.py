@@ -31,7 +31,7 @@ class Table(NamedTuple):
     The slices stand at ascending `times` (nt,), in seconds on the field's clock; before the first
     and after the last the current is held, or repeats itself after a `period` (s) that is finite.
     `error` (m/s) is the largest difference found between field and table. `per_x` and
-    `per_y` are cells per metre, 0 where nodes don't stand evenly.
+    `per_y` are cells per metre, `per_second` is slices per second; 0 where they don't stand evenly.
     """
 
     x: FloatArray
@@ -42,6 +42,7 @@ class Table(NamedTuple):
     period: float
     per_x: float
     per_y: float
+    per_second: float
 
     @property
     def strongest(self) -> float:
@@ -81,12 +82,14 @@ def table_of(
     times = np.zeros(1) if times is None else times
     x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
     slices = uv.reshape(len(times), len(y), len(x), 2)
-    return Table(x, y, times, slices, error, period, _per_metre(x), _per_metre(y))
+    return Table(x, y, times, slices, error, period, *map(_density, (x, y, times)))
 
 
-def _per_metre(axis: FloatArray) -> float:
-    """Cells per metre of an even axis (n,); 0 if it is uneven by more than rounding."""
+def _density(axis: FloatArray) -> float:
+    """Cells per unit of an even axis (n,); 0 if it is uneven by more than rounding."""
     steps = np.diff(axis)
+    if not len(steps):
+        return 0.0
     even = np.ptp(steps) <= _EVEN * np.abs(axis).max()
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
@@ -169,12 +172,9 @@ def _slice(table: Table, time: float) -> tuple[int, float]:
         return 0, 0.0
     if table.period < math.inf:
         time = times[0] + (time - times[0]) % table.period
-    if time <= times[0]:
-        return 0, 0.0
     if time >= times[last]:
         return last, 0.0
-    at = int(np.searchsorted(times, time, side="right")) - 1
-    return at, (time - times[at]) / (times[at + 1] - times[at])
+    return _cell(times, table.per_second, time)
 
 
 @kernel
@@ -201,11 +201,11 @@ def velocity(table: Table, px: float, py: float, time: float) -> tuple[float, fl
 
 
 @kernel
-def _cell(axis: FloatArray, per_metre: float, value: float) -> tuple[int, float]:
+def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
     """Index of the cell that holds a value, and the place in it in [0, 1]."""
     last = len(axis) - 2
-    if per_metre > 0.0:
-        along = min(max((value - axis[0]) * per_metre, 0.0), last + 1.0)
+    if density > 0.0:
+        along = min(max((value - axis[0]) * density, 0.0), last + 1.0)
         i = min(int(along), last)
         return i, along - i
     i = min(max(int(np.searchsorted(axis, value, side="right")) - 1, 0), last)

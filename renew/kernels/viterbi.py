@@ -17,7 +17,7 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
-from renew.kernels.current_table import Table, site_of, velocity, velocity_there
+from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
 from renew.kernels.ground_speed import Polar, ground_speed
 
 # Current's share of the vessel's speed, squared, from which water counts as too strong at a point:
@@ -64,20 +64,31 @@ def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: St
     In each of its pieces the trapezoidal rule, with the current at the end looked up when the
     vessel comes there at the speed of its beginning (Heun's rule).
     """
-    dx, dy = bx - ax, by - ay
+    u, v = velocity(water.table, ax, ay, begin)
+    site = site_of(water.table, bx, by)
+    return _leg_time(Segment(ax, ay, bx, by), u, v, site, begin, water)
+
+
+@kernel
+def _leg_time(leg: Segment, u: float, v: float, end: Site, begin: float, water: Stream) -> float:
+    """The same from the current where and when it begins, and the site of its end."""
+    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return 0.0
     tx, ty = dx / length, dy / length
     pieces = 1 if len(water.table.times) == 1 else math.ceil(length / water.clock.step)
     piece, now = length / pieces, begin
-    u, v = velocity(water.table, ax, ay, now)
     here = slowness(u, v, tx, ty, water.polar)
     for k in range(1, pieces + 1):
         if here == math.inf:
             return math.inf
-        place = k / pieces
-        u, v = velocity(water.table, ax + place * dx, ay + place * dy, now + piece * here)
+        then = now + piece * here
+        if k == pieces:
+            u, v = velocity_there(water.table, end, then)
+        else:
+            place = k / pieces
+            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, then)
         there = slowness(u, v, tx, ty, water.polar)
         now += piece * (here + there) / 2
         here = there
@@ -209,7 +220,7 @@ def _advance(
                 continue
             _arrivals(here, there.x[j], there.y[j], u, v, water.polar, totals)
         else:
-            _arrivals_by_clock(here, there.x[j], there.y[j], water, totals)
+            _arrivals_by_clock(here, there.x[j], there.y[j], site, water, totals)
         while True:
             i = 0
             for k in range(1, len(totals)):
@@ -227,12 +238,15 @@ def _advance(
 
 
 @kernel
-def _arrivals_by_clock(here: _Row, bx: float, by: float, water: Stream, totals: FloatArray) -> None:
+def _arrivals_by_clock(
+    here: _Row, bx: float, by: float, site: Site, water: Stream, totals: FloatArray
+) -> None:
     """Fill in the arrival times (m,) at one point from each of a row, in a changing current."""
     for i in range(len(totals)):
         totals[i] = here.arrival[i]
         if totals[i] < np.inf:
-            totals[i] += leg_time(here.x[i], here.y[i], bx, by, totals[i], water)
+            leg = Segment(here.x[i], here.y[i], bx, by)
+            totals[i] += _leg_time(leg, here.u[i], here.v[i], site, totals[i], water)
 
 
 @kernel

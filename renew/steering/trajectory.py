@@ -135,7 +135,7 @@ def _crab_along(
 
     time = times_under_way(durations, len(lengths), departure, is_steady=current.is_steady)
     if not math.isfinite(time[-1]):
-        at = curve.points[np.isfinite(time)][-1]
+        at = curve.points[~np.isfinite(time)][0]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)
     velocity = current.velocity(curve.points, time)
     speed = ground_speed(velocity, tangent, vessel.speed, "crab")

@@ -75,7 +75,7 @@ def contingency(
     *,
     spacing: float = 1.0,
     seed: int = 0,
-    departure: float = 0.0,
+    departure: float | None = None,
     lateness: float = 0.05,
     drift: Drift = "projected",
 ) -> Contingency:
@@ -99,7 +99,8 @@ def contingency(
     seed : int
         Seed of the draws of the field's spread.
     departure : float
-        When the route is begun (s), on the clock of a current that changes.
+        When the route is begun (s), on the clock of a current that changes; by default as it was
+        planned, or at 0.
     lateness : float
         Share of the time since departure by which the vessel may be early or late.
     drift : {"projected", "crab"}
@@ -120,6 +121,8 @@ def contingency(
     if not 0 <= lateness < 1:
         raise ParameterError(f"lateness = {lateness!r} must be at least 0 and below 1")
     field, path = as_field(current), np.asarray(route.path, dtype=float)
+    if departure is None:
+        departure = float(getattr(route, "times", np.zeros(1))[0])
     points, course = stations(path, spacing)
     times = reading_times(points, field, vessel, drift=drift, departure=departure)
     delays = (0.0,) if field.is_steady else (-lateness, 0.0, lateness)

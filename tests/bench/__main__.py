@@ -17,6 +17,7 @@ from tests.bench import (
     bitstar_figures,
     chart_figures,
     class_figures,
+    clock_figures,
     eddy_figures,
     fault_figures,
     nightly_figures,
@@ -53,6 +54,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
+    "clock": clock_figures.figures,
     "nightly": nightly_figures.figures,
 }
 

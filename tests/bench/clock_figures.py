@@ -1,0 +1,125 @@
+"""Figures of currents that change on the way, beside an oracle that runs the clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import renew
+from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from tests.bench.clock import warm
+from tests.bench.figure import Figure, at_most
+from tests.moving_waters import PERIODS, moving_scene
+from tests.strategies import PAPER_VESSEL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from renew._types import FloatArray
+
+SCENES = range(20)
+"""Seeds of the scenes that are planned without padding beside the oracle."""
+
+BOUNDED = 200
+"""Number of scenes in which the bound is compared with the oracle, a fifth of them rough."""
+
+FLOWN = range(12)
+"""Seeds of the scenes whose turns are flown."""
+
+# Largest gaps asked for by the current's period, in voyages, %.
+_GAPS = dict(zip(PERIODS, (12.0, 7.0, 4.0), strict=True))
+# Strongest current (m/s) of the rough scenes: in places it outruns the vessel.
+_ROUGH = 1.6
+
+
+def figures() -> Iterator[Figure]:
+    """Fuel, gap, bound, turns and times of moving scenes."""
+    yield from _exact()
+    yield from _bounded()
+    yield from _turns()
+    yield from _times()
+
+
+def _exact() -> Iterator[Figure]:
+    """Fuel over the oracle's, and the gap by the current's period."""
+    ratios: list[float] = []
+    gaps: dict[float, list[float]] = {period: [] for period in PERIODS}
+    for seed in SCENES:
+        scene = moving_scene(seed)
+        best = scene.plan(padding="none").best
+        ratios.append(best.fuel / scene.oracle())
+        gaps[PERIODS[seed % len(PERIODS)]].append(100 * best.optimality_gap)
+    name = f"{len(SCENES)} moving scenes"
+    yield at_most(f"{name}: dearest beside the oracle", max(ratios), 1.005, digits=5)
+    for period, found in gaps.items():
+        yield at_most(
+            f"{name}: largest gap, period of {period:g} voyages", max(found), _GAPS[period], " %"
+        )
+
+
+def _bounded() -> Iterator[Figure]:
+    """How often the bound exceeds the oracle's fuel."""
+    above, largest = 0, 0.0
+    for seed in range(BOUNDED):
+        rough = seed % 5 == 0
+        scene = moving_scene(1000 + seed, _ROUGH if rough else 0.7)
+        try:
+            bound = scene.plan(padding="none", classes=1).best.fuel_bound.value
+        except renew.PlanningError:
+            continue  # no way against the current: there is nothing to compare with
+        least = scene.oracle()
+        above += bound > least
+        largest = max(largest, bound / least)
+    text = f"{above} (nearest {largest:.4f})"
+    yield Figure(f"bound above the oracle's fuel, {BOUNDED} moving scenes", "0", text, above == 0)
+
+
+def _turns() -> Iterator[Figure]:
+    """Turns early, on time and late that touch land."""
+    trials = collisions = 0
+    for seed in FLOWN:
+        scene = moving_scene(seed)
+        for route in scene.plan().routes:
+            flown = renew.contingency(
+                route,
+                scene.chart,
+                scene.current,
+                PAPER_VESSEL,
+                spacing=0.5,
+                departure=scene.departure,
+                drift=scene.drift,
+            )
+            trials, collisions = trials + flown.trials, collisions + flown.collisions
+    text = f"{collisions} of {trials:,}"
+    met = collisions == 0 and trials >= 100_000
+    yield Figure("turns early, on time and late that touch land", "0 of 100,000", text, met)
+
+
+def _times() -> Iterator[Figure]:
+    """CPU time of a plan in a changing current beside the same in that of its departure."""
+    scene = moving_scene(4)
+    still = _Frozen(scene.current, scene.departure)
+    changing, plan = warm(scene.plan)
+    steady, _ = warm(
+        lambda: renew.plan(
+            scene.chart, still, PAPER_VESSEL, scene.start, scene.goal, drift=scene.drift
+        )
+    )
+    yield at_most("changing plan beside a steady one, CPU", changing.cpu / steady.cpu, 3)
+    moving = plan.best.fuel_bound.voyage
+    bound, _ = warm(lambda: fuel_lower_bound(moving))
+    at_rest = renew.plan(
+        scene.chart, still, PAPER_VESSEL, scene.start, scene.goal, drift=scene.drift
+    ).best.fuel_bound.voyage
+    still_bound, _ = warm(lambda: fuel_lower_bound(at_rest))
+    yield at_most("changing bound beside a steady one, CPU", bound.cpu / still_bound.cpu, 5)
+
+
+class _Frozen(renew.CurrentField):
+    """A changing current as it is at one time."""
+
+    def __init__(self, current: renew.CurrentField, time: float) -> None:
+        self._current, self._time = current, time
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2) at that time."""
+        return self._current.velocity(points, self._time)
