@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from renew._compiled import kernel
-from renew._types import BoolArray, FloatArray, IntArray
+from renew._types import FloatArray, IntArray
 from renew.classes.reduced_rows import (
     MAX_FLOODED,
     TO_BE_MADE,
@@ -42,8 +42,6 @@ _CAPACITY = 1024
 # Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
 # a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
-# Whether a leg keeps or changes the word of a path, as far as it was looked at.
-_UNSEEN, _KEEPS, _CHANGES = range(3)
 # Times of the paths that are looked for, as shares of the best: at most. Among many triangles most
 # of the dearer ones wind about islands that no better path has to pass.
 _DEAREST, _ANY = 1.6, 1e300
@@ -90,7 +88,7 @@ def k_best_paths(
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used = 1
-    changes, kind = word_changes(task), np.full(len(graph.head), _UNSEEN)
+    changes = word_changes(task)
     latest = to_go[START] * (_DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
@@ -117,13 +115,13 @@ def k_best_paths(
             other, time = graph.head[leg], now + graph.time[leg]
             # Most legs lead where a label with the same word is quicker: no row need be found.
             if time + to_go[other] > latest or (
-                _keeps_word(graph, changes, kind, node, leg)
+                keeps_word(graph, changes, leg)
                 and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN
             ):
                 continue
-            onwards = followed(graph, rows, row, node, leg)
+            onwards = followed(graph, rows, row, leg)
             if onwards <= TO_BE_MADE:
-                onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, node, leg)
+                onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, leg)
             word = rows[max(onwards, 0), WORD]
             noted = (
                 _BEATEN if onwards < 0 else _known(labels, times, newest[other], word, time, count)
@@ -140,14 +138,6 @@ def k_best_paths(
             entries.append((noted, bucket[place]))
             bucket[place] = len(entries) - 1
     return found, paths
-
-
-@kernel
-def _keeps_word(graph: Roadmap, changes: BoolArray, kind: IntArray, node: int, leg: int) -> bool:
-    """Whether a leg from a node keeps the word; looked at once, and noted in `kind` (m,)."""
-    if kind[leg] == _UNSEEN:
-        kind[leg] = _KEEPS if keeps_word(graph, changes, node, leg) else _CHANGES
-    return bool(kind[leg] == _KEEPS)
 
 
 @kernel

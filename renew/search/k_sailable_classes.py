@@ -85,12 +85,15 @@ class Results:
     ) -> bool:
         """Plan the first k classes around what is blocked; say whether these are all there are."""
         blocked: set[Transition] = set()
+        there_are = classes
         for _ in range(_MAX_ROUNDS):
             known = len(blocked)
-            channels = enumerator.channels(classes, blocked)
+            channels = enumerator.channels(there_are, blocked)
+            # Where more is blocked there can't be more.
+            there_are = len(channels)
             for channel in channels:
                 blocked |= add(channel)
-            if known == 0 and enumerator.sees_all and len(channels) < classes:
+            if known == 0 and enumerator.sees_all and there_are < classes:
                 return True
             if len(blocked) == known:
                 break
