@@ -20,7 +20,7 @@ from renew.steering.turning_radius import corner_radius, course_changes
 
 # Multiples of the radius that can be steered at a corner: with the smallest the heading rate may
 # exceed ω while the current changes on the way round.
-_ROUNDINGS = (1.03, 1.1, 1.2, 1.35)
+_ROUNDINGS = (1.06, 1.2, 1.35)
 # How often discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
 # Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
@@ -30,7 +30,7 @@ _CROWDING = 1.5
 # leave a sharp corner no room.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3)
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
-_CHEAP = 1.003
+_CHEAP = 1.01
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
