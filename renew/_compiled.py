@@ -38,17 +38,27 @@ _PACKAGE = Path(__file__).resolve().parent
 _MAX_EARLIER = 3
 
 
-def kernel(function: FunctionT) -> FunctionT:
+def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     """Compile a function in nopython mode when it is first called; cached on disk.
 
     Division by zero gives inf or NaN, as NumPy does. Other threads run on meanwhile, among them one
     that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays
     as it is.
     """
-    compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
+    options = {"forceinline": True} if forceinline else {}
+    compiled: Any = numba.njit(error_model="numpy", nogil=True, **options)(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
+
+
+def small_kernel(function: FunctionT) -> FunctionT:
+    """The same, put into the kernels that call it.
+
+    For lookups that are made millions of times: a call that takes arrays counts the references to
+    each of them, which takes longer than the lookup.
+    """
+    return kernel(function, forceinline=True)
 
 
 def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:

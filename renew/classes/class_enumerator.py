@@ -62,9 +62,9 @@ class _Roads:
         """Least time (n,) in s from each node to the goal."""
         return np.asarray(time_to_go(self.everywhere))
 
-    def beside(self, path: FloatArray, closer: int) -> tuple[Roadmap, float]:
-        """Nodes beside a path (n, 2), closer together by a factor, and a cell's size (m)."""
-        resolution, tube = closer_look(path, self.voyage, self._resolution, closer)
+    def beside(self, path: FloatArray) -> tuple[Roadmap, float]:
+        """Nodes beside a path (n, 2), closer together, and a cell's size (m)."""
+        resolution, tube = closer_look(path, self.voyage, self._resolution)
         return self._roadmap(resolution, tube), tube.cell
 
     @property
@@ -116,7 +116,7 @@ class ClassEnumerator:
                 voyage.goal,
             )
 
-    @cached_property
+    @property
     def sees_all(self) -> bool:
         """Whether each class has one channel, and no passing edge is too narrow for any."""
         is_narrow = (self._triangulation.free_widths(self._roads.clearance) <= 0).any()
@@ -130,7 +130,7 @@ class ClassEnumerator:
     def told_apart_by(self, rays: Rays) -> ClassEnumerator:
         """The same, for the classes that other rays tell apart."""
         other = copy.copy(self)
-        vars(other)["_rays"] = rays
+        other._rays = rays  # noqa: SLF001 - its own kind
         return other
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
@@ -140,13 +140,13 @@ class ClassEnumerator:
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
         return self._quickest(graph, to_go, self._rays, count, blocked)
 
-    def channels_beside(self, path: FloatArray, closer: int, count: int) -> list[Channel]:
-        """The first `count` channels of paths beside one (n, 2), looked at closer by a factor.
+    def channels_beside(self, path: FloatArray, count: int) -> list[Channel]:
+        """The first `count` channels of paths beside one (n, 2), looked at closer.
 
         They differ by islands that are wider than a cell: of many islets between them each takes
         the best sides.
         """
-        graph, cell = self._roads.beside(path, closer)
+        graph, cell = self._roads.beside(path)
         wide = self._rays.only(self._rays.size >= _WIDE * cell)
         return self._quickest(graph, np.asarray(time_to_go(graph)), wide, count)
 

@@ -11,6 +11,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from renew._compiled import kernel
+from renew._types import BoolArray, IntArray
 from renew.classes.triangulation import Triangulation
 
 
@@ -35,6 +37,33 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
     links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
     _, component = connected_components(links, directed=False)
     return bool(component[one] == component[other])
+
+
+@kernel
+def on_some_way(neighbours: IntArray, first: int, last: int) -> BoolArray:
+    """Triangles (t,) but for dead ends, which no row without repeats leads through.
+
+    `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.
+    """
+    ways = np.zeros(len(neighbours), dtype=np.int64)
+    for triangle in range(len(neighbours)):
+        for beside in neighbours[triangle]:
+            ways[triangle] += beside >= 0
+    # Start and goal may lie in a dead end.
+    ways[first] += 2
+    ways[last] += 2
+    found = np.ones(len(neighbours), dtype=np.bool_)
+    for end in range(len(neighbours)):
+        triangle = end
+        while triangle >= 0 and found[triangle] and ways[triangle] <= 1:
+            found[triangle] = False
+            onwards = -1
+            for beside in neighbours[triangle]:
+                if beside >= 0 and found[beside]:
+                    ways[beside] -= 1
+                    onwards = beside
+            triangle = onwards
+    return found
 
 
 def simple_paths(

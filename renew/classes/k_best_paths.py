@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from renew._compiled import kernel
-from renew._types import BoolArray, FloatArray, IntArray
+from renew._types import FloatArray, IntArray
 from renew.classes.reduced_rows import (
     MAX_FLOODED,
     TO_BE_MADE,
@@ -42,8 +42,6 @@ _CAPACITY = 1024
 # Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
 # a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
-# Whether a leg keeps or changes the word of a path, as far as it was looked at.
-_UNSEEN, _KEEPS, _CHANGES = range(3)
 # Times of the paths that are looked for, as shares of the best: at most. Among many triangles most
 # of the dearer ones wind about islands that no better path has to pass.
 _DEAREST, _ANY = 1.6, 1e300
@@ -89,10 +87,10 @@ def k_best_paths(
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
-    changes, kind = word_changes(task), np.full(len(graph.head), _UNSEEN)
-    used, dearest = 1, _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
+    used, changes, is_steady = 1, word_changes(task), len(graph.table.times) == 1
+    dearest = _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
     # In a steady current the least time is that of the best path.
-    latest = to_go[START] * (dearest if len(graph.table.times) == 1 else _ANY)
+    latest = to_go[START] * (dearest if is_steady else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     found.clear()
@@ -116,17 +114,17 @@ def k_best_paths(
         labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
         times = with_room(times, len(labels))
         for leg in range(graph.first[node], graph.first[node + 1]):
-            other, least = graph.head[leg], now + graph.time[leg]
+            other, time = graph.head[leg], now + graph.time[leg]
             # Most legs lead where a label with the same word is quicker: no row need be found.
-            if least + to_go[other] > latest or (
-                _keeps_word(graph, changes, kind, node, leg)
-                and _known(labels, times, newest[other], rows[row, WORD], least, count) == _BEATEN
+            if time + to_go[other] > latest or (
+                keeps_word(graph, changes, leg)
+                and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN
             ):
                 continue
-            time = now + leg_time(graph, node, leg, now)
-            onwards = followed(graph, rows, row, node, leg)
+            time = _by_clock(graph, node, leg, now, time, is_steady=is_steady)
+            onwards = followed(graph, rows, row, leg)
             if onwards <= TO_BE_MADE:
-                onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, node, leg)
+                onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, leg)
             word = rows[max(onwards, 0), WORD]
             noted = (
                 _BEATEN if onwards < 0 else _known(labels, times, newest[other], word, time, count)
@@ -146,11 +144,11 @@ def k_best_paths(
 
 
 @kernel
-def _keeps_word(graph: Roadmap, changes: BoolArray, kind: IntArray, node: int, leg: int) -> bool:
-    """Whether a leg from a node keeps the word; looked at once, and noted in `kind` (m,)."""
-    if kind[leg] == _UNSEEN:
-        kind[leg] = _KEEPS if keeps_word(graph, changes, node, leg) else _CHANGES
-    return bool(kind[leg] == _KEEPS)
+def _by_clock(
+    graph: Roadmap, node: int, leg: int, now: float, time: float, is_steady: bool
+) -> float:
+    """Time (s) at the end of a leg that is begun now; in a steady current the one that is known."""
+    return time if is_steady else now + leg_time(graph, node, leg, now)
 
 
 @kernel

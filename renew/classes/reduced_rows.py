@@ -15,15 +15,8 @@ import numpy.typing as npt
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import is_crossed, rays_between
-from renew.classes.roadmap import (
-    GOAL,
-    MAX_CROSSED,
-    SEVERAL_CROSSED,
-    START,
-    Mesh,
-    Roadmap,
-    crossed_edge,
-)
+from renew.classes.legs import Mesh
+from renew.classes.roadmap import GOAL, START, Roadmap
 from renew.kernels.capsules import Segment
 
 # A row of triangles that may not be: it enters a triangle twice, or makes a blocked transition.
@@ -114,43 +107,30 @@ def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
 
 @kernel
 def row_after(
-    task: Task, words: Words, rows: IntArray, used: int, row: int, node: int, leg: int
+    task: Task, words: Words, rows: IntArray, used: int, row: int, leg: int
 ) -> tuple[int, IntArray, int]:
-    """Row after a leg from a node, negative where there can be none; all rows, and their number."""
-    onwards = followed(task.graph, rows, row, node, leg)
+    """Row after a leg, negative where there can be none; all rows, and their number."""
+    onwards = followed(task.graph, rows, row, leg)
     while onwards <= TO_BE_MADE:
         rows = with_room(rows, used + 1)
         used += _lengthened(task, words, rows, TO_BE_MADE - onwards, used)
-        onwards = followed(task.graph, rows, row, node, leg)
+        onwards = followed(task.graph, rows, row, leg)
     return onwards, rows, used
 
 
 @kernel
-def followed(graph: Roadmap, rows: IntArray, row: int, node: int, number: int) -> int:
-    """Row after a leg from a node, negative where there can be none.
+def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
+    """Row after a leg, negative where there can be none.
 
     TO_BE_MADE, less three times a row and the edge that it is left by, where that is not known.
     """
-    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
-    entry, last = -1, graph.triangle[other]
-    leg = Segment(
-        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
-    )
-    for _ in range(MAX_CROSSED):
-        triangle = rows[row, _TRIANGLE]
-        if triangle == last:
-            return row
-        if graph.crossed[number] == SEVERAL_CROSSED:
-            out, is_open = crossed_edge(mesh, triangle, entry, leg)
-            if not is_open:
-                break
-        entry = mesh.back[triangle, out]
+    for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
+        out = graph.crossed[k] % 3
         after = rows[row, _LONGER + out] if out != rows[row, _ENTRY] else rows[row, _STEM]
         if after < 0:
             return _IMPOSSIBLE if after == _IMPOSSIBLE else TO_BE_MADE - 3 * row - out
         row = after
-    # A leg was followed one way when it was made; the other way rounding may lead it astray.
-    return _IMPOSSIBLE
+    return row
 
 
 @kernel
@@ -184,10 +164,10 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
 
 @kernel
 def word_changes(task: Task) -> BoolArray:
-    """Edges (t, 3) across which a row's word changes, by the corner opposite to each."""
+    """Edges (3 t,) across which a row's word changes: three times a triangle, and a corner."""
     mesh, rays = task.graph.mesh, task.rays
-    changes = np.zeros(mesh.neighbours.shape, dtype=np.bool_)
-    for triangle in range(len(changes)):
+    changes = np.zeros(mesh.neighbours.size, dtype=np.bool_)
+    for triangle in range(len(mesh.neighbours)):
         for out in range(3):
             after = mesh.neighbours[triangle, out]
             if after < 0:
@@ -197,29 +177,18 @@ def word_changes(task: Task) -> BoolArray:
                 for i in range(first, last, step):
                     if is_crossed(rays.x[i], rays.y[i], leg):
                         # From the other side rounding may say otherwise.
-                        changes[triangle, out] = True
-                        changes[after, mesh.back[triangle, out]] = True
+                        changes[3 * triangle + out] = True
+                        changes[3 * after + mesh.back[triangle, out]] = True
     return changes
 
 
 @kernel
-def keeps_word(graph: Roadmap, changes: BoolArray, node: int, number: int) -> bool:
-    """Whether a leg from a node crosses no edge across which words change."""
-    mesh, other, out = graph.mesh, graph.head[number], graph.crossed[number]
-    triangle, entry, last = graph.triangle[node], -1, graph.triangle[other]
-    if out != SEVERAL_CROSSED:
-        return triangle == last or not changes[triangle, out]
-    leg = Segment(
-        graph.points[node, 0], graph.points[node, 1], graph.points[other, 0], graph.points[other, 1]
-    )
-    for _ in range(MAX_CROSSED):
-        out, is_open = crossed_edge(mesh, triangle, entry, leg)
-        if not is_open or changes[triangle, out]:
+def keeps_word(graph: Roadmap, changes: BoolArray, leg: int) -> bool:
+    """Whether a leg crosses no edge across which words change."""
+    for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
+        if changes[graph.crossed[k]]:
             return False
-        triangle, entry = mesh.neighbours[triangle, out], mesh.back[triangle, out]
-        if triangle == last:
-            return True
-    return False
+    return True
 
 
 @kernel

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.classes.triangulation import Triangulation
 from renew.inputs.voyage import Voyage
@@ -16,8 +17,9 @@ from renew.inputs.voyage import Voyage
 # Number of cells in smooth currents, in small eddies, for each triangle, and at most; and that from
 # which legs lead in more directions.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 10_000, 20, 40_000, 5_000
-# Half the width of the water in which a path is looked at closer, in cells.
-_TUBE = 8.0
+# By what factor nodes stand closer together where a path is looked at closer, and half the width of
+# the water in which it is, in cells.
+_CLOSER, _TUBE = 4, 8.0
 
 
 class Resolution(NamedTuple):
@@ -49,19 +51,43 @@ class Tube(NamedTuple):
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether it holds points (m, 2)."""
-        along = shapely.segmentize(shapely.LineString(self.path), self.cell)
-        tree = cKDTree(shapely.get_coordinates(along))
-        distance, _ = tree.query(points, distance_upper_bound=_TUBE * self.cell)
+        distance, _ = cKDTree(self._along).query(points, distance_upper_bound=_TUBE * self.cell)
         return np.asarray(np.isfinite(distance))
+
+    def holds_nodes(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Whether it holds each node (ny, nx) of a grid: far quicker than for so many points."""
+        return np.asarray(_nodes_near(x, y, self._along, _TUBE * self.cell))
+
+    @property
+    def _along(self) -> FloatArray:
+        """Points (n, 2) along the path, a cell apart at most."""
+        along = shapely.segmentize(shapely.LineString(self.path), self.cell)
+        return np.asarray(shapely.get_coordinates(along))
+
+
+@kernel
+def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: float) -> BoolArray:
+    """Nodes (ny, nx) of a grid that are closer than a distance (m) to some points (n, 2)."""
+    near = np.zeros((len(y), len(x)), dtype=np.bool_)
+    for px, py in points:
+        first = np.searchsorted(x, px - distance)
+        last = np.searchsorted(x, px + distance, side="right")
+        for row in range(
+            np.searchsorted(y, py - distance), np.searchsorted(y, py + distance, side="right")
+        ):
+            for column in range(first, last):
+                if math.hypot(x[column] - px, y[row] - py) < distance:
+                    near[row, column] = True
+    return near
 
 
 def closer_look(
-    path: FloatArray, voyage: Voyage, resolution: Resolution, closer: int
+    path: FloatArray, voyage: Voyage, resolution: Resolution
 ) -> tuple[Resolution, Tube]:
     """Resolution and water in which a path (n, 2) that was found at another is looked at closer.
 
-    Nodes stand closer together by a factor.
+    Legs lead in many directions: the sides of an islet differ by less than a detour in few.
     """
     xmin, ymin, xmax, ymax = voyage.chart.bounds
-    cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / closer
-    return Resolution(closer**2 * resolution.cells, 2), Tube(path, cell)
+    cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / _CLOSER
+    return Resolution(_CLOSER**2 * resolution.cells, 4), Tube(path, cell)

@@ -17,21 +17,18 @@ from scipy.spatial import cKDTree
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.dual_graph import on_some_way
+from renew.classes.leg_times import time_along
+from renew.classes.legs import Mesh, legs_between
 from renew.classes.resolution import Resolution, Tube
 from renew.classes.triangulation import Triangulation
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Segment
-from renew.kernels.current_table import Table, velocities, velocity
-from renew.kernels.ground_speed import Polar, ground_speed
+from renew.kernels.current_table import Table
+from renew.kernels.ground_speed import Polar
 
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
-
-NONE_CROSSED, SEVERAL_CROSSED = -1, -2
-"""Stand for an edge where a leg stays in its triangle, or crosses several edges."""
-
-_IMPASSABLE = -3
-
 
 # Number of gates on a passing edge that is shorter than this, in cells; longer ones have one, so
 # that legs lead wherever triangles do. Number of the nearest nodes that a gate is joined to, and
@@ -40,33 +37,15 @@ _GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
 # Least number of cells between start and goal; around them the grid is as fine as that takes, and
 # grows coarser outwards by this factor from cell to cell.
 _WAY_CELLS, _GROWTH = 16, 1.15
-# Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
-# that the path itself avoids.
-_MIN_SPEED = 0.1
-# Number of triangles that a leg may cross, and by how much of its length it may miss its end.
-MAX_CROSSED, _ROUNDING = 4096, 1e-9
-
-
-class Mesh(NamedTuple):
-    """The triangulation as legs are followed through it; `clearance` in m.
-
-    A passing edge is only crossed where that is `clearance` off its ends on land.
-    """
-
-    corners: FloatArray  # (t, 3, 2), m
-    neighbours: IntArray  # (t, 3), -1 across edges that are too narrow as well
-    back: IntArray  # (t, 3): the corner of the neighbour that is opposite to the shared edge
-    on_land: BoolArray  # (t, 3): whether that corner is
-    hazardous: BoolArray  # (t, 3): whether the edge opposite to that corner lies on land
-    clearance: float
 
 
 class Roadmap(NamedTuple):
     """Nodes, start and goal first; the legs of a node are first[node] to first[node + 1].
 
-    `time` and `back` (m,) are the least at any time along a leg, to its `head`, and back, s;
-    `crossed` (m,) is the edge that it crosses, as the corner of the triangle it leaves that is
-    opposite to it. The way is begun at `departure` (s), on the clock of the `table` of the current.
+    `time` and `back` (m,) are the least at any time along a leg, to its `head`, and back, s. The
+    passing edges that a leg crosses are crossed[first_crossed[leg] : first_crossed[leg + 1]], each
+    as three times the triangle it leaves there, and the corner opposite to the edge. The way is
+    begun at `departure` (s), on the clock of the `table` of the current.
     """
 
     mesh: Mesh
@@ -76,17 +55,11 @@ class Roadmap(NamedTuple):
     head: IntArray  # (m,)
     time: FloatArray
     back: FloatArray
+    first_crossed: IntArray  # (m + 1,)
     crossed: IntArray
     table: Table
     departure: float
     polar: Polar
-
-
-class _Extremes(NamedTuple):
-    """The least and the largest velocity (m/s) along x and along y at a place at any time."""
-
-    least: tuple[float, float]
-    largest: tuple[float, float]
 
 
 def roadmap(
@@ -105,16 +78,16 @@ def roadmap(
     """
     mesh = _mesh(triangulation, clearance)
     x, y = _axes(voyage, resolution.cells)
-    gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y))
     ends = np.stack([voyage.start, voyage.goal])
     holding = np.array([triangulation.locate(point) for point in ends])
-    grid = _triangles_of(x, y, mesh)
+    is_way = on_some_way(triangulation.neighbours, *holding.tolist())
+    gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
+    wanted = np.ones((len(y), len(x)), dtype=bool)
     if tube is not None:
         inside = tube.holds(gates.points)
         gates = _Gates(gates.points[inside], gates.triangles[inside])
-        row, column = np.nonzero(grid >= 0)
-        outside = ~tube.holds(np.column_stack([x[column], y[row]]))
-        grid[row[outside], column[outside]] = -1
+        wanted = tube.holds_nodes(x, y)
+    grid = _triangles_of(x, y, mesh, wanted)
     row, column = np.nonzero(grid >= 0)
     points = np.concatenate([ends, gates.points, np.column_stack([x[column], y[row]])])
     triangle = np.concatenate([holding, gates.triangles[:, 0], grid[row, column]])
@@ -128,7 +101,7 @@ def roadmap(
             _loose_pairs(points, around, resolution.reach * _coarsest(x, y)),
         ]
     )
-    legs = _legs(points, triangle, pairs, mesh, table.extremes(), voyage.polar)
+    legs = legs_between(points, triangle, pairs, mesh, table.extremes(), voyage.polar)
     return Roadmap(mesh, points, triangle, *legs, table, voyage.departure, voyage.polar)
 
 
@@ -194,10 +167,13 @@ class _Gates(NamedTuple):
     triangles: IntArray
 
 
-def _gates(triangulation: Triangulation, clearance: float, short: float) -> _Gates:
-    """Gates on passing edges, a few on those shorter than `short` m."""
+def _gates(
+    triangulation: Triangulation, clearance: float, short: float, is_way: BoolArray
+) -> _Gates:
+    """Gates on passing edges between triangles on some way (t,), a few on those under `short` m."""
     neighbours = triangulation.neighbours
-    triangle, corner = np.nonzero(neighbours > np.arange(len(neighbours))[:, None])
+    is_passed = (neighbours > np.arange(len(neighbours))[:, None]) & is_way[:, None]
+    triangle, corner = np.nonzero(is_passed & is_way[neighbours])
     vertices = triangulation.edge_vertices(triangle, corner)
     a, b = triangulation.vertices[vertices[:, 0]], triangulation.vertices[vertices[:, 1]]
     length = np.linalg.norm(b - a, axis=1)
@@ -237,31 +213,34 @@ def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArra
         points[:loose], k=min(_NEAREST, len(points)), distance_upper_bound=radius
     )
     one, place = np.nonzero(near < len(points))
-    found = [np.stack([one, near[one, place]], axis=1)]
+    ones, others = [one], [near[one, place]]
     order = np.argsort(around, axis=None, kind="stable")
     triangle, member = around.ravel()[order], order // 2
     for shift in range(1, 3 * _GATES + 2):
         same = triangle[shift:] == triangle[:-shift]
         if not same.any():
             break
-        found.append(np.stack([member[:-shift][same], member[shift:][same]], axis=1))
-    pairs = np.concatenate(found)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    # As one number each: of pairs NumPy takes ten times as long to find the same.
-    same = np.unique(pairs.min(axis=1) * len(points) + pairs.max(axis=1))
-    return np.column_stack(np.divmod(same, len(points)))
+        ones.append(member[:-shift][same])
+        others.append(member[shift:][same])
+    one, other = np.concatenate(ones), np.concatenate(others)
+    # As one number each, sorted: NumPy takes ten times as long to find the same pairs.
+    number = np.sort(np.minimum(one, other) * len(points) + np.maximum(one, other))
+    number = number[np.diff(number, prepend=-1) > 0]
+    low = number // len(points)
+    high = number - low * len(points)
+    return np.asarray(np.column_stack([low, high])[low < high])
 
 
 @kernel
-def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh) -> IntArray:
-    """Triangle (ny, nx) that holds each point of a grid; -1 on land, or too close to it."""
+def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -> IntArray:
+    """Triangle (ny, nx) of each point of a grid; -1 on land, close to it, or where not wanted."""
     holding = np.full((len(y), len(x)), -1, dtype=np.int64)
     for t in range(len(mesh.corners)):
         xs, ys = mesh.corners[t, :, 0], mesh.corners[t, :, 1]
         first, last = np.searchsorted(x, xs.min()), np.searchsorted(x, xs.max(), side="right")
         for r in range(np.searchsorted(y, ys.min()), np.searchsorted(y, ys.max(), side="right")):
             for c in range(first, last):
-                if _holds(mesh, t, x[c], y[r]):
+                if wanted[r, c] and _holds(mesh, t, x[c], y[r]):
                     holding[r, c] = t
     return holding
 
@@ -282,152 +261,9 @@ def _holds(mesh: Mesh, triangle: int, x: float, y: float) -> bool:
 
 
 @kernel
-def crossed_edge(mesh: Mesh, triangle: int, entry: int, leg: Segment) -> tuple[int, bool]:
-    """Edge by which a leg leaves a triangle, as the corner opposite to it; -1 for none.
-
-    `entry` is the corner opposite to the edge by which it came in, -1 at its beginning. Also
-    whether the edge may be crossed there.
-    """
-    ax, ay, bx, by = leg
-    dx, dy = bx - ax, by - ay
-    out, place = -1, 1.0 + _ROUNDING
-    for c in range(3):
-        if c == entry:
-            continue
-        px, py = mesh.corners[triangle, (c + 1) % 3]
-        qx, qy = mesh.corners[triangle, (c + 2) % 3]
-        ux, uy = qx - px, qy - py
-        slope = ux * dy - uy * dx
-        if slope < 0.0:
-            # Inside is to the left of the edge.
-            at = (ux * (ay - py) - uy * (ax - px)) / -slope
-            if at < place:
-                out, place = c, at
-    if out < 0 or mesh.neighbours[triangle, out] < 0:
-        return out, False
-    if mesh.clearance == 0.0:
-        return out, True
-    one, other = (out + 1) % 3, (out + 2) % 3
-    x, y = ax + place * dx, ay + place * dy
-    for c in (one, other):
-        if mesh.on_land[triangle, c]:
-            px, py = mesh.corners[triangle, c]
-            if math.hypot(px - x, py - y) < mesh.clearance:
-                return out, False
-    return out, True
-
-
-@kernel
-def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int) -> tuple[int, int]:
-    """Edge that a leg from one triangle to the last crosses, seen from its beginning and its end.
-
-    Both stand for something else where it crosses none, several, or one that can't be passed.
-    """
-    if triangle == last:
-        return NONE_CROSSED, NONE_CROSSED
-    out, is_open = crossed_edge(mesh, triangle, -1, leg)
-    if is_open and mesh.neighbours[triangle, out] == last:
-        return out, mesh.back[triangle, out]
-    for _ in range(MAX_CROSSED):
-        if not is_open:
-            break
-        triangle, entry = mesh.neighbours[triangle, out], mesh.back[triangle, out]
-        if triangle == last:
-            return SEVERAL_CROSSED, SEVERAL_CROSSED
-        out, is_open = crossed_edge(mesh, triangle, entry, leg)
-    return _IMPASSABLE, _IMPASSABLE
-
-
-@kernel
 def leg_time(graph: Roadmap, node: int, number: int, begin: float) -> float:
-    """Time (s) along a leg from a node, so many seconds after departure, by Simpson's rule."""
-    if len(graph.table.times) == 1:
-        return float(graph.time[number])
+    """Time (s) along a leg from a node, so many seconds after departure."""
     (ax, ay), (bx, by) = graph.points[node], graph.points[graph.head[number]]
-    length = math.hypot(bx - ax, by - ay)
-    if length == 0.0:
-        return 0.0
-    tx, ty = (bx - ax) / length, (by - ay) / length
-    slowest = _MIN_SPEED * graph.polar.speed
-    now, total, last = graph.departure + begin, 0.0, 0.0
-    for step, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
-        x, y = ax + step * (bx - ax), ay + step * (by - ay)
-        u, v = velocity(graph.table, x, y, now + step * length * last)
-        last = 1.0 / max(slowest, ground_speed(u, v, tx, ty, graph.polar))
-        total += weight * last
-    return max(float(graph.time[number]), total * length / 6)
-
-
-@kernel
-def _least_times(
-    leg: Segment, here: _Extremes, there: _Extremes, extremes: tuple[Table, Table], polar: Polar
-) -> tuple[float, float]:
-    """Least times (s) along a leg and back, by Simpson's rule, whenever it is sailed."""
-    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
-    length = math.hypot(dx, dy)
-    if length == 0.0:
-        return 0.0, 0.0
-    tx, ty = dx / length, dy / length
-    slowest = _MIN_SPEED * polar.speed
-    x, y = leg.ax + dx / 2, leg.ay + dy / 2
-    middle = _Extremes(velocity(extremes[0], x, y, 0.0), velocity(extremes[1], x, y, 0.0))
-    time, back = 0.0, 0.0
-    for weight, currents in ((1.0, here), (4.0, middle), (1.0, there)):
-        time += weight / max(slowest, _fastest(currents, tx, ty, polar))
-        back += weight / max(slowest, _fastest(currents, -tx, -ty, polar))
-    return time * length / 6, back * length / 6
-
-
-@kernel
-def _fastest(currents: _Extremes, tx: float, ty: float, polar: Polar) -> float:
-    """Largest speed over ground (m/s) along the unit tangent t in currents between two extremes.
-
-    No current is as helpful along t as the one taken, and none lies less across it.
-    """
-    (u, v), (more_u, more_v) = currents.least, currents.largest
-    along = max(tx * u, tx * more_u) + max(ty * v, ty * more_v)
-    low = min(tx * v, tx * more_v) - max(ty * u, ty * more_u)
-    high = max(tx * v, tx * more_v) - min(ty * u, ty * more_u)
-    across = low if low > 0.0 else min(0.0, high)
-    return ground_speed(along * tx - across * ty, along * ty + across * tx, tx, ty, polar)
-
-
-@kernel
-def _legs(
-    points: FloatArray,
-    triangle: IntArray,
-    pairs: IntArray,
-    mesh: Mesh,
-    extremes: tuple[Table, Table],
-    polar: Polar,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:
-    """Legs between pairs (p, 2) of nodes that see each other, as a roadmap's columns."""
-    always = np.zeros(len(points))
-    least = velocities(extremes[0], points, always)
-    largest = velocities(extremes[1], points, always)
-    crossed = np.empty((len(pairs), 2), dtype=np.int64)
-    first = np.zeros(len(points) + 1, dtype=np.int64)
-    for k in range(len(pairs)):
-        a, b = pairs[k]
-        leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
-        crossed[k, 0], crossed[k, 1] = _crossed(mesh, leg, triangle[a], triangle[b])
-        if crossed[k, 0] != _IMPASSABLE:
-            first[a + 1] += 1
-            first[b + 1] += 1
-    first = np.cumsum(first)
-    at = first[:-1].copy()
-    head, edge = np.empty((2, first[-1]), dtype=np.int64)
-    time, back = np.empty((2, first[-1]))
-    for k in range(len(pairs)):
-        if crossed[k, 0] == _IMPASSABLE:
-            continue
-        a, b = pairs[k]
-        leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
-        here = _Extremes((least[a, 0], least[a, 1]), (largest[a, 0], largest[a, 1]))
-        there = _Extremes((least[b, 0], least[b, 1]), (largest[b, 0], largest[b, 1]))
-        one, other = _least_times(leg, here, there, extremes, polar)
-        head[at[a]], time[at[a]], back[at[a]], edge[at[a]] = b, one, other, crossed[k, 0]
-        head[at[b]], time[at[b]], back[at[b]], edge[at[b]] = a, other, one, crossed[k, 1]
-        at[a] += 1
-        at[b] += 1
-    return first, head, time, back, edge
+    begin += graph.departure
+    least = float(graph.time[number])
+    return max(least, time_along(Segment(ax, ay, bx, by), begin, graph.table, graph.polar))

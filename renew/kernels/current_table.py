@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import for_kernels, kernel
+from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
 # Largest error of a table that counts as fine, as a share of its strongest current, in the middle
@@ -64,10 +64,12 @@ class Table(NamedTuple):
         """Whether the table reproduces the field to within _TOLERANCE."""
         return self.error <= _TOLERANCE * self.strongest
 
-    def extremes(self) -> tuple[Table, Table]:
-        """Steady tables of the least and the largest velocity along x and along y at any time."""
+    def extremes(self) -> tuple[Table, Table, bool]:
+        """Steady tables of the least and the largest velocity along x and y; whether they agree."""
+        if self.is_steady:
+            return self, self, True
         least, largest = self.uv.min(axis=0), self.uv.max(axis=0)
-        return table_of(self.x, self.y, least), table_of(self.x, self.y, largest)
+        return table_of(self.x, self.y, least), table_of(self.x, self.y, largest), False
 
 
 def table_of(
@@ -110,7 +112,7 @@ class Site(NamedTuple):
     along_y: float
 
 
-@kernel
+@small_kernel
 def site_of(table: Table, px: float, py: float) -> Site:
     """Site of a point; one outside the table has the nearest place on its edge."""
     column, along_x = _cell(table.x, table.per_x, px)
@@ -118,7 +120,7 @@ def site_of(table: Table, px: float, py: float) -> Site:
     return Site(column, row, along_x, along_y)
 
 
-@kernel
+@small_kernel
 def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a site at some time (s)."""
     at, share = _slice(table, time)
@@ -130,7 +132,7 @@ def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]
     return u, v
 
 
-@kernel
+@small_kernel
 def node_velocity(table: Table, row: int, column: int, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a node at some time (s)."""
     at, share = _slice(table, time)
@@ -163,7 +165,7 @@ def next_slice(table: Table, time: float) -> float:
     return math.inf
 
 
-@kernel
+@small_kernel
 def _slice(table: Table, time: float) -> tuple[int, float]:
     """Slice before a time, and how far it lies between that and the next, in [0, 1)."""
     times = table.times
@@ -177,7 +179,7 @@ def _slice(table: Table, time: float) -> tuple[int, float]:
     return _cell(times, table.per_second, time)
 
 
-@kernel
+@small_kernel
 def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
     """Velocity (m/s) at a site in one slice."""
     i, j, s, t = site
@@ -194,13 +196,13 @@ def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
     )
 
 
-@kernel
+@small_kernel
 def velocity(table: Table, px: float, py: float, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a point and time, held constant outside the table."""
     return velocity_there(table, site_of(table, px, py), time)
 
 
-@kernel
+@small_kernel
 def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
     """Index of the cell that holds a value, and the place in it in [0, 1]."""
     last = len(axis) - 2

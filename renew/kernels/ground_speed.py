@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray
 
 
@@ -22,7 +22,7 @@ class Polar(NamedTuple):
     crab: bool
 
 
-@kernel
+@small_kernel
 def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
     """Speed over ground along the unit tangent t in the current c, m/s.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
@@ -27,7 +27,7 @@ TOO_STRONG = 0.97**2
 _MIN_WAY = 1e-300
 
 
-@kernel
+@small_kernel
 def slowness(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
     """Seconds a metre along the unit tangent t in the current c; inf where no way is made.
 
@@ -210,12 +210,12 @@ def _advance(
 ) -> None:
     """Fill in the next row's arrival times and currents, and from which point each comes."""
     most = TOO_STRONG * water.polar.speed * water.polar.speed
-    is_steady = len(water.table.times) == 1
+    table, is_steady = water.table, len(water.table.times) == 1
     totals = np.empty(len(here.x))
     for j in range(len(there.x)):
-        site = site_of(water.table, there.x[j], there.y[j])
+        site = site_of(table, there.x[j], there.y[j])
+        u, v = velocity_there(table, site, 0.0)
         if is_steady:
-            u, v = velocity_there(water.table, site, 0.0)
             if u * u + v * v >= most:
                 continue
             _arrivals(here, there.x[j], there.y[j], u, v, water.polar, totals)
@@ -228,7 +228,8 @@ def _advance(
                     i = k
             if totals[i] == np.inf:
                 break
-            u, v = velocity_there(water.table, site, totals[i])
+            if not is_steady:
+                u, v = velocity_there(table, site, totals[i])
             leg = Segment(here.x[i], here.y[i], there.x[j], there.y[j])
             if u * u + v * v < most and leg_is_clear(leg, capsules, near, exempt):
                 there.arrival[j], there.u[j], there.v[j] = totals[i], u, v

@@ -48,7 +48,7 @@ _MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 _MAX_GROWTHS = 8
 
 
-class _Found(NamedTuple):
+class Found(NamedTuple):
     """A path (n, 2), its trajectory (m, 4) and fuel, and where it was found.
 
     `harmonic_mean` is the figure by which its class is chosen.
@@ -86,10 +86,10 @@ class ClassPlanner:
         )
         self._growth = PaddingGrowth(problem, self._model, policy)
 
-    def route(self, channel: Channel) -> Route:
-        """Best route of a class; its padding grows until every hard-over turn is clear.
+    def find(self, channel: Channel) -> Found:
+        """Best path of a class; its padding grows until every hard-over turn is clear.
 
-        Where each way of looking for it slips past an islet, the route is of another class.
+        Where each way of looking for it slips past an islet, the path is of another class.
         InfeasibleError says why there is none.
         """
         corridor = self._corridor(channel)
@@ -98,11 +98,39 @@ class ClassPlanner:
             found = self._found(corridor, near)
             shortfall = self._growth.shortfall(found.corridor, found.path)
             if shortfall is None:
-                return self._route(found)
+                return found
             corridor, near = grown(found.corridor, shortfall), found.path
         raise InfeasibleError(
             "its path is still not clear of hard-over turns after its padding has grown "
             f"{_MAX_GROWTHS} times"
+        )
+
+    def route(self, found: Found) -> Route:
+        """Route along a path, with all its figures."""
+        corridor, path, trajectory, fuel, class_mean = found
+        voyage, padded = self.problem.voyage, corridor.padded
+        line = shapely.LineString(path)
+        track = shapely.LineString(trajectory[:, 1:3])
+        clearance = (
+            min(shapely.distance([line, track], voyage.chart.hard_no_go))
+            if voyage.chart.no_go
+            else math.inf
+        )
+        return Route(
+            path=path,
+            trajectory=trajectory,
+            fuel=fuel,
+            length=float(line.length),
+            clearance=float(clearance),
+            duration=fuel / voyage.vessel.fuel_rate,
+            times=voyage.arrivals(path),
+            fuel_bound=self.problem.fuel_bound,
+            homotopy=name(self.problem.rays.word(path)),
+            corners=corridor.corners,
+            padding_used=np.column_stack([padded.start, padded.end, padded.padding]),
+            harmonic_mean=class_mean,
+            starts_in_soft_no_go=len(padded.around(voyage.start).edge) > 0,
+            ends_in_soft_no_go=len(padded.around(voyage.goal).edge) > 0,
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
@@ -134,7 +162,7 @@ class ClassPlanner:
             padded=self._model.padded_edges(channel, voyage.start, voyage.goal, windows),
         )
 
-    def _found(self, corridor: Corridor, near: FloatArray | None) -> _Found:
+    def _found(self, corridor: Corridor, near: FloatArray | None) -> Found:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
         if self._method.method == "sampled":
             return self._best_sample(corridor)
@@ -142,10 +170,10 @@ class ClassPlanner:
             check_straits(corridor)
         return self._best_path(corridor, near)
 
-    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> _Found:
+    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> Found:
         """Best path of some attempts; of another class where each of them slips into one."""
         first: InfeasibleError | None = None
-        best: _Found | None = None
+        best: Found | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
         for attempt in self._attempts(corridor, near):
             try:
@@ -172,19 +200,19 @@ class ClassPlanner:
 
     def _steered_in_class(
         self, corridor: Corridor, used: Corridor, path: FloatArray
-    ) -> _Found | None:
+    ) -> Found | None:
         """The same as `_steered`; None where the path slips into another class."""
         found = self._steered(corridor, used, path) if self._is_of(corridor, path) else None
         return found if found is not None and self._is_of(corridor, found.path) else None
 
-    def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> _Found:
+    def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> Found:
         """A path (n, 2) that was found in a corridor, or one with more padding."""
         makes_room = self._method.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
         used, path, trajectory = steered(used, path)
         self._check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
-        return _Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
+        return Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
 
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether a path (n, 2) is of a corridor's class."""
@@ -256,7 +284,7 @@ class ClassPlanner:
                 trajectory[worst, 1:3],
             )
 
-    def _best_sample(self, corridor: Corridor) -> _Found:
+    def _best_sample(self, corridor: Corridor) -> Found:
         """Least-fuel chain of the paper's sampling, smoothed; the harmonic mean is its class's.
 
         The published figures are of smoothed paths. So each chain is smoothed before it is checked
@@ -290,34 +318,6 @@ class ClassPlanner:
             if found is not None:
                 return found._replace(harmonic_mean=class_mean)
         raise first or InfeasibleError("no chain was found")
-
-    def _route(self, found: _Found) -> Route:
-        """Route with all its figures."""
-        corridor, path, trajectory, fuel, class_mean = found
-        voyage, padded = self.problem.voyage, corridor.padded
-        line = shapely.LineString(path)
-        track = shapely.LineString(trajectory[:, 1:3])
-        clearance = (
-            min(shapely.distance([line, track], voyage.chart.hard_no_go))
-            if voyage.chart.no_go
-            else math.inf
-        )
-        return Route(
-            path=path,
-            trajectory=trajectory,
-            fuel=fuel,
-            length=float(line.length),
-            clearance=float(clearance),
-            duration=fuel / voyage.vessel.fuel_rate,
-            times=voyage.arrivals(path),
-            fuel_bound=self.problem.fuel_bound,
-            homotopy=name(self.problem.rays.word(path)),
-            corners=corridor.corners,
-            padding_used=np.column_stack([padded.start, padded.end, padded.padding]),
-            harmonic_mean=class_mean,
-            starts_in_soft_no_go=len(padded.around(voyage.start).edge) > 0,
-            ends_in_soft_no_go=len(padded.around(voyage.goal).edge) > 0,
-        )
 
 
 def _near_first(corridor: Corridor) -> FloatArray:

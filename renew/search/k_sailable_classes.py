@@ -12,11 +12,12 @@ from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
-from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.class_planner import ClassPlanner, Found, PathMethod
 from renew.search.problem import Problem
 
-# By what factors the roadmap is finer beside the best route, and number of ways looked for there.
-_CLOSER, _BESIDE = (2, 4), 4
+# Number of ways past islands that tell no classes apart among which the best route is looked for,
+# and of those that are looked for beside it.
+_VARIANTS, _BESIDE = 8, 4
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
@@ -47,9 +48,9 @@ def plan_classes(
     is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
     if is_free and problem.rays.omits_islands:
         # The best of all channels is the best of its class, whichever islands tell classes apart.
-        results.plan_in_rounds(scout, classes, results.add_variant)
+        results.plan_in_rounds(scout, min(classes, _VARIANTS), results.add_variant)
     seen_all = results.plan_in_rounds(enumerator, classes, results.add)
-    is_enough = len(results.routes) >= classes or (results.routes and enumerator.has_many_triangles)
+    is_enough = len(results.found) >= classes or (results.found and enumerator.has_many_triangles)
     if not (is_enough or seen_all):
         for channel in problem.enumerator(0.0).channels(classes):
             if channel.word not in results.rejected:
@@ -60,22 +61,22 @@ def plan_classes(
 
 
 class Results:
-    """What each class has come to so far: a route, or the first reason against it."""
+    """What each class has come to so far: a path, or the first reason against it."""
 
     def __init__(self, planner: ClassPlanner) -> None:
         self._planner = planner
         self._rays = planner.problem.rays
-        self.routes: dict[Word, Route] = {}
+        self.found: dict[Word, Found] = {}
         self.rejected: dict[Word, Rejected] = {}
-        self._slipped: dict[Word, Route] = {}
+        self._slipped: dict[Word, Found] = {}
         self._done: set[Word] = set()
 
     def least(self, classes: int) -> ClassResults:
         """Routes of so many classes, least fuel first; also those that slipped out of others."""
         self._add_slipped()
-        routes = sorted(self.routes.values(), key=lambda route: route.fuel)
-        rejected = (one for word, one in self.rejected.items() if word not in self.routes)
-        return ClassResults(tuple(routes[:classes]), tuple(rejected))
+        best = sorted(self.found.values(), key=lambda found: found.fuel)[:classes]
+        rejected = (one for word, one in self.rejected.items() if word not in self.found)
+        return ClassResults(tuple(map(self._planner.route, best)), tuple(rejected))
 
     def plan_in_rounds(
         self,
@@ -85,12 +86,15 @@ class Results:
     ) -> bool:
         """Plan the first k classes around what is blocked; say whether these are all there are."""
         blocked: set[Transition] = set()
+        there_are = classes
         for _ in range(_MAX_ROUNDS):
             known = len(blocked)
-            channels = enumerator.channels(classes, blocked)
+            channels = enumerator.channels(there_are, blocked)
+            # Where more is blocked there can't be more.
+            there_are = len(channels)
             for channel in channels:
                 blocked |= add(channel)
-            if known == 0 and enumerator.sees_all and len(channels) < classes:
+            if known == 0 and enumerator.sees_all and there_are < classes:
                 return True
             if len(blocked) == known:
                 break
@@ -98,20 +102,21 @@ class Results:
 
     def add(self, channel: Channel) -> frozenset[Transition]:
         """Plan a class in one more channel; return the transitions that block it."""
-        return frozenset() if channel.word in self.routes else self._add(channel, channel.word)
+        return frozenset() if channel.word in self.found else self._add(channel, channel.word)
 
     def add_variant(self, channel: Channel) -> frozenset[Transition]:
         """The same for a channel that more islands tell apart: a class takes its best."""
         return self._add(channel, self._rays.of_word(channel.word))
 
     def look_closer(self, scout: ClassEnumerator) -> None:
-        """Look beside the best route, ever closer, for better ways on other sides of islands."""
+        """Look closer beside the best route for better ways on other sides of islands."""
         self._add_slipped()
-        for closer in _CLOSER if self.routes else ():
-            best = min(self.routes.values(), key=lambda route: route.fuel)
-            for channel in scout.channels_beside(best.path, closer, _BESIDE):
-                self._done.discard(channel.word)
-                self.add_variant(channel)
+        if not self.found:
+            return
+        best = min(self.found.values(), key=lambda found: found.fuel)
+        for channel in scout.channels_beside(best.path, _BESIDE):
+            self._done.discard(channel.word)
+            self.add_variant(channel)
 
     def _add(self, channel: Channel, word: Word) -> frozenset[Transition]:
         """Plan a channel as one of the class with a word."""
@@ -119,29 +124,29 @@ class Results:
             return frozenset()
         asked = replace(channel, word=word)
         try:
-            route = self._route(asked)
+            found = self._find(asked)
         except InfeasibleError as error:
             self.rejected.setdefault(word, self._rejected(asked, error))
             if error.strait is None:
                 self._done.add(channel.word)
             return error.blocked
         self._done.add(channel.word)
-        _keep_best(self.routes, word, route)
+        _keep_best(self.found, word, found)
         return frozenset()
 
-    def _route(self, channel: Channel) -> Route:
-        """Route of a channel's class; one that slips out of it is put aside."""
-        route = self._planner.route(channel)
-        found = self._rays.word(route.path)
-        if found != channel.word:
-            _keep_best(self._slipped, found, route)
+    def _find(self, channel: Channel) -> Found:
+        """Path of a channel's class; one that slips out of it is put aside."""
+        found = self._planner.find(channel)
+        word = self._rays.word(found.path)
+        if word != channel.word:
+            _keep_best(self._slipped, word, found)
             raise InfeasibleError("its least-fuel path slips into another class")
-        return route
+        return found
 
     def _add_slipped(self) -> None:
-        """Take the routes that slipped out of their classes as routes of those that they are of."""
-        for word, route in self._slipped.items():
-            _keep_best(self.routes, word, route)
+        """Take the paths that slipped out of their classes as those of the classes they are of."""
+        for word, found in self._slipped.items():
+            _keep_best(self.found, word, found)
 
     def _rejected(self, channel: Channel, error: InfeasibleError) -> Rejected:
         """A class without a route, and why."""
@@ -155,7 +160,7 @@ class Results:
         )
 
 
-def _keep_best(routes: dict[Word, Route], word: Word, route: Route) -> None:
-    """Keep a route of a class if it needs less fuel than the one there is."""
-    if word not in routes or route.fuel < routes[word].fuel:
-        routes[word] = route
+def _keep_best(best: dict[Word, Found], word: Word, found: Found) -> None:
+    """Keep a path of a class if it needs less fuel than the one there is."""
+    if word not in best or found.fuel < best[word].fuel:
+        best[word] = found

@@ -23,8 +23,13 @@ from renew.steering.turning_radius import course_changes
 _ARC_STEP = math.radians(4)
 
 
-def round_corners(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> FloatArray:
-    """Path (m, 2) with its sharp corners (n - 2,) drawn around discs of given radii (n - 2,), m."""
+def round_corners(
+    path: FloatArray, sharp: BoolArray, radius: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Path (m, 2) with its sharp corners (n - 2,) drawn around discs of given radii (n - 2,), m.
+
+    Also the point (m,) of the path (n, 2) for which each of its points is drawn.
+    """
     turns, bisectors = course_changes(path)
     # A point of the path that is not sharp is a disc of radius 0.
     size = np.where(sharp, radius, 0.0)
@@ -37,7 +42,8 @@ def round_corners(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> Flo
         raise InfeasibleError(
             "two opposite turns near {0} are too close together to be steered", centres[clash]
         )
-    return np.asarray(_drawn(centres[kept], radii[kept], sides[kept], courses))
+    points, disc = _drawn(centres[kept], radii[kept], sides[kept], courses)
+    return points, kept[disc]
 
 
 @kernel
@@ -48,11 +54,12 @@ def _taut(
 
     A disc (n, 2) is passed on one side: 1 turns to port around it, -1 to starboard. Returns the
     discs kept (m,), the courses (m - 1,) from each to the next in rad, and -1; or, as the last,
-    the disc that overlaps the next one too far.
+    the disc that overlaps the next one, on the other side of the string, too far.
     """
     kept = np.arange(len(radii))
     courses = np.empty(len(radii) - 1)
     while True:
+        nested = False
         for k in range(len(kept) - 1):
             one, other = kept[k], kept[k + 1]
             dx, dy = centres[other, 0] - centres[one, 0], centres[other, 1] - centres[one, 1]
@@ -60,8 +67,15 @@ def _taut(
             # The centres lie side * radius to port of the leg, which turns by the difference.
             offset = sides[other] * radii[other] - sides[one] * radii[one]
             if apart == 0.0 or abs(offset) > apart:
-                return kept, courses, one
+                inner = k if radii[one] < radii[other] else k + 1
+                if sides[one] != sides[other] or inner in (0, len(kept) - 1):
+                    return kept, courses, one
+                # The string round a disc doesn't touch one within it: start over without that.
+                kept, nested = np.concatenate((kept[:inner], kept[inner + 1 :])), True
+                break
             courses[k] = math.atan2(dy, dx) - math.asin(offset / apart)
+        if nested:
+            continue
         # One at a time, the slackest: without it the string may lean on its neighbours again.
         worst, slackest = -1, 0.0
         for k in range(1, len(kept) - 1):
@@ -76,8 +90,8 @@ def _taut(
 @kernel
 def _drawn(
     centres: FloatArray, radii: FloatArray, sides: FloatArray, courses: FloatArray
-) -> FloatArray:
-    """Vertices (m, 2) of the string, arcs as tangent polylines."""
+) -> tuple[FloatArray, IntArray]:
+    """Vertices (m, 2) of the string, arcs as tangent polylines, and the disc (m,) of each."""
     last = len(radii) - 1
     turns = np.zeros(last + 1)
     steps = np.ones(last + 1, dtype=np.int64)
@@ -86,6 +100,7 @@ def _drawn(
         if radii[k] > 0:
             steps[k] = max(1, math.ceil(abs(turns[k]) / _ARC_STEP))
     points = np.empty((steps.sum(), 2))
+    disc = np.repeat(np.arange(last + 1), steps)
     at = 0
     for k in range(last + 1):
         outer = radii[k] / math.cos(turns[k] / steps[k] / 2)
@@ -95,4 +110,4 @@ def _drawn(
             points[at, 0] = centres[k, 0] + outer * math.cos(outwards)
             points[at, 1] = centres[k, 1] + outer * math.sin(outwards)
             at += 1
-    return points
+    return points, disc

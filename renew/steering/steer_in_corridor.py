@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,21 +12,26 @@ import shapely
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError
+from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
 
-# Multiples of the radius that can be steered at a corner; the first of them is taken with which the
-# heading rate stays below ω while the current changes on the way round.
-_ROUNDINGS = (1.1, 1.2, 1.35)
+# Multiples of the radius that can be steered at a corner: with the smallest the heading rate may
+# exceed ω while the current changes on the way round.
+_ROUNDINGS = (1.06, 1.2, 1.35)
+# How often discs may grow, and by how much they may be too small.
+_MAX_GROWTHS, _GROWTH = 6, 1.01
 # Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
 # rounding.
 _CROWDING = 1.5
-# Tolerances, as shares of v/ω, by which a path is thinned; the first is taken with which it can be
-# steered: points crowd where sections meet, and leave a sharp corner no room.
+# Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
+# leave a sharp corner no room.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3)
+# Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
+_CHEAP = 1.01
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
@@ -33,14 +40,24 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     Corners whose rounding would cut into V, or has no room, are rounded on the outside; the
     result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
     """
+    voyage = corridor.voyage
+    enough = _CHEAP * voyage.fuel(path)
+    least, best = math.inf, None
     first: InfeasibleError | None = None
-    for thinned in _thinned(path, corridor):
-        for rounding in _ROUNDINGS:
-            try:
-                return _steered(thinned, corridor, rounding)
-            except InfeasibleError as error:
-                first = first or error
-    raise first or InfeasibleError("no tolerance to try")
+    for thinned, rounding in itertools.product(_thinned(path, corridor), _ROUNDINGS):
+        try:
+            steered = _steered(thinned, corridor, rounding)
+        except InfeasibleError as error:
+            first = first or error
+            continue
+        fuel = voyage.fuel(steered[0])
+        if best is None or fuel < least:
+            least, best = fuel, steered
+        if fuel <= enough:
+            break
+    if best is None:
+        raise first or InfeasibleError("no tolerance to try")
+    return best
 
 
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
@@ -61,13 +78,7 @@ def _steered(
     voyage = corridor.voyage
     field, vessel = voyage.current, voyage.vessel
     if len(path) > 2:
-        times = voyage.reading_times(path)[1:-1]
-        radius = rounding * corner_radius(path, field, vessel, times)
-        sharp = _sharp_corners(path, corridor, radius)
-        if sharp.any():
-            keep = ~_crowding(path, sharp, radius)
-            corners = np.pad(keep, 1, constant_values=True)
-            path = round_corners(path[corners], sharp[keep], radius[keep])
+        path = _with_rounded_corners(path, corridor, rounding)
     clear = corridor.legs_clear(path)
     if not clear.all():
         raise InfeasibleError(
@@ -84,6 +95,39 @@ def _steered(
             track[clear.argmin()],
         )
     return path, trajectory
+
+
+def _with_rounded_corners(path: FloatArray, corridor: Corridor, rounding: float) -> FloatArray:
+    """Path (m, 2) with its sharp corners drawn around discs, each as large as its own arc needs.
+
+    On the way round a corner the current changes, and the course: in a following current the
+    vessel turns in a wider arc than before and behind it.
+    """
+    radius = rounding * _corner_radius(path, corridor.voyage)
+    rounded = path
+    for _ in range(_MAX_GROWTHS):
+        sharp = _sharp_corners(path, corridor, radius)
+        if not sharp.any():
+            return path
+        kept = 1 + np.flatnonzero(~_crowding(path, sharp, radius))
+        corners = np.concatenate([[0], kept, [len(path) - 1]])
+        rounded, drawn_for = round_corners(path[corners], sharp[kept - 1], radius[kept - 1])
+        if len(rounded) < 3:
+            break
+        needed = np.zeros(len(path))
+        at = corners[drawn_for[1:-1]]
+        np.maximum.at(needed, at, rounding * _corner_radius(rounded, corridor.voyage))
+        short = sharp & (needed[1:-1] > _GROWTH * radius)
+        if not short.any():
+            break
+        radius = np.where(short, needed[1:-1], radius)
+    return rounded
+
+
+def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:
+    """Smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them."""
+    times = voyage.reading_times(path)[1:-1]
+    return corner_radius(path, voyage.current, voyage.vessel, times)
 
 
 def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 
 import networkx as nx
+import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely import box
 
@@ -15,6 +16,7 @@ import renew
 from renew.classes.dual_graph import (
     dual_graph,
     is_connected,
+    on_some_way,
     simple_paths,
     surroundings,
     widest_gap,
@@ -32,6 +34,23 @@ def test_dual_graph_has_one_cycle_for_each_island(seed: int) -> None:
     assert nx.number_connected_components(dual) == len(parts)
     cycles = dual.number_of_edges() - dual.number_of_nodes() + len(parts)
     assert cycles == sum(len(part.interiors) for part in parts)
+
+
+@settings(max_examples=25)
+@given(seed=seeds)
+def test_dead_ends_are_what_is_left_of_no_way(seed: int) -> None:
+    # A bay with land around it, behind a strait, beside the random islands.
+    bay = [box(0, 160, 80, 162), box(83, 160, SIZE, 162)]
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), [*random_islands(seed), *bay])
+    triangulation = triangulate(chart)
+    first, last = np.random.default_rng(seed).integers(0, len(triangulation.triangles), 2).tolist()
+    dual = dual_graph(triangulation)
+    assume(first != last and nx.has_path(dual, first, last))
+    found = on_some_way(triangulation.neighbours, first, last)
+    assert not found.all()
+    # Whatever lies on a cycle, or between two of them, once the ends are joined.
+    dual.add_edges_from([(-1, first), (-1, last)])
+    assert set(np.flatnonzero(found).tolist()) == set(nx.k_core(dual, 2)) - {-1}
 
 
 def test_triangles_on_both_sides_of_a_wall_are_not_connected() -> None:

@@ -55,7 +55,7 @@ def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
     for _ in range(200):
         leg = int(rng.integers(graph.first[node], graph.first[node + 1]))
         other = int(graph.head[leg])
-        after, rows, used = row_after(task, words, rows, used, row, node, leg)
+        after, rows, used = row_after(task, words, rows, used, row, leg)
         if after < 0:  # it would enter a triangle twice, or lead astray
             continue
         crossed = visits(graph.points[[node, other]], triangulation.corners).triangle.tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,14 +17,7 @@ from shapely import box
 import renew
 from renew.classes.k_best_paths import time_to_go
 from renew.classes.resolution import Resolution
-from renew.classes.roadmap import (
-    GOAL,
-    NONE_CROSSED,
-    SEVERAL_CROSSED,
-    START,
-    Roadmap,
-    roadmap,
-)
+from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.inputs.fuel import passage_times
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
@@ -105,14 +99,14 @@ def test_what_a_leg_crosses_leads_from_its_triangle_to_the_other() -> None:
     chart, current, start, goal = random_scene(2)
     graph = roadmap_of(voyage_on(chart, start, goal, current))
     tail = np.repeat(np.arange(len(graph.points)), np.diff(graph.first))
-    one, other = graph.triangle[tail], graph.triangle[graph.head]
-    same, several = graph.crossed == NONE_CROSSED, graph.crossed == SEVERAL_CROSSED
-    assert (one[same] == other[same]).all()
-    single = ~same & ~several
-    across = graph.mesh.neighbours[one[single], graph.crossed[single]]
-    assert (across == other[single]).all()
-    assert several.any()
-    assert (one[several] != other[several]).all()
+    number = np.diff(graph.first_crossed)
+    assert set(number.tolist()) > {0, 1, 2}
+    for leg, (first, last) in enumerate(itertools.pairwise(graph.first_crossed.tolist())):
+        triangle = graph.triangle[tail[leg]]
+        for crossed in graph.crossed[first:last].tolist():
+            assert crossed // 3 == triangle
+            triangle = graph.mesh.neighbours[triangle, crossed % 3]
+        assert triangle == graph.triangle[graph.head[leg]]
 
 
 def test_gates_lead_through_a_strait_far_narrower_than_a_cell() -> None:

@@ -39,7 +39,7 @@ def test_a_route_stays_in_its_class_and_padding_never_makes_it_cheaper(method: M
     planned = 0
     for channel in problem.enumerator(1.5).channels(6):
         try:
-            route = planner.route(channel)
+            route = planner.route(planner.find(channel))
         except InfeasibleError:
             continue
         planned += 1
@@ -56,9 +56,9 @@ def test_a_path_that_slips_out_of_its_class_is_a_route_of_its_own_class() -> Non
     channel = planner.problem.enumerator(1.5).channels(1)[0]
     # No path in this channel has that word: as where a path slips past an islet.
     asked = replace(channel, word=(*channel.word, 99))
-    route = planner.route(asked)
+    route = planner.route(planner.find(asked))
     assert route.homotopy == channel.name
-    assert route.fuel == pytest.approx(planner.route(channel).fuel, rel=0.01)
+    assert route.fuel == pytest.approx(planner.find(channel).fuel, rel=0.01)
     results = Results(planner)
     results.add(asked)
     found = results.least(4)
@@ -76,7 +76,7 @@ def test_padding_grows_until_turns_are_clear() -> None:
     planner = planner_of(voyage)
     channel = planner.problem.enumerator(0.0).channels(1)[0]
     first = planner._corridor(channel).padded
-    route = planner.route(channel)
+    route = planner.route(planner.find(channel))
     padding = {tuple(row[:4]): row[4] for row in route.padding_used.tolist()}
     initial = np.column_stack([first.start, first.end, first.padding]).tolist()
     assert all(padding[tuple(row[:4])] >= row[4] for row in initial)
@@ -92,7 +92,7 @@ def test_a_blocked_class_has_no_route_but_a_cost_without_padding() -> None:
     planner = planner_of(voyage_on(chart, (50.0, 10.0), (50.0, 90.0)), 3.2)
     [channel] = planner.problem.enumerator(0.0).channels(5)
     with pytest.raises(InfeasibleError, match=r"the gap is 6\.00 m wide") as caught:
-        planner.route(channel)
+        planner.find(channel)
     assert caught.value.strait is not None
     assert planner.unpadded_fuel(channel) == pytest.approx(80, rel=1e-3)
 
@@ -113,7 +113,7 @@ def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
     path = np.array([[0.0, 10.0, 50.0, 0.0], [1.0, 50.01, 50.0, 0.0]])
     with pytest.raises(InfeasibleError, match=r"the current at \(50\.01, 50\) m runs at 1\.5 m/s"):
         planner._check_current(path)
-    assert math.isfinite(shapely.LineString(planner.route(channel).path).length)
+    assert math.isfinite(shapely.LineString(planner.find(channel).path).length)
 
 
 def _scene(seed: int) -> tuple[renew.Chart, np.ndarray, np.ndarray, renew.CurrentField]:

@@ -34,7 +34,7 @@ def test_turns_to_one_side_are_drawn_around_discs_that_touch_their_corners_from_
     )
     _, inwards = course_changes(path)
     every = np.ones(len(turns), dtype=bool)
-    found = round_corners(path, every, np.full(len(turns), radius))
+    found, _ = round_corners(path, every, np.full(len(turns), radius))
     assert found[[0, -1]] == pytest.approx(path[[0, -1]])
     line = shapely.LineString(found)
     for centre, corner in zip(path[1:-1] + radius * inwards, path[1:-1], strict=True):
@@ -54,7 +54,7 @@ def test_turns_to_one_side_are_drawn_around_discs_that_touch_their_corners_from_
 @given(turn=st.floats(0.3, 2.5), radius=st.floats(0.5, 5))
 def test_land_inside_the_corner_is_not_touched(turn: float, radius: float) -> None:
     path = np.array([[-40, 0], [0, 0], [40 * math.cos(turn), 40 * math.sin(turn)]])
-    found = round_corners(path, np.array([True]), np.array([radius]))
+    found, _ = round_corners(path, np.array([True]), np.array([radius]))
     # A headland in the corner that touches both legs.
     land = shapely.Polygon(path * 0.7)
     assert shapely.LineString(found).intersection(land.buffer(-1e-9)).is_empty
@@ -62,9 +62,9 @@ def test_land_inside_the_corner_is_not_touched(turn: float, radius: float) -> No
 
 def test_corners_that_are_not_sharp_stay_as_they_are() -> None:
     path = np.array([[0, 0], [30, 0], [60, 10], [90, 90]], dtype=float)
-    found = round_corners(path, np.array([False, False]), np.array([2.0, 2.0]))
+    found, _ = round_corners(path, np.array([False, False]), np.array([2.0, 2.0]))
     assert found == pytest.approx(path)
-    found = round_corners(path, np.array([False, True]), np.array([2.0, 2.0]))
+    found, _ = round_corners(path, np.array([False, True]), np.array([2.0, 2.0]))
     assert found[:2] == pytest.approx(path[:2])
     assert len(found) > 5
     # An arc turns by 4 degrees at each vertex, at most.
@@ -78,7 +78,7 @@ def test_a_disc_that_the_string_does_not_lean_on_is_dropped() -> None:
     legs = np.array([30, 10, 10, 30])[:, None]
     steps = legs * np.column_stack([np.cos(bearings), np.sin(bearings)])
     path = np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
-    found = round_corners(path, np.ones(3, dtype=bool), np.full(3, 5.0))
+    found, _ = round_corners(path, np.ones(3, dtype=bool), np.full(3, 5.0))
     turns, _ = course_changes(found)
     assert (turns > 0).all()
     _, inwards = course_changes(path)
@@ -89,10 +89,23 @@ def test_a_disc_that_the_string_does_not_lean_on_is_dropped() -> None:
     assert distance[2] == pytest.approx(5)
 
 
+def test_a_disc_within_the_next_one_is_passed_by_going_round_that() -> None:
+    # Round the end of a wall 3 m thick, in a current that lets the vessel turn sooner at one side.
+    path = np.array([[-15, 30], [0, 0], [3, 0], [18, 30]], dtype=float)
+    found, drawn_for = round_corners(path, np.ones(2, dtype=bool), np.array([1.0, 6.0]))
+    assert set(drawn_for.tolist()) == {0, 2, 3}
+    turns, _ = course_changes(found)
+    assert (turns > 0).all()
+    wall = shapely.Polygon([(0, 0), (3, 0), (3, 30), (0, 30)])
+    assert shapely.LineString(found).intersection(wall.buffer(-1e-9)).is_empty
+    # The arc passes through the corner for which it is drawn, and no further off than its disc.
+    assert shapely.LineString(found).distance(shapely.Point(3, 0)) < 0.01
+
+
 def test_opposite_turns_too_close_together_are_refused_with_their_place() -> None:
     path = np.array([[0, 0], [30, 0], [30, 2], [60, 2]], dtype=float)
     with pytest.raises(InfeasibleError, match=r"two opposite turns near \(\d+"):
         round_corners(path, np.ones(2, dtype=bool), np.full(2, 8.0))
     roomy = np.array([[0, 0], [30, 0], [30, 40], [60, 40]], dtype=float)
-    found = round_corners(roomy, np.ones(2, dtype=bool), np.full(2, 8.0))
+    found, _ = round_corners(roomy, np.ones(2, dtype=bool), np.full(2, 8.0))
     assert all((one != other).any() for one, other in itertools.pairwise(found))

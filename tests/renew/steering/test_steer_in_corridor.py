@@ -13,8 +13,10 @@ from shapely import Polygon, box
 
 import renew
 from renew.errors import InfeasibleError
+from renew.inputs.current import as_field
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor
+from tests.eddies import walls
 from tests.renew.paths.corridors import corridor_of
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
@@ -51,6 +53,23 @@ def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding:
     assert after.hausdorff_distance(before) < 3 * PAPER_VESSEL.turning_radius
     track = shapely.LineString(trajectory[:, 1:3])
     assert not track.intersects(chart.hard_no_go.buffer(-1e-6))
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("bay", 2), ("serpentine", 5), ("serpentine", 6)])
+def test_a_turn_round_the_end_of_a_thin_wall_costs_little_more_than_its_corners(
+    kind: str, seed: int
+) -> None:
+    # Its two corners are less apart than the discs are large round which they are turned.
+    scene = walls(kind, seed)
+    voyage = voyage_on(scene.chart, tuple(scene.start), tuple(scene.goal), as_field(scene.current))
+    corridor = corridor_of(voyage, "none")
+    assert corridor.channel.found_by is not None
+    path = refined_path(corridor, path_near(corridor, corridor.channel.found_by))
+    route = scene.plan(padding="none", classes=4).best
+    assert route.fuel <= 1.03 * voyage.fuel(path)
+    assert_sailable(route.trajectory, voyage.current, voyage.start, voyage.goal)
+    track = shapely.LineString(route.trajectory[:, 1:3])
+    assert not track.intersects(scene.chart.hard_no_go.buffer(-1e-6))
 
 
 def test_a_passage_too_narrow_to_round_its_bend_in_is_refused() -> None:

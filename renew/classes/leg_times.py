@@ -1,0 +1,100 @@
+"""Times over the legs of a roadmap: with the clock running, and the least at any time.
+
+Whether a leg leads on to one of the k best paths is judged by the least time; in a steady current
+that is the time itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from renew._compiled import kernel
+from renew._types import FloatArray
+from renew.kernels.capsules import Segment
+from renew.kernels.current_table import Table, velocities, velocity
+from renew.kernels.ground_speed import Polar, ground_speed
+
+Extremes: TypeAlias = tuple[Table, Table, bool]
+"""Tables of the least and of the largest velocity along x and y at any time; whether they agree."""
+
+# Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
+# that the path itself avoids.
+_MIN_SPEED = 0.1
+
+
+@kernel
+def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
+    """Time (s) along a leg that is begun at a time, by Simpson's rule."""
+    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
+    length = math.hypot(dx, dy)
+    if length == 0.0:
+        return 0.0
+    slowest = _MIN_SPEED * polar.speed
+    total, slowness = 0.0, 0.0
+    for step, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+        # When the vessel is there at the pace of the place before.
+        now = begin + step * length * slowness
+        u, v = velocity(table, leg.ax + step * dx, leg.ay + step * dy, now)
+        slowness = 1.0 / max(slowest, ground_speed(u, v, dx / length, dy / length, polar))
+        total += weight * slowness
+    return total * length / 6
+
+
+@kernel
+def currents_between(extremes: Extremes, points: FloatArray) -> FloatArray:
+    """Least and largest velocities (n, 4), m/s, at points (n, 2): u, v and u, v."""
+    least, largest, are_equal = extremes
+    always = np.zeros(len(points))
+    currents = np.empty((len(points), 4))
+    currents[:, :2] = velocities(least, points, always)
+    currents[:, 2:] = currents[:, :2] if are_equal else velocities(largest, points, always)
+    return currents
+
+
+@kernel
+def least_times(
+    leg: Segment, here: FloatArray, there: FloatArray, extremes: Extremes, polar: Polar
+) -> tuple[float, float]:
+    """Least times (s) along a leg and back, by Simpson's rule, at whatever time it is sailed.
+
+    `here` and `there` (4,) are the least and the largest velocities at its ends.
+    """
+    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
+    length = math.hypot(dx, dy)
+    if length == 0.0:
+        return 0.0, 0.0
+    tx, ty = dx / length, dy / length
+    slowest = _MIN_SPEED * polar.speed
+    x, y = leg.ax + dx / 2, leg.ay + dy / 2
+    least, largest, are_equal = extremes
+    u, v = velocity(least, x, y, 0.0)
+    more_u, more_v = (u, v) if are_equal else velocity(largest, x, y, 0.0)
+    time, back = 0.0, 0.0
+    for weight, low_u, low_v, high_u, high_v in (
+        (1.0, here[0], here[1], here[2], here[3]),
+        (4.0, u, v, more_u, more_v),
+        (1.0, there[0], there[1], there[2], there[3]),
+    ):
+        forth = _fastest(low_u, low_v, high_u, high_v, tx, ty, polar)
+        home = _fastest(low_u, low_v, high_u, high_v, -tx, -ty, polar)
+        time += weight / max(slowest, forth)
+        back += weight / max(slowest, home)
+    return time * length / 6, back * length / 6
+
+
+@kernel
+def _fastest(
+    low_u: float, low_v: float, high_u: float, high_v: float, tx: float, ty: float, polar: Polar
+) -> float:
+    """Largest speed over ground (m/s) along the unit tangent t in currents between two extremes.
+
+    No current is as helpful along t as the one taken, and none lies less across it.
+    """
+    along = max(tx * low_u, tx * high_u) + max(ty * low_v, ty * high_v)
+    low = min(tx * low_v, tx * high_v) - max(ty * low_u, ty * high_u)
+    high = max(tx * low_v, tx * high_v) - min(ty * low_u, ty * high_u)
+    across = low if low > 0.0 else min(0.0, high)
+    return ground_speed(along * tx - across * ty, along * ty + across * tx, tx, ty, polar)

@@ -1,0 +1,171 @@
+"""Straight legs between points, followed from triangle to triangle and timed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.leg_times import Extremes, currents_between, least_times
+from renew.kernels.capsules import Segment
+from renew.kernels.ground_speed import Polar
+
+# Number of triangles that a leg may cross, and by how much of its length it may miss its end.
+_MAX_CROSSED, _ROUNDING = 4096, 1e-9
+
+
+class Mesh(NamedTuple):
+    """The triangulation as legs are followed through it; `clearance` in m.
+
+    A passing edge is only crossed where that is `clearance` off its ends on land.
+    """
+
+    corners: FloatArray  # (t, 3, 2), m
+    neighbours: IntArray  # (t, 3), -1 across edges that are too narrow as well
+    back: IntArray  # (t, 3): the corner of the neighbour that is opposite to the shared edge
+    on_land: BoolArray  # (t, 3): whether that corner is
+    hazardous: BoolArray  # (t, 3): whether the edge opposite to that corner lies on land
+    clearance: float
+
+
+@kernel
+def legs_between(
+    points: FloatArray,
+    triangle: IntArray,
+    pairs: IntArray,
+    mesh: Mesh,
+    extremes: Extremes,
+    polar: Polar,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray, IntArray]:
+    """Legs between pairs (p, 2) of nodes that see each other: a roadmap's columns from `first`."""
+    bounds, edges = _crossings(points, triangle, pairs, mesh)
+    first = np.zeros(len(points) + 1, dtype=np.int64)
+    for k in range(len(pairs)):
+        if bounds[k] >= 0:
+            first[pairs[k, 0] + 1] += 1
+            first[pairs[k, 1] + 1] += 1
+    first = np.cumsum(first)
+    at = first[:-1].copy()
+    # The pair of each leg, and whether it leads back.
+    pair, leads_back = np.empty(first[-1], dtype=np.int64), np.zeros(first[-1], dtype=np.bool_)
+    head = np.empty(first[-1], dtype=np.int64)
+    time, back = np.empty((2, first[-1]))
+    currents = currents_between(extremes, points)
+    for k in range(len(pairs)):
+        if bounds[k] < 0:
+            continue
+        a, b = pairs[k]
+        leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
+        there, here = least_times(leg, currents[a], currents[b], extremes, polar)
+        one, other = at[a], at[b]
+        head[one], time[one], back[one], pair[one] = b, there, here, k
+        head[other], time[other], back[other], pair[other] = a, here, there, k
+        leads_back[other] = True
+        at[a] += 1
+        at[b] += 1
+    return first, head, time, back, *_by_leg(pair, leads_back, bounds, edges, mesh)
+
+
+@kernel
+def _crossings(
+    points: FloatArray, triangle: IntArray, pairs: IntArray, mesh: Mesh
+) -> tuple[IntArray, IntArray]:
+    """Edges that the lines between pairs of nodes cross, and where those of each (p,) begin.
+
+    They end before the next place that is not -1, which stands for a line that can't be sailed.
+    """
+    begin = np.full(len(pairs) + 1, -1, dtype=np.int64)
+    edges, count = np.empty(len(pairs) + _MAX_CROSSED, dtype=np.int64), 0
+    for k in range(len(pairs)):
+        if len(edges) < count + _MAX_CROSSED:
+            edges = np.concatenate((edges, np.empty_like(edges)))
+        a, b = pairs[k]
+        leg = Segment(points[a, 0], points[a, 1], points[b, 0], points[b, 1])
+        crossed = _crossed(mesh, leg, triangle[a], triangle[b], edges[count:])
+        if crossed >= 0:
+            begin[k] = count
+            count += crossed
+    begin[-1] = count
+    return begin, edges[:count]
+
+
+@kernel
+def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray) -> int:
+    """Number of edges that a leg from one triangle to the last crosses, noted in `edges`.
+
+    -1 where one of them can't be passed.
+    """
+    entry = -1
+    for count in range(_MAX_CROSSED):
+        if triangle == last:
+            return count
+        out, is_open = _crossed_edge(mesh, triangle, entry, leg)
+        if not is_open:
+            break
+        edges[count] = 3 * triangle + out
+        triangle, entry = mesh.neighbours[triangle, out], mesh.back[triangle, out]
+    return -1
+
+
+@kernel
+def _by_leg(
+    pair: IntArray, leads_back: BoolArray, begin: IntArray, edges: IntArray, mesh: Mesh
+) -> tuple[IntArray, IntArray]:
+    """Edges that legs cross, from those of their pairs, and where each leg's begin (m + 1,)."""
+    end = begin[1:].copy()
+    for k in range(len(end) - 2, -1, -1):
+        if end[k] < 0:
+            end[k] = end[k + 1]
+    # Each edge as it is seen from the triangle behind it.
+    behind = (3 * mesh.neighbours + mesh.back).ravel()
+    first = np.zeros(len(pair) + 1, dtype=np.int64)
+    for leg in range(len(pair)):
+        first[leg + 1] = first[leg] + end[pair[leg]] - begin[pair[leg]]
+    crossed = np.empty(first[-1], dtype=np.int32)
+    for leg in range(len(pair)):
+        at = first[leg]
+        low, high = begin[pair[leg]], end[pair[leg]]
+        for k in range(high - low):
+            if leads_back[leg]:
+                crossed[at + k] = behind[edges[high - 1 - k]]
+            else:
+                crossed[at + k] = edges[low + k]
+    return first, crossed
+
+
+@kernel
+def _crossed_edge(mesh: Mesh, triangle: int, entry: int, leg: Segment) -> tuple[int, bool]:
+    """Edge by which a leg leaves a triangle, as the corner opposite to it; -1 for none.
+
+    `entry` is the corner opposite to the edge by which it came in, -1 at its beginning. Also
+    whether the edge may be crossed there.
+    """
+    ax, ay, bx, by = leg
+    dx, dy = bx - ax, by - ay
+    out, place = -1, 1.0 + _ROUNDING
+    for c in range(3):
+        if c == entry:
+            continue
+        px, py = mesh.corners[triangle, (c + 1) % 3]
+        qx, qy = mesh.corners[triangle, (c + 2) % 3]
+        ux, uy = qx - px, qy - py
+        slope = ux * dy - uy * dx
+        if slope < 0.0:
+            # Inside is to the left of the edge.
+            at = (ux * (ay - py) - uy * (ax - px)) / -slope
+            if at < place:
+                out, place = c, at
+    if out < 0 or mesh.neighbours[triangle, out] < 0:
+        return out, False
+    if mesh.clearance == 0.0:
+        return out, True
+    one, other = (out + 1) % 3, (out + 2) % 3
+    x, y = ax + place * dx, ay + place * dy
+    for c in (one, other):
+        if mesh.on_land[triangle, c]:
+            px, py = mesh.corners[triangle, c]
+            if (px - x) ** 2 + (py - y) ** 2 < mesh.clearance**2:
+                return out, False
+    return out, True
