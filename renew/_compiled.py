@@ -45,8 +45,8 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays
     as it is.
     """
-    options = {"forceinline": True} if forceinline else {}
-    compiled: Any = numba.njit(error_model="numpy", nogil=True, **options)(function)
+    compile_it = numba.njit(error_model="numpy", nogil=True, forceinline=forceinline)
+    compiled: Any = compile_it(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)

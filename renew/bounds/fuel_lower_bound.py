@@ -267,6 +267,7 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
     first, order = _by_level(time, grid, low, step)
     largest = np.zeros(_LEVELS + 1)
     clock, k = 0.0, 0
+    corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
     for level in range(_LEVELS + 1):
         while k < len(order) and first[order[k]] <= level:
             r, c = order[k] // columns, order[k] % columns
@@ -274,7 +275,7 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
             highest = time[r : r + 2, c : c + 2].max()
             lasts = max(highest - (low + level * step), 0.0) / least
             begin = grid.departure + clock
-            rates[r, c] = _cell_rate(time, grid, r, c, begin, begin + lasts)
+            rates[r, c] = _cell_rate(time, grid, r, c, begin, begin + lasts, nodes, corner_currents)
             # One level more on either side covers rounding.
             last = math.floor((min(highest, high) - low) / step) + 1
             for above in range(level, min(last, _LEVELS) + 1):
@@ -306,10 +307,19 @@ def _by_level(
 
 @kernel
 def _cell_rate(
-    time: FloatArray, grid: TravelGrid, r: int, c: int, first: float, last: float
+    time: FloatArray,
+    grid: TravelGrid,
+    r: int,
+    c: int,
+    first: float,
+    last: float,
+    nodes: IntArray,
+    corner_currents: FloatArray,
 ) -> float:
-    """λ of a cell, cut along its better diagonal, in a window of time, s."""
-    corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
+    """λ of a cell, cut along its better diagonal, in a window of time, s.
+
+    `nodes` (3, 2) and `corner_currents` (3, 2) are written to.
+    """
     wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
     best = np.inf
     for falling in range(2):

@@ -166,6 +166,7 @@ def solve(
     the quickest way to a node may come through one that is reached after it.
     """
     rows, columns = time.shape
+    table = grid.current
     legs, times, corner_currents = np.empty((2, 2)), np.empty(2), np.empty((3, 2))
     queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
     heapq.heapify(queue)
@@ -178,7 +179,7 @@ def solve(
         dirty[row, column] = False
         times[0] = now
         clock = grid.departure + now
-        corner_currents[0] = node_velocity(grid.current, row, column, clock)
+        corner_currents[0] = node_velocity(table, row, column, clock)
         for quadrant in range(4):
             dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
             cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
@@ -195,8 +196,8 @@ def solve(
                 times[1] = time[by_row, by_column]
                 if dirty[by_row, by_column] and times[1] > now:
                     times[1] = np.inf  # its turn comes, and this triangle's with it
-                corner_currents[1] = node_velocity(grid.current, by_row, by_column, clock)
-                corner_currents[2] = node_velocity(grid.current, to_row, to_column, clock)
+                corner_currents[1] = node_velocity(table, by_row, by_column, clock)
+                corner_currents[2] = node_velocity(table, to_row, to_column, clock)
                 legs[0, 0] = grid.x[to_column] - grid.x[column]
                 legs[0, 1] = grid.y[to_row] - grid.y[row]
                 legs[1, 0] = grid.x[to_column] - grid.x[by_column]

@@ -33,6 +33,7 @@ from renew.errors import UnreachableError
 from renew.inputs.arguments import Order
 from renew.inputs.voyage import Voyage
 from renew.kernels.current_table import STILL_WATER
+from renew.kernels.viterbi import Stream
 
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
@@ -68,15 +69,22 @@ class _Roads:
         return self._roadmap(resolution, tube), tube.cell
 
     @property
+    def stream(self) -> Stream:
+        """The current by which legs are timed. Order "length" takes the water as still."""
+        voyage = self.voyage
+        table = voyage.table if self.order == "fuel" else STILL_WATER
+        return Stream(table, voyage.polar, voyage.clock)
+
+    @property
     def _resolution(self) -> Resolution:
         return resolution_for(self.voyage, self.triangulation)
 
     def _roadmap(self, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
-        """Nodes over the water, or in a tube. Order "length" takes the water as still."""
+        """Nodes over the water, or in a tube."""
         return roadmap(
             self.voyage,
             self.triangulation,
-            self.voyage.table if self.order == "fuel" else STILL_WATER,
+            self.stream.table,
             clearance=self.clearance,
             resolution=resolution,
             tube=tube,
@@ -163,7 +171,7 @@ class ClassEnumerator:
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
         task = Task(graph, columns, self._excluded(blocked))
-        rows, paths = k_best_paths(task, to_go, count, _MAX_STEPS)
+        rows, paths = k_best_paths(task, to_go, self._roads.stream, count, _MAX_STEPS)
         return [self._channel(row, path) for row, path in zip(rows, paths, strict=True)]
 
     def _channel(self, row: IntArray, path: FloatArray | None = None) -> Channel:

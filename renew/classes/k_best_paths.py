@@ -14,8 +14,9 @@ import math
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray, IntArray
+from renew.classes.leg_times import time_along
 from renew.classes.reduced_rows import (
     MAX_FLOODED,
     TO_BE_MADE,
@@ -33,7 +34,9 @@ from renew.classes.reduced_rows import (
     with_room,
     word_changes,
 )
-from renew.classes.roadmap import GOAL, START, Roadmap, leg_time
+from renew.classes.roadmap import GOAL, START, Roadmap
+from renew.kernels.capsules import Segment
+from renew.kernels.viterbi import Stream
 
 # A label that is not wanted.
 _BEATEN = -2
@@ -73,12 +76,12 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 
 @kernel
 def k_best_paths(
-    task: Task, to_go: FloatArray, count: int, max_steps: int
+    task: Task, to_go: FloatArray, stream: Stream, count: int, max_steps: int
 ) -> tuple[list[IntArray], list[FloatArray]]:
     """Rows of triangles, and paths (n, 2), m, of the `count` quickest with different words.
 
-    `to_go` (n,) is :func:`time_to_go`. No row has a triangle twice. The search gives up after
-    `max_steps`.
+    `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
+    The search gives up after `max_steps`.
     """
     graph = task.graph
     rows, words = first_row(task), no_words()
@@ -87,10 +90,10 @@ def k_best_paths(
     newest = np.full(len(graph.points), -1, dtype=np.int64)
     newest[START] = 0
     count, rows, used_rows = number_of_classes(task, words, rows, count)
-    used, changes, is_steady = 1, word_changes(task), len(graph.table.times) == 1
+    used, changes = 1, word_changes(task)
     dearest = _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
     # In a steady current the least time is that of the best path.
-    latest = to_go[START] * (dearest if is_steady else _ANY)
+    latest = to_go[START] * (dearest if len(stream.table.times) == 1 else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
     found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     found.clear()
@@ -121,7 +124,7 @@ def k_best_paths(
                 and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN
             ):
                 continue
-            time = _by_clock(graph, node, leg, now, time, is_steady=is_steady)
+            time = _by_clock(graph, node, other, now, time, stream)
             onwards = followed(graph, rows, row, leg)
             if onwards <= TO_BE_MADE:
                 onwards, rows, used_rows = row_after(task, words, rows, used_rows, row, leg)
@@ -136,19 +139,29 @@ def k_best_paths(
                 labels[noted, _OLDER], newest[other] = newest[other], noted
             _note(labels, noted, other, onwards, word, label, labels[noted, _OLDER])
             times[noted] = time
-            late = math.log((time + to_go[other]) / to_go[START]) / _BUCKET_SIZE
-            place = min(max(int(late), at), _BUCKETS - 1)
+            place = max(_bucket_of((time + to_go[other]) / to_go[START]), at)
             entries.append((noted, bucket[place]))
             bucket[place] = len(entries) - 1
     return found, paths
 
 
-@kernel
+@small_kernel
 def _by_clock(
-    graph: Roadmap, node: int, leg: int, now: float, time: float, is_steady: bool
+    graph: Roadmap, node: int, other: int, now: float, least: float, stream: Stream
 ) -> float:
-    """Time (s) at the end of a leg that is begun now; in a steady current the one that is known."""
-    return time if is_steady else now + leg_time(graph, node, leg, now)
+    """Time (s) since departure at the end of a leg begun now; in a steady current the least one."""
+    if len(stream.table.times) == 1:
+        return least
+    (ax, ay), (bx, by) = graph.points[node], graph.points[other]
+    begin = stream.clock.departure + now
+    time = time_along(Segment(ax, ay, bx, by), begin, stream.table, stream.polar)
+    return max(least, now + time)
+
+
+@kernel
+def _bucket_of(ratio: float) -> int:
+    """Bucket of labels whose whole time is so many times the least."""
+    return min(max(int(math.log(ratio) / _BUCKET_SIZE), 0), _BUCKETS - 1)
 
 
 @kernel

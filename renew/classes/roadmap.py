@@ -18,14 +18,11 @@ from scipy.spatial import cKDTree
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import on_some_way
-from renew.classes.leg_times import time_along
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.resolution import Resolution, Tube
 from renew.classes.triangulation import Triangulation
 from renew.inputs.voyage import Voyage
-from renew.kernels.capsules import Segment
 from renew.kernels.current_table import Table
-from renew.kernels.ground_speed import Polar
 
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
@@ -44,8 +41,7 @@ class Roadmap(NamedTuple):
 
     `time` and `back` (m,) are the least at any time along a leg, to its `head`, and back, s. The
     passing edges that a leg crosses are crossed[first_crossed[leg] : first_crossed[leg + 1]], each
-    as three times the triangle it leaves there, and the corner opposite to the edge. The way is
-    begun at `departure` (s), on the clock of the `table` of the current.
+    as three times the triangle it leaves there, and the corner opposite to the edge.
     """
 
     mesh: Mesh
@@ -57,9 +53,6 @@ class Roadmap(NamedTuple):
     back: FloatArray
     first_crossed: IntArray  # (m + 1,)
     crossed: IntArray
-    table: Table
-    departure: float
-    polar: Polar
 
 
 def roadmap(
@@ -102,7 +95,7 @@ def roadmap(
         ]
     )
     legs = legs_between(points, triangle, pairs, mesh, table.extremes(), voyage.polar)
-    return Roadmap(mesh, points, triangle, *legs, table, voyage.departure, voyage.polar)
+    return Roadmap(mesh, points, triangle, *legs)
 
 
 def _mesh(triangulation: Triangulation, clearance: float) -> Mesh:
@@ -258,12 +251,3 @@ def _holds(mesh: Mesh, triangle: int, x: float, y: float) -> bool:
         if inside < least:
             return False
     return True
-
-
-@kernel
-def leg_time(graph: Roadmap, node: int, number: int, begin: float) -> float:
-    """Time (s) along a leg from a node, so many seconds after departure."""
-    (ax, ay), (bx, by) = graph.points[node], graph.points[graph.head[number]]
-    begin += graph.departure
-    least = float(graph.time[number])
-    return max(least, time_along(Segment(ax, ay, bx, by), begin, graph.table, graph.polar))

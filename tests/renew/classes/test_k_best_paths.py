@@ -23,6 +23,7 @@ from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.kernels.traversal import visits
+from renew.kernels.viterbi import Stream
 from tests.strategies import StreamFunctionCurrent, seeds, voyage_on
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def found_in(
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
     columns = RayColumns(rays.x, rays.y, rays.island, len(rays.island))
     task = Task(graph, columns, none)
-    return k_best_paths(task, time_to_go(graph), count, 1_000_000)
+    stream = Stream(voyage.table, voyage.polar, voyage.clock)
+    return k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)
 
 
 def time_of(graph: Roadmap, path: FloatArray) -> float:
