@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import moment_text
 from pipeline.loading import asked_currents, least_region, parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
@@ -164,9 +163,10 @@ def _departure(request: VoyageRequest) -> datetime | None:
 def _departing(departure: datetime, request: VoyageRequest) -> dict[str, Any]:
     """Return the [[seasons]] table of a voyage in currents that change from its departure on."""
     utc = departure.astimezone(UTC)
+    name = f"{utc:%Y-%m-%dT%H%MZ}"
     return {
-        "name": f"{utc:%Y-%m-%dt%H%Mz}",
-        "title": f"Departure {moment_text(utc)}",
+        "name": name.lower(),
+        "title": f"Departure {name}",
         "departure": utc,
         "time_method": "changing",
         "currents": asked_currents(request.currents),

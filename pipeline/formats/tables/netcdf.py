@@ -159,7 +159,8 @@ def _put_time(dataset: Any, grids: Iterable[CurrentGrid]) -> list[str]:  # noqa:
 
     Returns the names of the variables.
     """
-    periods = [_period(grid.valid) for grid in grids]
+    # Of a current that changes the values are of the departure, not of all of its period.
+    periods = [None if grid.changes else _period(grid.valid) for grid in grids]
     known = [valid for valid in periods if valid is not None]
     if len(known) < len(periods):
         return []

@@ -190,6 +190,21 @@ def test_a_season_read_bilinearly_equals_its_own_grid(
             )
 
 
+def test_a_current_that_changes_is_written_as_it_is_at_departure(
+    result: RunResult, tmp_path: Path
+) -> None:
+    """Departure is a quarter of the way from the second slice to the third."""
+    axis = np.array([1.0, 2.0])
+    u = np.array([[[9.0, 9], [9, 9]], [[0.0, 4], [8, 12]], [[4.0, 0], [8, 16]], [[7.0, 7], [7, 7]]])
+    times = np.array([-90.0, -10.0, 30.0, 60.0])
+    grid = CurrentGrid("tide", axis, axis, u, -u, "2026-11-22", small_run.STAND_IN, times_s=times)
+    write_currents(with_grids(result, grid), tmp_path / "currents.nc")
+    with xr.open_dataset(tmp_path / "currents.nc") as file:
+        assert file.uo.sel(season="tide").values.tolist() == [[1.0, 3.0], [8.0, 13.0]]
+        assert (file.vo == -file.uo).all()
+        assert "time" not in file, "the values are not those of the whole period"
+
+
 def test_a_finer_and_wider_season_leaves_the_other_as_it_is(
     result: RunResult, tmp_path: Path
 ) -> None:
