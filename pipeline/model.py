@@ -13,6 +13,7 @@ from pipeline.geo.known_cells import KnownCells
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
+    from datetime import datetime
 
     import numpy.typing as npt
     from shapely.geometry import Polygon
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pipeline.geo.projection import Projection
 
     FloatArray = npt.NDArray[np.float64]
-    Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent
+    Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
 
 Side = Literal["north", "east", "south", "west", "between"]
 
@@ -104,12 +105,14 @@ class PassedOver:
 
 @dataclass(frozen=True, slots=True)
 class CurrentGrid:
-    """A season's surface current on a lon/lat grid.
+    """A season's surface current on a lon/lat grid, at one or several times.
 
     Attributes
     ----------
     lon, lat : (nx,) and (ny,), ascending, degrees.
-    u, v : (ny, nx), m/s to east and to north; NaN where the source has no water.
+    u, v : (nt, ny, nx), m/s to east and to north; NaN where the source has no water, which is the
+        same at all times.
+    times_s : (nt,), ascending, seconds since the season's departure; of a steady current one.
     valid : the time that the field is valid for, as the source names it.
     notes : what a reader should know about the field.
     files : names and hashes of the files it came from.
@@ -128,11 +131,28 @@ class CurrentGrid:
     files: tuple[tuple[str, str], ...] = ()
     climatology_for: str = ""
     passed_over: tuple[PassedOver, ...] = ()
+    times_s: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     @property
     def cells(self) -> KnownCells:
         """Which of its cells have a figure."""
-        return KnownCells(self.lon, self.lat, np.isfinite(self.u) & np.isfinite(self.v))
+        return KnownCells(self.lon, self.lat, np.isfinite(self.u[0]) & np.isfinite(self.v[0]))
+
+    @property
+    def changes(self) -> bool:
+        """Whether it changes during the voyage."""
+        return len(self.times_s) > 1
+
+    @property
+    def at_departure(self) -> tuple[FloatArray, FloatArray]:
+        """The components (ny, nx) at departure, linear between the times around it."""
+        if not self.changes:
+            return self.u[0], self.v[0]
+        after = int(np.clip(np.searchsorted(self.times_s, 0.0), 1, len(self.times_s) - 1))
+        begin, end = self.times_s[after - 1 : after + 1]
+        share = float(np.clip(-begin / (end - begin), 0.0, 1.0))
+        u, v = ((1 - share) * part[after - 1] + share * part[after] for part in (self.u, self.v))
+        return u, v
 
     @property
     def is_stand_in(self) -> bool:
@@ -216,7 +236,8 @@ class Scene:
     `land` is the original, unsimplified land; `second_shore` and `depths` are as in Land;
     `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
     and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
-    chart.
+    chart. `departures` are those of the seasons whose currents change: on the clock of these
+    currents, in seconds, they are 0.
     """
 
     chart: renew.Chart
@@ -230,6 +251,7 @@ class Scene:
     second_shore: tuple[Polygon, ...] = ()
     depths: DepthCover | None = None
     current_cells: Mapping[str, KnownCells] = field(default_factory=dict)
+    departures: Mapping[str, datetime] = field(default_factory=dict)
 
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: as a scenario would give it."""
@@ -385,6 +407,24 @@ class GapShares:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockWorth:
+    """What a season's best route saves by knowing how the current changes.
+
+    Fuel, in the planner's units, of other plans when they are sailed in the changing current:
+    `frozen` on the current at departure, `mean` on its mean over the best route's voyage,
+    `shortest` on no current at all; inf where a plan can't be sailed, or none was found. `best` is
+    the best route's own, and no route stays below `bound`.
+    """
+
+    season: str
+    best: float
+    frozen: float
+    mean: float
+    shortest: float
+    bound: float
+
+
+@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
 
@@ -422,7 +462,8 @@ class Evaluation:
 
     All turns are counted; of the places where none touches land, about a thousand per route are
     stored. `shore_crossings` are those of all routes, `islands` those that name their ways,
-    `gap_shares` those of the seasons for which they were asked.
+    `gap_shares` those of the seasons for which they were asked, `clock_worths` those of the seasons
+    whose currents change.
     """
 
     routes: tuple[RouteMetrics, ...]
@@ -430,6 +471,11 @@ class Evaluation:
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     islands: tuple[NumberedIsland, ...] = ()
     gap_shares: tuple[GapShares, ...] = ()
+    clock_worths: tuple[ClockWorth, ...] = ()
+
+    def clock_worth_of(self, season: str) -> ClockWorth | None:
+        """What the clock is worth in a season, if its current changes."""
+        return next((worth for worth in self.clock_worths if worth.season == season), None)
 
     def gap_shares_of(self, season: str) -> GapShares | None:
         """The parts of a season's gap, if they were asked for."""

@@ -25,6 +25,7 @@ from pipeline.stages.season_task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
 from pipeline.storage.store import artefact_key, file_hash
@@ -235,7 +236,8 @@ class _StagedRun:
                 straits,
             )
             shore_notes = crossing_notes(evaluation.shore_crossings)
-            notes = (*safety_notes(result), *shore_notes, *result.unknowns)
+            tides = unresolved_strait_notes(result)
+            notes = (*safety_notes(result), *shore_notes, *tides, *result.unknowns)
             self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))
         return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated

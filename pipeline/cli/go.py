@@ -57,6 +57,13 @@ def go(
         list[str] | None,
         typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
     ] = None,
+    depart: Annotated[
+        str,
+        typer.Option(
+            help="Departure with its zone, as 2026-11-22T06:00Z: the currents of --currents change "
+            "on the way, with all their time steps; in place of --month."
+        ),
+    ] = "",
     currents: CurrentsOption = None,
     clearance: Annotated[
         str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
@@ -92,6 +99,7 @@ def go(
             vessel=vessel,
             figures=figures,
             months=tuple(month or ()),
+            depart=depart,
             currents=tuple(currents or ()),
             clearance=clearance,
             charts=charts,

@@ -10,7 +10,9 @@ from pipeline.formats.shared.unknowns import unknowns
 from pipeline.stages.write import safe_name
 
 if TYPE_CHECKING:
-    from pipeline.model import RouteMetrics
+    from datetime import datetime
+
+    from pipeline.model import ClockWorth, RouteMetrics
     from pipeline.outcome import Outcome
 
 
@@ -25,7 +27,11 @@ def outcome_json(outcome: Outcome) -> str:
         "scenario": outcome.scenario.name,
         "directory": str(outcome.directory),
         "files": files,
-        "routes": [_route(row, files) for row in outcome.evaluation.routes],
+        "routes": [
+            _route(row, outcome.scenario.passage(row.season, round(row.duration_s)), files)
+            for row in outcome.evaluation.routes
+        ],
+        "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
         "unknown": list(unknowns(outcome)),
         "notes": list(outcome.fetched.notes),
         "failures": list(outcome.failures),
@@ -33,7 +39,9 @@ def outcome_json(outcome: Outcome) -> str:
     return json.dumps(fields, ensure_ascii=False, allow_nan=False)
 
 
-def _route(row: RouteMetrics, files: list[str]) -> dict[str, object]:
+def _route(
+    row: RouteMetrics, passage: tuple[datetime, datetime] | None, files: list[str]
+) -> dict[str, object]:
     """Return one route's figures."""
     endings = (".rtz", ".gpx", ".geojson") if row.rank == 1 else (".gpx", ".geojson")
     return {
@@ -45,12 +53,26 @@ def _route(row: RouteMetrics, files: list[str]) -> dict[str, object]:
         "length_m": row.length_m,
         "clearance_m": _finite(row.clearance_m),
         "duration_s": row.duration_s,
+        "departure": passage[0].isoformat() if passage else None,
+        "arrival": passage[1].isoformat() if passage else None,
         "optimality_gap": _finite(row.optimality_gap),
         "filled_share": row.filled_share,
         "uncharted_share": _finite(row.uncharted_share),
         "files": [
             name for name in (f"{safe_name(row.season)}{e}" for e in endings) if name in files
         ],
+    }
+
+
+def _clock_worth(worth: ClockWorth) -> dict[str, object]:
+    """Return what plans without a clock need in a season's changing current."""
+    return {
+        "season": worth.season,
+        "best_fuel": worth.best,
+        "departure_plan_fuel": _finite(worth.frozen),
+        "mean_plan_fuel": _finite(worth.mean),
+        "shortest_path_fuel": _finite(worth.shortest),
+        "fuel_bound": worth.bound,
     }
 
 

@@ -194,15 +194,15 @@ class Projection:
 
     def rotate_to_plane(self, lonlat: npt.ArrayLike, uv: npt.ArrayLike) -> FloatArray:
         """Rotate (east, north) vectors (..., 2) at lon/lat to the plane's axes; speeds stay."""
-        return _rotate(np.asarray(uv, dtype=np.float64), self._turn_rad(lonlat))
+        return rotated(np.asarray(uv, dtype=np.float64), self.turn_rad(lonlat))
 
     def rotate_to_lonlat(self, lonlat: npt.ArrayLike, xy: npt.ArrayLike) -> FloatArray:
         """Rotate vectors (..., 2) along the plane's axes at lon/lat to (east, north)."""
-        return _rotate(np.asarray(xy, dtype=np.float64), -self._turn_rad(lonlat))
+        return rotated(np.asarray(xy, dtype=np.float64), -self.turn_rad(lonlat))
 
     def convergence(self, lonlat: npt.ArrayLike) -> FloatArray:
         """Return the meridian convergence (...), degrees: y axis clockwise from true north."""
-        return np.degrees(self._turn_rad(lonlat))
+        return np.degrees(self.turn_rad(lonlat))
 
     def point_scale(self, lonlat: npt.ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
@@ -230,7 +230,7 @@ class Projection:
         """Return what identifies a projection in the keys of the store."""
         return type(self).__name__, self.crs, self.scale, self.central_longitude
 
-    def _turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:
         """Return the angle (...) by which directions turn in the plane, anticlockwise, radians."""
         jacobian = self._jacobian(lonlat)
         # The mean angle of east and of north, which are equal where the plane is conformal.
@@ -321,7 +321,7 @@ def _checked(crs: str, region: Polygon) -> str:
     return crs
 
 
-def _rotate(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+def rotated(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """Rotate vectors (..., 2) anticlockwise by angle (...) in radians."""
     cosine, sine = np.cos(angle), np.sin(angle)
     x = cosine * vectors[..., 0] - sine * vectors[..., 1]

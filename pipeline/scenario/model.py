@@ -7,6 +7,7 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 
 from __future__ import annotations
 
+from datetime import UTC, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -26,6 +27,8 @@ from pipeline.scenario.strict import (
 from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from shapely.geometry import Polygon
 
 
@@ -99,6 +102,14 @@ class PlannerOptions(StrictModel):
         default="route",
         description="Where adaptive padding meets the risk: on the way through each triangle, as "
         "in the paper, or from every point of the route as well. Give 'route' or 'point'.",
+    )
+    lateness: Number = Field(
+        default=0.05,
+        ge=0,
+        lt=1,
+        description="Share of the time since departure by which the vessel may be early or late in "
+        "currents that change: its turns are safe at all these times. Give a share from 0 to "
+        "below 1, such as 0.05.",
     )
 
 
@@ -290,9 +301,21 @@ class Scenario(StrictModel):
                     f"season {season.name!r} is a gyre, but the plane's extent begins at "
                     f"{list(self.plane.extent[:2])}; begin it at [0, 0]"
                 )
+            if season.is_changing and self.scale != 1:
+                faults.append(
+                    f"season {season.name!r} has changing currents at scale = {self.scale:g}: a "
+                    "turn by hard rudder would last hours of tide; plan at true scale, scale = 1"
+                )
         if faults:
             raise ValueError(FAULT_SEPARATOR.join(faults))
         return self
+
+    def passage(self, season: str, duration_s: float) -> tuple[datetime, datetime] | None:
+        """Departure and arrival, UTC, of a voyage in a season; None without a departure."""
+        departure = next((one.departure for one in self.seasons if one.name == season), None)
+        if departure is None:
+            return None
+        return departure.astimezone(UTC), departure.astimezone(UTC) + timedelta(seconds=duration_s)
 
     @property
     def is_planar(self) -> bool:

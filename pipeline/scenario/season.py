@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, timedelta
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
@@ -11,6 +12,7 @@ from pipeline.scenario.strict import (
     Integer,
     Name,
     Number,
+    Positive,
     StrictModel,
     looks_like_path,
     usable_path,
@@ -23,6 +25,8 @@ STILL = "still"
 
 # Speed that no current on earth reaches, m/s: a larger figure has a slip of the pen in it.
 MAX_CURRENT_M_S = 100.0
+# Longest voyage in changing currents, hours: a year.
+MAX_HOURS = 8784.0
 Velocity = Annotated[Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_S)]
 
 
@@ -104,16 +108,16 @@ class Season(StrictModel):
     valid: Valid = Field(
         default="",
         description="Time that the current is valid for, in UTC: a month 'YYYY-MM', a day "
-        "'YYYY-MM-DD' or an instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still'. "
-        "Give a month as "
-        "'YYYY-MM', or a day.",
+        "'YYYY-MM-DD' or an instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still', "
+        "unless they change. Give a month as 'YYYY-MM', or a day.",
         examples=["2024-07"],
     )
-    time_method: TimeMethod | None = Field(
+    time_method: TimeMethod | Literal["changing"] | None = Field(
         default=None,
         description="How one field is made from a source's time steps: their mean, the nearest "
         "step, or linear in time; left out, the mean for a month or a day, the nearest for an "
-        "instant. Give 'mean', 'nearest' or 'linear', or leave it out.",
+        "instant. Or none is made, and the current changes on the way with all steps from "
+        "'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out.",
         examples=["linear"],
     )
     currents: tuple[Currents, ...] = Field(
@@ -135,9 +139,19 @@ class Season(StrictModel):
     )
     departure: AwareDatetime | None = Field(
         default=None,
-        description="Time of departure, which dates the times in RTZ and GPX files. Give a time "
-        "with its zone, as 2026-07-01T06:00:00Z, or leave it out.",
+        description="Time of departure, which dates the times in RTZ and GPX files; with currents "
+        "that change the voyage begins then. Give a time with its zone, as 2026-07-01T06:00:00Z, "
+        "or leave it out.",
         examples=["2026-07-01T06:00:00Z"],
+    )
+    max_hours: Positive | None = Field(
+        default=None,
+        le=MAX_HOURS,
+        description="How long a voyage in changing currents may take: no time step after that is "
+        "read; left out, three times as long as straight from start to goal, and a day. Give "
+        "hours, such as 240, or leave it out.",
+        examples=[240],
+        json_schema_extra={"unit": "hours"},
     )
 
     @model_validator(mode="after")
@@ -148,16 +162,45 @@ class Season(StrictModel):
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
-        if not self.valid and any(named != STILL for named in self.currents):
+        if self.is_changing:
+            self._check_changing()
+        elif not self.valid and any(named != STILL for named in self.currents):
             raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
         return self
 
+    def _check_changing(self) -> None:
+        """Refuse what changing currents lack, or can't have; all at once."""
+        faults = []
+        if self.departure is None:
+            faults.append("lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z")
+        if not self.currents:
+            faults.append("gives its current as numbers, which don't change; name 'currents'")
+        if self.valid:
+            faults.append("has 'valid', which its departure says already; leave it out")
+        if faults:
+            raise ValueError(
+                f"(season {self.name!r}) has time_method = 'changing' and " + "; it ".join(faults)
+            )
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether the current changes on the way."""
+        return self.time_method == "changing"
+
     @property
     def period(self) -> Period:
-        """The period that the current is to be valid for."""
+        """The period that the current is to be valid for; from the departure on if it changes.
+
+        As long as `max_hours` say, or only the departure itself.
+        """
+        if self.is_changing and self.departure is not None:
+            begin = self.departure.astimezone(UTC)
+            return Period(begin, begin + timedelta(hours=self.max_hours or 0.0))
         return period(self.valid)
 
     @property
     def resolved_time_method(self) -> TimeMethod:
-        """The method as given, or the default for the period."""
-        return self.time_method or ("nearest" if self.period.is_instant else "mean")
+        """The method by which one field is made, as given or the default for the period."""
+        if self.time_method is None or self.time_method == "changing":
+            return "nearest" if self.period.is_instant else "mean"
+        return self.time_method

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
-    from pipeline.model import Current, GapShares, RouteKey, Scene, SeasonPlan
+    from pipeline.model import ClockWorth, Current, GapShares, RouteKey, Scene, SeasonPlan
+    from renew.inputs.fuel import Drift
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -55,14 +56,26 @@ class SeasonEvaluation:
     contingency: Mapping[RouteKey, renew.Contingency]
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     gap_shares: GapShares | None = None
+    clock_worth: ClockWorth | None = None
 
 
-def evaluate_season(scene: Scene, plan: SeasonPlan, scale: float, seed: int) -> SeasonEvaluation:
-    """Measure one season's routes, by rank; empty where the season was not planned."""
+def evaluate_season(
+    scene: Scene,
+    plan: SeasonPlan,
+    scale: float,
+    seed: int,
+    drift: Drift = "projected",
+    lateness: float = 0.05,
+) -> SeasonEvaluation:
+    """Measure one season's routes, by rank; empty where the season was not planned.
+
+    In currents that change the clock runs by the drift model, and turns begin early, on time and
+    late by a share of the time since departure.
+    """
     routes = plan.ranked_routes
     if not routes:
         return SeasonEvaluation((), {})
-    evaluator = _RouteEvaluator(scene, plan.season, routes, scale, seed)
+    evaluator = _RouteEvaluator(scene, plan.season, routes, scale, seed, drift, lateness)
     second_shoreline = SecondShoreline(scene)
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
@@ -81,6 +94,7 @@ def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
         contingency={key: turns for part in parts for key, turns in part.contingency.items()},
         shore_crossings=tuple(one for part in parts for one in part.shore_crossings),
         gap_shares=tuple(part.gap_shares for part in parts if part.gap_shares is not None),
+        clock_worths=tuple(part.clock_worth for part in parts if part.clock_worth is not None),
     )
 
 
@@ -94,9 +108,12 @@ class _RouteEvaluator:
         routes: Sequence[renew.Route],
         scale: float,
         seed: int,
+        drift: Drift,
+        lateness: float,
     ) -> None:
         self._scene, self._season, self._current = scene, season, scene.currents[season]
         self._scale, self._seed = scale, seed
+        self._drift, self._lateness = drift, lateness
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._near_land = land_within_reach(scene, self._current, routes)
@@ -135,6 +152,8 @@ class _RouteEvaluator:
             self._scene.vessel,
             spacing=max(_MIN_SPACING, _SPACING_RADII * radius),
             seed=self._seed,
+            drift=self._drift,
+            lateness=self._lateness,
         )
 
     def _clearance_m(self, line: shapely.LineString) -> float:
@@ -158,7 +177,12 @@ class _RouteEvaluator:
         return min(projection.geodesic_length_m(shapely.get_coordinates(gap)) for gap in gaps)
 
     def _duration_s(self, route: renew.Route) -> float:
-        """Return seconds at true scale, corrected for the plane's point scale along the route."""
+        """Return seconds at true scale, corrected for the plane's point scale along the route.
+
+        Where the current changes they are the planner's own, by whose clock it was read.
+        """
+        if not self._current.is_steady:
+            return route.duration
         time, track = route.trajectory[:, 0], route.trajectory[:, 1:3]
         steps = np.diff(time)
         middles = self._scene.projection.to_lonlat((track[:-1] + track[1:]) / 2)

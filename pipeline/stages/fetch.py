@@ -6,12 +6,14 @@ covers the region and returns data; the sources passed over for it, and why, sta
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
+from pipeline.scenario.season import MAX_HOURS
 from pipeline.sources.land.osm_adapter import OsmLand
 from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
     from pipeline.scenario.season import Season
     from pipeline.sources.interfaces import CurrentSource, LandSource
     from pipeline.storage.store import Store
+
+# Longest voyage in changing currents where no limit is given: times as long as straight through
+# still water, and a day, as a tide may turn against a short one.
+_LONGEST_WAY, _DAY_HOURS = 3.0, 24.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +59,8 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
         return _plane_parts(scenario)
     land = land_source(scenario.chart, scenario.vessel.draught_m)
     fetcher = Fetcher(scenario.region, land, store, offline)
-    found = {season.name: fetcher.current(season) for season in scenario.seasons}
+    seasons = [with_max_hours(season, scenario) for season in scenario.seasons]
+    found = {season.name: fetcher.current(season) for season in seasons}
     grids = tuple(current.grid for current in found.values() if current.grid is not None)
     failures = {
         name: "no source of currents could be used: "
@@ -76,6 +83,18 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
         },
         failures=failures,
     )
+
+
+def with_max_hours(season: Season, scenario: Scenario) -> Season:
+    """Return a season of changing currents with the longest voyage that is planned for."""
+    if not season.is_changing or season.max_hours is not None:
+        return season
+    import pyproj
+
+    apart_m = pyproj.Geod(ellps="WGS84").inv(*scenario.start, *scenario.goal)[2]
+    straight_hours = apart_m / scenario.vessel.speed_m_s / 3600
+    hours = min(math.ceil(_LONGEST_WAY * straight_hours + _DAY_HOURS), MAX_HOURS)
+    return season.model_copy(update={"max_hours": hours})
 
 
 @dataclass(frozen=True, slots=True)

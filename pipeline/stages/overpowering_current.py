@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 def overpowering_notes(grid: CurrentGrid, region: Polygon, speed_m_s: float) -> tuple[str, ...]:
     """Note the share of a region's water with an overpowering current, and its maximum.
 
-    The region is in lon/lat degrees, the vessel's speed through water in m/s. Empty where the
+    The region is in lon/lat degrees, the vessel's speed through water in m/s. Of a current that
+    changes, what it is at its weakest counts: other water is open for a while. Empty where the
     current is slower than the vessel everywhere.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)
-    strength = np.hypot(grid.u, grid.v)
+    strength = np.hypot(grid.u, grid.v).min(axis=0)
     is_water = np.isfinite(strength) & shapely.contains_xy(region, lon, lat)
     overpowers = is_water & (strength >= speed_m_s)
     if not overpowers.any():

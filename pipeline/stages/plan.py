@@ -6,11 +6,15 @@ import time
 from typing import TYPE_CHECKING
 
 import renew
+from pipeline.formats.shared.text import dated
 from pipeline.model import SeasonPlan
 
 if TYPE_CHECKING:
     from pipeline.model import Scene
     from pipeline.scenario.model import PlannerOptions
+
+# What the planner says of a class that would arrive after the end of the currents.
+KNOWN_UNTIL = "the current is known until"
 
 
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
@@ -28,6 +32,12 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         )
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())
+        failure = dated(failure, scene.departures.get(season))
+        if KNOWN_UNTIL in failure:
+            failure += (
+                f"; season {season!r} ends too early: give currents that reach further, raise its "
+                "max_hours where they do, or depart earlier"
+            )
         is_shut = isinstance(error, renew.UnreachableError)
         return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
     return SeasonPlan(season, plan, "", time.perf_counter() - started)

@@ -15,7 +15,7 @@ import shapely
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import Projection, rotated
 from pipeline.model import Scene
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
@@ -83,6 +83,9 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         second_shore=tuple(second_shore),
         depths=charted.depths,
         current_cells={grid.season: grid.cells for grid in fetched.currents},
+        departures={
+            season.name: season.period.begin for season in scenario.seasons if season.is_changing
+        },
     )
 
 
@@ -113,30 +116,35 @@ def _sag(begin: FloatArray, end: FloatArray, parts: int, projection: Projection)
 
 def planar_current(
     grid: CurrentGrid, projection: Projection, bounds: tuple[float, float, float, float]
-) -> renew.GriddedCurrent:
+) -> renew.GriddedCurrent | renew.VaryingCurrent:
     """Resample a lon/lat current to a planar grid over bounds (xmin, ymin, xmax, ymax), metres.
 
-    Vectors (m/s) are rotated to the plane's axes. Nodes are half a cell of the source apart: the
-    spread of the current in a triangle then equals that of the source's cells in it, to within 10 %
-    on real fields.
+    The clock of one that changes is seconds since departure. Vectors (m/s) are rotated to the
+    plane's axes. Nodes are half a cell of the source apart: the spread of the current in a triangle
+    then equals that of the source's cells in it, to within 10 % on real fields.
     """
     xmin, ymin, xmax, ymax = bounds
     step = _cell_m(grid) / _NODES_PER_CELL / projection.scale
     x = np.linspace(xmin, xmax, max(2, int(np.ceil((xmax - xmin) / step)) + 1))
     y = np.linspace(ymin, ymax, max(2, int(np.ceil((ymax - ymin) / step)) + 1))
     lonlat = projection.to_lonlat(np.stack(np.meshgrid(x, y), axis=-1))
-    uv = projection.rotate_to_plane(lonlat, bilinear(grid, lonlat))
-    return renew.GriddedCurrent(x, y, uv[..., 0], uv[..., 1])
+    turn_rad = projection.turn_rad(lonlat)
+    slices = []
+    for step in range(len(grid.times_s)):
+        uv = rotated(bilinear(grid, lonlat, step), turn_rad)
+        slices.append(renew.GriddedCurrent(x, y, uv[..., 0], uv[..., 1]))
+    return renew.VaryingCurrent(grid.times_s, slices) if grid.changes else slices[0]
 
 
-def bilinear(grid: CurrentGrid, lonlat: FloatArray) -> FloatArray:
+def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
     """East and north velocity (..., 2), m/s, at lon/lat (..., 2), by bilinear interpolation.
 
-    Gaps are filled first; beyond the grid the values at its edge are held constant.
+    At one of the grid's times, by its index. Gaps are filled first; beyond the grid the values at
+    its edge are held constant.
     """
     from scipy.interpolate import RegularGridInterpolator
 
-    field = fill_gaps(np.stack([grid.u, grid.v], axis=-1))
+    field = fill_gaps(np.stack([grid.u[step], grid.v[step]], axis=-1))
     at = [np.clip(lonlat[..., i], axis[0], axis[-1]) for i, axis in ((1, grid.lat), (0, grid.lon))]
     return np.asarray(RegularGridInterpolator((grid.lat, grid.lon), field)(np.stack(at, axis=-1)))
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError, StageError
 from pipeline.model import Scene, SeasonPlan
+from pipeline.stages.clock_worth import clock_worth
 from pipeline.stages.evaluate import SeasonEvaluation, evaluate_season
 from pipeline.stages.gap_shares import gap_shares
 from pipeline.stages.plan import plan_season
@@ -61,9 +62,13 @@ def plan_and_evaluate(task: SeasonTask) -> str:
     if plan is None:
         plan = plan_season(scene, task.season, task.options)
         save_artefact(task.plan_path, plan, task.owner)
-    evaluation = evaluate_season(scene, plan, task.scale, task.options.seed)
+    options = task.options
+    evaluation = evaluate_season(
+        scene, plan, task.scale, options.seed, options.drift, options.lateness
+    )
     if task.explains_gap:
-        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, task.options))
+        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, options))
+    evaluation = replace(evaluation, clock_worth=clock_worth(scene, plan, options))
     save_artefact(task.evaluation_path, evaluation, task.owner)
     return plan.failure
 

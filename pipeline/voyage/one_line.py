@@ -14,6 +14,7 @@ from pipeline.voyage.vessel_options import VesselFigures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
     from pipeline.outcome import EventHandler, Outcome
     from pipeline.scenario.model import Scenario
@@ -26,6 +27,7 @@ def go(
     *,
     vessel: str | VesselSpec | VesselFigures,
     months: Sequence[str] = (),
+    depart: datetime | None = None,
     currents: Sequence[str | Path] = (),
     clearance_m: float | None = None,
     charts: Path | None = None,
@@ -47,6 +49,8 @@ def go(
         A name of the catalogue, the path of a TOML file, a `VesselSpec`, or `VesselFigures`.
     months
         'YYYY-MM'; each is a season of its own.
+    depart
+        Departure, with its zone, in currents that change on the way; in place of months.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
         for none. Chosen where left out.
@@ -77,6 +81,7 @@ def go(
         vessel="" if isinstance(vessel, VesselFigures) else vessel,
         figures=vessel if isinstance(vessel, VesselFigures) else None,
         months=tuple(months),
+        depart="" if depart is None else depart.isoformat(),
         currents=tuple(map(str, currents)),
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
@@ -48,6 +49,7 @@ class VoyageRequest:
     charts : a vector file or a folder of S-57 cells.
     depths : a grid of depths in NetCDF.
     name : name of the scenario, and of its folder of results.
+    depart : departure with its zone, from which on the currents change; in place of months.
     """
 
     positions: tuple[str, ...]
@@ -59,6 +61,7 @@ class VoyageRequest:
     charts: Path | None = None
     depths: Path | None = None
     name: str = ""
+    depart: str = ""
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -81,7 +84,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     ends = part(lambda: read_positions(request.positions))
     vessel = part(lambda: _vessel(request))
     clearance_m = part(lambda: _clearance_m(request.clearance))
-    months = part(lambda: _months(request))
+    departure = part(lambda: _departure(request))
+    months = [] if request.depart else part(lambda: _months(request))
     if faults:
         raise RequestError(faults)
     start, goal = ends
@@ -92,7 +96,9 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": vessel.model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [_season(month, title, request, (start, goal)) for month, title in months],
+        "seasons": [_departing(departure, request)]
+        if departure is not None
+        else [_season(month, title, request, (start, goal)) for month, title in months],
     }
     if clearance_m is not None:
         data["planner"] = {"clearance": clearance_m}
@@ -125,6 +131,48 @@ def _clearance_m(text: str) -> float | None:
     return metres
 
 
+def _departure(request: VoyageRequest) -> datetime | None:
+    """Read the departure; None where it is left out."""
+    if not request.depart:
+        return None
+    faults = []
+    departure = None
+    try:
+        departure = datetime.fromisoformat(request.depart)
+        if departure.tzinfo is None:
+            faults.append(
+                f"--depart {request.depart} has no zone; add it: {request.depart}Z for UTC, or "
+                f"{request.depart}+08:00"
+            )
+    except ValueError:
+        faults.append(
+            f"--depart {request.depart} is not a time; give date, time and zone, such as "
+            "2026-11-22T06:00Z"
+        )
+    if request.months:
+        faults.append("--depart and --month both say when; leave one out")
+    if not request.currents or request.currents == (STILL,):
+        faults.append(
+            "--depart needs currents with time steps: give the file with --currents tide.nc"
+        )
+    if faults:
+        raise RequestError(faults)
+    return departure
+
+
+def _departing(departure: datetime, request: VoyageRequest) -> dict[str, Any]:
+    """Return the [[seasons]] table of a voyage in currents that change from its departure on."""
+    utc = departure.astimezone(UTC)
+    name = f"{utc:%Y-%m-%dT%H%MZ}"
+    return {
+        "name": name.lower(),
+        "title": f"Departure {name}",
+        "departure": utc,
+        "time_method": "changing",
+        "currents": asked_currents(request.currents),
+    }
+
+
 def _months(request: VoyageRequest) -> list[tuple[str, str]]:
     """Return months and titles; still water needs no month."""
     titles = list(read_months(request.months).items())
@@ -132,7 +180,8 @@ def _months(request: VoyageRequest) -> list[tuple[str, str]]:
         return titles or [("", "")]
     fault = (
         "no --month; give the month of the voyage, such as --month 2024-07, which may be repeated, "
-        "or plan without currents: --currents still"
+        "with --currents FILE --depart 2024-07-01T06:00Z for currents that change on the way, or "
+        "plan without currents: --currents still"
     )
     raise RequestError([fault])
 

@@ -195,9 +195,8 @@ def _scene(scenario: Scenario, land: Land) -> Scene:
     lon, lat = np.linspace(west, east, 30), np.linspace(south, north, 30)
     turn = 2 * math.pi * (lon - west)[None, :] / (east - west) + (lat - south)[:, None]
     credit = Credit("made up", "current", "made up", "")
-    current = CurrentGrid(
-        "made-up", lon, lat, 0.5 * np.sin(turn), 0.5 * np.cos(turn), "2024-07", credit
-    )
+    u, v = 0.5 * np.sin(turn), 0.5 * np.cos(turn)
+    current = CurrentGrid("made-up", lon, lat, u[None], v[None], "2024-07", credit)
     simplified = simplify_land(
         land.polygons,
         region,

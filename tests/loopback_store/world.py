@@ -151,7 +151,7 @@ def max_error_m_s(
 ) -> float:
     """Return a field's largest error against the ocean's mean; infinite where gaps differ."""
     largest = 0.0
-    for values, name in ((grid.u, eastward), (grid.v, northward)):
+    for values, name in ((grid.u[0], eastward), (grid.v[0], northward)):
         true_values = np.mean(
             [ocean.value(name, moment, grid.lon, grid.lat) for moment in moments], axis=0
         )

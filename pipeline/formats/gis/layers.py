@@ -102,7 +102,7 @@ def _channels(result: RunResult) -> Table:
         ]
         # A rejected class has no route, so no rank among the routes.
         rows += [
-            (entry.season, 0, r.homotopy, result.rejection_reason(r), r.channel)
+            (entry.season, 0, r.homotopy, result.rejection_reason(entry.season, r), r.channel)
             for r in entry.plan.rejected
         ]
     outlines = [_outline(triangles) for *_, triangles in rows]

@@ -181,6 +181,7 @@ def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArr
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
     """The planner's own current on a regular lattice over the water, in whole cm/s.
 
+    If it changes, that at departure.
     `u` and `v` are along the plane's axes, row by row from below; 0, 0 is land or still water.
     """
     scene = result.scene
@@ -209,6 +210,8 @@ def _min_spacing(field: object) -> float:
     """Spacing of arrows below which they show no more than the current's grid; 0 without one."""
     import renew
 
+    if isinstance(field, renew.VaryingCurrent):
+        return _min_spacing(field.slices[0]) if field.slices else 0.0
     if not isinstance(field, renew.GriddedCurrent):
         return 0.0
     steps = [np.diff(axis) for axis in (field.x, field.y) if len(axis) > 1]

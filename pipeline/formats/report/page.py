@@ -77,8 +77,9 @@ class Source:
 class SeasonPart:
     """A season's part of the page; `best` is None if `failure` gives a reason.
 
-    `saving` says how much less fuel the best route needs than its rival; `picture` is the static
-    map; `profile` and `padding` are plots of the best route, empty if there is nothing to plot.
+    `passage` is departure and arrival of the best route, empty where no departure is given;
+    `saving` says how much less fuel it needs than its rival; `picture` is the static map; `profile`
+    and `padding` are plots of the best route, empty if there is nothing to plot.
     """
 
     title: str
@@ -87,6 +88,7 @@ class SeasonPart:
     current: str
     valid: str
     best: RouteMetrics | None
+    passage: tuple[str, ...]
     saving: str
     verdict: tuple[str, ...]
     remarks: tuple[str, ...]
@@ -208,12 +210,6 @@ def _ratio(bounds: tuple[float, float, float, float]) -> float:
     return min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin)))
 
 
-def _valid(result: RunResult, season: str) -> str:
-    """Period that a season's current represents; empty if the source does not state it."""
-    valid = next((grid.valid for grid in result.fetched.currents if grid.season == season), "")
-    return f"valid {valid.replace('/', ' to ')}" if valid else ""
-
-
 def _sources(result: RunResult) -> tuple[Source, ...]:
     """Every source with its use, land first."""
     seasons: dict[Credit, list[str]] = {}
@@ -233,7 +229,7 @@ def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
             season=result.season_title(grid.season),
             requested=requested.get(grid.season, ""),
             current=grid.credit.name,
-            valid=_valid(result, grid.season),
+            valid=result.valid_text(grid.season),
         )
         for grid in result.fetched.currents
         if result.is_stand_in(grid.season)
@@ -260,13 +256,15 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         result, entry.season, identity=anchor, label=f"Map of {title}: {_map_label(metrics)}"
     )
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
+    passage = result.scenario.passage(entry.season, metrics[0].duration_s) if ranked else None
     return SeasonPart(
         title=title,
         anchor=anchor,
         failure=entry.failure,
         current=_current(result, entry.season),
-        valid=_valid(result, entry.season),
+        valid=result.valid_text(entry.season),
         best=metrics[0] if metrics else None,
+        passage=tuple(map(text.moment_text, passage or ())),
         saving=_saving(metrics),
         verdict=_verdict(result, metrics),
         remarks=_remarks(result, ranked[0]) if ranked else (),
@@ -283,8 +281,9 @@ def _verdict(result: RunResult, metrics: list[RouteMetrics]) -> tuple[str, ...]:
     """Why a season's best route was chosen, in sentences; none without a route."""
     if not metrics:
         return ()
-    gap = result.evaluation.gap_shares_of(metrics[0].season)
-    return text.verdict(metrics, result.scene.vessel.speed, gap)
+    season, evaluation = metrics[0].season, result.evaluation
+    gap, worth = evaluation.gap_shares_of(season), evaluation.clock_worth_of(season)
+    return text.verdict(metrics, result.scene.vessel.speed, gap, worth)
 
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
@@ -356,7 +355,7 @@ def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]
     """Group the rejected classes by reason, in order of first appearance."""
     groups: dict[str, list[Rejected]] = {}
     for rejected in entry.plan.rejected if entry.plan else ():
-        groups.setdefault(result.rejection_reason(rejected), []).append(rejected)
+        groups.setdefault(result.rejection_reason(entry.season, rejected), []).append(rejected)
     return tuple(
         RejectedGroup(reason, tuple(r.homotopy for r in group), min(r.unpadded_fuel for r in group))
         for reason, group in groups.items()

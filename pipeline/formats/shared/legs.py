@@ -86,18 +86,22 @@ def step_times(
 
     First by the drift model in planar metres; then at true scale, and in proportion so that they
     add up to the route's duration: where the plane is stretched, a planar metre takes less time.
+    Where the current changes, the planner's own times count, by whose clock it was read.
     """
     from renew.inputs.fuel import passage_times
 
     scene = result.scene
+    current = scene.currents[ranked.season]
     planar = passage_times(
         points,
-        scene.currents[ranked.season],
+        current,
         scene.vessel,
         drift=result.scenario.planner.drift,
     )
-    middles = scene.projection.to_lonlat((points[:-1] + points[1:]) / 2)
-    true = planar / scene.projection.point_scale(middles)
+    true = planar
+    if current.is_steady:
+        middles = scene.projection.to_lonlat((points[:-1] + points[1:]) / 2)
+        true = planar / scene.projection.point_scale(middles)
     return planar, true * (ranked.metrics.duration_s / true.sum())
 
 

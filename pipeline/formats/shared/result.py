@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.shared.text import dated
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -139,23 +140,34 @@ class RunResult:
             return name
         return title if season.lower() in title.lower() else f"{name} ({title})"
 
-    def rejection_reason(self, rejected: renew.Rejected) -> str:
-        """Why a class has no route, as text for readers."""
-        return rejected.located_reason(self.scene.place_text)
+    def valid_text(self, season: str) -> str:
+        """Period that a season's current represents; empty if the source does not state it."""
+        for grid in self.fetched.currents:
+            if grid.season == season and grid.valid:
+                shown = "; maps show it at departure" if grid.changes else ""
+                return f"valid {grid.valid.replace('/', ' to ')}{shown}"
+        return ""
+
+    def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
+        """Why a class of a season has no route, as text for readers."""
+        reason = rejected.located_reason(self.scene.place_text)
+        return dated(reason, self.scene.departures.get(season))
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).
 
-        Velocity is in m/s towards east and north. The points are those of the source's grid that
-        have figures; without a grid, 25 by 25 over the chart; none if the season has no current.
+        Of a current that changes, that at departure. Velocity is in m/s towards east and north. The
+        points are those of the source's grid that have figures; without a grid, 25 by 25 over the
+        chart; none if the season has no current.
         """
         for grid in self.fetched.currents:
             if grid.season == season:
                 lon, lat = np.meshgrid(grid.lon, grid.lat)
-                known = np.isfinite(grid.u) & np.isfinite(grid.v)
+                u, v = grid.at_departure
+                known = np.isfinite(u) & np.isfinite(v)
                 return (
                     np.stack([lon[known], lat[known]], axis=-1),
-                    np.stack([grid.u[known], grid.v[known]], axis=-1),
+                    np.stack([u[known], v[known]], axis=-1),
                 )
         if season not in self.scene.currents:
             return np.empty((0, 2)), np.empty((0, 2))

@@ -99,7 +99,7 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
         course_deg=np.append(azimuth, back[-1] + 180) % 360,
         fuel=cumulative(planner_s * (metrics.fuel / planner_s.sum())),
         speed_m_s=_with_last_repeated(step_m / step_s),
-        current_along_m_s=(np.asarray(current(sampled)) * tangent).sum(axis=1),
+        current_along_m_s=(current.velocity(sampled, cumulative(planner_s)) * tangent).sum(axis=1),
         clearance_m=clearance,
     )
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
+from datetime import UTC, timedelta
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
-    from pipeline.model import GapShares, RouteMetrics, Zone
+    from pipeline.model import ClockWorth, GapShares, RouteMetrics, Zone
 
 ABSENT = "–"
+# A time on a current's clock in one of the planner's reasons.
+_CLOCK_TIME = re.compile(r"\b(arrive at|known until) (-?[\d.]+(?:e\+?\d+)?) s\b")
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
-# Difference, as a share, below which two lengths are printed alike.
-_SAME_LENGTH = 5e-4
+# Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
+_SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -88,12 +93,16 @@ def zone_text(zone: Zone) -> str:
 
 
 def verdict(
-    routes: Sequence[RouteMetrics], vessel_speed: float, gap: GapShares | None = None
+    routes: Sequence[RouteMetrics],
+    vessel_speed: float,
+    gap: GapShares | None = None,
+    worth: ClockWorth | None = None,
 ) -> tuple[str, ...]:
     """Explain in sentences why a season's best route was chosen, and how safe it is.
 
     `routes` are best first, at least one; `vessel_speed` is through water, m/s; `gap` says what the
-    best one's optimality gap is made of, where that is known.
+    best one's optimality gap is made of, and `worth` what it saves by knowing how the current
+    changes, where that is known.
     """
     best, others = routes[0], routes[1:]
     rival = closest_rival(routes)
@@ -113,6 +122,8 @@ def verdict(
     sentences.append(_safety(best))
     if gap is not None:
         sentences.append(gap_text(gap))
+    if worth is not None:
+        sentences.append(clock_text(worth))
     return tuple(sentences)
 
 
@@ -125,6 +136,31 @@ def gap_text(gap: GapShares) -> str:
         f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route off the "
         "land itself was found that is nearer to it."
     )
+
+
+def clock_text(worth: ClockWorth) -> str:
+    """Say in a sentence what it is worth to know how the current changes."""
+    others = ", ".join(
+        f"{name} {_sailed(fuel, worth.best)}"
+        for name, fuel in (
+            ("the plan on the current at departure", worth.frozen),
+            ("the plan on its mean over the voyage", worth.mean),
+            ("the shortest safe path", worth.shortest),
+        )
+    )
+    return (
+        f"Sailed in the changing current from the same departure on, {others}. No route at all "
+        f"saves more than {percent(1 - worth.bound / worth.best)}."
+    )
+
+
+def _sailed(fuel: float, best: float) -> str:
+    """Say what a plan needs when it is sailed, against the best route."""
+    if not math.isfinite(fuel):
+        return "can't be sailed"
+    if abs(fuel / best - 1) < _SAME_FUEL:
+        return "needs as much fuel as this route"
+    return f"needs {_difference(fuel, best)} fuel than this route"
 
 
 def closest_rival(routes: Sequence[RouteMetrics]) -> RouteMetrics | None:
@@ -207,3 +243,22 @@ def _signed(value: float) -> str:
 def _count(count: int, one: str, many: str) -> str:
     """Format a count with its noun."""
     return f"{count} {one if count == 1 else many}"
+
+
+def dated(reason: str, departure: datetime | None) -> str:
+    """Write the seconds since departure in one of the planner's reasons as dates.
+
+    They stay as they are where the current has no clock.
+    """
+    if departure is None:
+        return reason
+
+    def date(found: re.Match[str]) -> str:
+        return f"{found[1]} {moment_text(departure + timedelta(seconds=float(found[2])))}"
+
+    return _CLOCK_TIME.sub(date, reason)
+
+
+def moment_text(moment: datetime) -> str:
+    """Write a moment for readers: "2026-11-22 06:00 UTC"."""
+    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"

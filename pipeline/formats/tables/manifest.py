@@ -146,7 +146,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
         },
         "currents": {
             grid.season: {
-                "sha256": _arrays_hash(grid.lon, grid.lat, grid.u, grid.v),
+                "sha256": _arrays_hash(grid.lon, grid.lat, grid.times_s, grid.u, grid.v),
                 "shape": list(grid.u.shape),
                 "valid": grid.valid,
                 "files": dict(grid.files),

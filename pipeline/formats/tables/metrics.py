@@ -40,9 +40,17 @@ def write_metrics(result: RunResult, path: Path) -> None:
     """Write the evaluation to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(COLUMNS)
+        writer.writerow([*COLUMNS, "departure", "arrival"])
         for ranked in result.routes:
-            writer.writerow([_cell(ranked.metrics, field) for field in COLUMNS.values()])
+            cells = [_cell(ranked.metrics, field) for field in COLUMNS.values()]
+            writer.writerow([*cells, *_times(ranked.metrics, result)])
+
+
+def _times(metrics: RouteMetrics, result: RunResult) -> tuple[str, str]:
+    """Departure and arrival (ISO 8601, UTC), to the second; empty where no departure is given."""
+    passage = result.scenario.passage(metrics.season, round(metrics.duration_s))
+    begin, end = (f"{one:%Y-%m-%dT%H:%M:%SZ}" for one in passage) if passage else ("", "")
+    return begin, end
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:

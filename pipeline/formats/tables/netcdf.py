@@ -9,6 +9,7 @@ of them. The planner takes a current to be bilinear between its grid points, and
 sampled on more lines is still the same field. Read bilinearly, the file gives the same values as
 the season's own grid, and NaN where that has none: outside the grid, or in a cell with a point
 without a value. At the points of its own grid a season has the source's values, bit for bit.
+Of a current that changes the file has that at departure.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ def write_currents(result: RunResult, path: Path) -> None:
             uo = _put_component(dataset, "uo", "eastward", coordinates)
             vo = _put_component(dataset, "vo", "northward", coordinates)
             for index, grid in enumerate(grids):
-                for component, values in ((uo, grid.u), (vo, grid.v)):
+                for component, values in zip((uo, vo), grid.at_departure, strict=True):
                     rows = _on_lines(lon, grid.lon, values, axis=1)
                     component[index] = np.ma.masked_invalid(_on_lines(lat, grid.lat, rows, axis=0))
     except RuntimeError as error:  # HDF5's
@@ -158,7 +159,8 @@ def _put_time(dataset: Any, grids: Iterable[CurrentGrid]) -> list[str]:  # noqa:
 
     Returns the names of the variables.
     """
-    periods = [_period(grid.valid) for grid in grids]
+    # Of a current that changes the values are of the departure, not of all of its period.
+    periods = [None if grid.changes else _period(grid.valid) for grid in grids]
     known = [valid for valid in periods if valid is not None]
     if len(known) < len(periods):
         return []

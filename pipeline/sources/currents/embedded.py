@@ -69,6 +69,11 @@ class EmbeddedTable:
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
         part = self._part(season)
+        if season.is_changing:
+            return (
+                f"{self.spec.name} has one field for a season, and season {season.name!r} has "
+                "time_method = 'changing'; give a file with time steps in 'currents'"
+            )
         if part is None:
             return (
                 f"{self.spec.name} has no season {season.name!r}: "
@@ -114,7 +119,7 @@ class EmbeddedTable:
         mask = LandMask.from_land(land, region.bounds)
         lacking = water_without_data(Field(lon, lat, u, v), mask, region)
         notes = (lacking.note,) if lacking else ()
-        return CurrentGrid(season.name, lon, lat, u, v, entry.valid, credit, notes)
+        return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
 
     def _part(self, season: Season) -> str | None:
         """The table's season for one of a scenario: of the same name, or for the month it is named.

@@ -66,7 +66,7 @@ class StillWater:
         """Return zeros on a coarse grid over the region."""
         del land, folder
         west, south, east, north = region.bounds
-        zeros = np.zeros((_NODES, _NODES))
+        zeros = np.zeros((1, _NODES, _NODES))
         return CurrentGrid(
             season=season.name,
             lon=np.linspace(west, east, _NODES),

@@ -61,13 +61,13 @@ class Assessment:
 
 def assess(field: Field, mask: LandMask, limit_m_s: float) -> Assessment:
     """Assess a field's speeds (against a limit in m/s), its position and its directions."""
-    speeds = _assess_speeds(field, limit_m_s)
+    speeds = assess_speeds(field, limit_m_s)
     if speeds.faults:
         return speeds
-    return speeds + _assess_position(field, mask) + _assess_directions(field)
+    return speeds + assess_position(field, mask) + assess_directions(field)
 
 
-def _assess_speeds(field: Field, limit_m_s: float) -> Assessment:
+def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
     """Whether there is water, it moves, not the same everywhere, and not impossibly fast."""
     u, v = field.u[~field.gap], field.v[~field.gap]
     speed = np.hypot(u, v)
@@ -105,7 +105,7 @@ def _assess_unit(field: Field, rms_m_s: float) -> Assessment:
     return Assessment()
 
 
-def _assess_position(field: Field, mask: LandMask) -> Assessment:
+def assess_position(field: Field, mask: LandMask) -> Assessment:
     """Whether the gaps lie where the land is, or would at an offset."""
     shift = find_shift(field, mask)
     if shift is None:
@@ -130,7 +130,7 @@ def _offset(degrees: float, positive: str, negative: str) -> str:
     return f"{abs(degrees):.2f} degrees {positive if degrees >= 0 else negative}"
 
 
-def _assess_directions(field: Field) -> Assessment:
+def assess_directions(field: Field) -> Assessment:
     """Whether a component has the wrong sign, or the two are swapped."""
     variant = likeliest_variant(field)
     if (

@@ -12,6 +12,7 @@ import renew
 from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.reference import tables
+from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
 from renew.inputs import arguments
 
@@ -42,10 +43,55 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     # By default a scenario's classes are choices; the paper's are all classes.
     assert options.pop("distinct_by") == "auto"
     assert taken.pop("distinct_by") == 0.0
+    # A season says when it begins, and the clock of its current begins then.
+    assert taken.pop("departure") == 0.0
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
     }
+
+
+CHANGING = {
+    "name": "tide",
+    "time_method": "changing",
+    "departure": "2026-11-22T06:00:00Z",
+    "currents": ["./tide.nc"],
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"departure": None}, "lacks 'departure'"),
+        ({"departure": "2026-11-22T06:00:00"}, "timezone"),
+        ({"valid": "2026-11"}, "has 'valid'"),
+        ({"currents": [], "uniform": {"u": 0.1}}, "as numbers, which don't change"),
+        ({"departure": None, "valid": "2026-11"}, "'departure'; add.*has 'valid'"),
+        ({"max_hours": 0}, "max_hours"),
+    ],
+)
+def test_changing_currents_need_a_departure_and_sources(
+    changes: dict[str, object], words: str
+) -> None:
+    Season.model_validate(CHANGING)
+    with pytest.raises(ValidationError, match=words):
+        Season.model_validate({**CHANGING, **changes})
+
+
+def test_changing_currents_are_planned_at_true_scale() -> None:
+    asked = {
+        "schema_version": 1,
+        "name": "tide",
+        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
+        "vessel": {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0},
+        "start": [119.1, 9.5],
+        "goal": [120.1, 9.5],
+        "seasons": [CHANGING],
+    }
+    begin, end = Scenario.model_validate(asked).passage("tide", 5400.0) or (None, None)
+    assert f"{begin}, {end}" == "2026-11-22 06:00:00+00:00, 2026-11-22 07:30:00+00:00"
+    with pytest.raises(ValidationError, match=r"at scale = 1000: a turn .* hours of tide"):
+        Scenario.model_validate({**asked, "scale": 1000.0})
 
 
 def test_the_planners_limits_are_those_of_plan() -> None:

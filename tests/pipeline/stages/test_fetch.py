@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.loading import load_scenario
+from pipeline.errors import RequestError
+from pipeline.loading import load_scenario, parse_scenario
 from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.stages.fetch import fetch
+from pipeline.stages.fetch import fetch, with_max_hours
 from pipeline.storage.store import Store
 from tests.pipeline.conftest import ACROSS_BOX
 
@@ -50,6 +53,47 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
         f"winter: {REASON}",
         used,
     ]
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        (EMBEDDED, "has one field for a season"),
+        (SERVICE, "can't be asked for currents that change"),
+    ],
+)
+def test_a_source_without_time_steps_of_its_own_is_refused(source: str, reason: str) -> None:
+    with pytest.raises(RequestError, match=reason):
+        parse_scenario(changing(source))
+
+
+def test_a_voyage_may_take_three_times_as_long_as_straight_and_a_day() -> None:
+    asked = parse_scenario(changing("still"))
+    (season,) = asked.seasons
+    # 60 nautical miles at 5 m/s are 6.2 hours.
+    assert with_max_hours(season, asked).max_hours == math.ceil(3 * 111_000 / 5 / 3600 + 24)
+    limited = season.model_copy(update={"max_hours": 7.5})
+    assert with_max_hours(limited, asked).period.end == datetime(2026, 11, 22, 13, 30, tzinfo=UTC)
+
+
+def changing(source: str) -> dict[str, object]:
+    """Return a scenario of a degree of latitude whose current changes."""
+    return {
+        "schema_version": 1,
+        "name": "tide",
+        "vessel": "usv-7m",
+        "start": [118.0, 9.0],
+        "goal": [118.0, 10.0],
+        "region": {"bbox": [117.0, 8.5, 119.0, 10.5]},
+        "seasons": [
+            {
+                "name": "summer",
+                "time_method": "changing",
+                "departure": "2026-11-22T06:00:00Z",
+                "currents": [source],
+            }
+        ],
+    }
 
 
 def test_seasons_with_the_same_reason_share_a_note(across_outputs: Path) -> None:

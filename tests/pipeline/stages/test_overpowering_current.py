@@ -15,7 +15,9 @@ REGION = shapely.box(130.0, 30.0, 140.0, 40.0)
 def grid(u: np.ndarray) -> CurrentGrid:
     """Return an eastward current on a grid of whole degrees that extends beyond the region."""
     lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
-    return CurrentGrid("winter", lon, lat, u, 0 * u, "2024-02", Credit("c", "current", "c", ""))
+    return CurrentGrid(
+        "winter", lon, lat, u[None], 0 * u[None], "2024-02", Credit("c", "current", "c", "")
+    )
 
 
 def test_share_strength_and_place() -> None:

@@ -11,6 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources.quality.field import LandMask
@@ -18,7 +19,6 @@ from pipeline.stages.project import bilinear, extent_polygon, fill_gaps, planar_
 from tests.pipeline.synthetic_currents import coastal, sea
 
 if TYPE_CHECKING:
-    import renew
     from pipeline.sources.quality.field import Field
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -35,7 +35,9 @@ REGIONS = {
 
 def grid_of(field: Field) -> CurrentGrid:
     """Make a season's current of a field."""
-    return CurrentGrid("summer", field.lon, field.lat, field.u, field.v, "2024-07", CREDIT)
+    return CurrentGrid(
+        "summer", field.lon, field.lat, field.u[None], field.v[None], "2024-07", CREDIT
+    )
 
 
 def around(region: shapely.Polygon, step: float, seed: int = 1) -> Field:
@@ -49,7 +51,9 @@ def around(region: shapely.Polygon, step: float, seed: int = 1) -> Field:
 def planar(grid: CurrentGrid, region: shapely.Polygon) -> tuple[renew.GriddedCurrent, Projection]:
     """Put a grid into the region's plane at true scale."""
     projection = Projection.for_region(region)
-    return planar_current(grid, projection, extent_polygon(region, projection).bounds), projection
+    current = planar_current(grid, projection, extent_polygon(region, projection).bounds)
+    assert isinstance(current, renew.GriddedCurrent), "it does not change"
+    return current, projection
 
 
 # --- rotation -----------------------------------------------------------------------------------
@@ -62,7 +66,7 @@ def test_directions_in_the_plane_are_those_on_the_globe(name: str, bearing: floa
     region = REGIONS[name]
     field = around(region, 1.0)
     east, north = 0.4 * np.sin(np.radians(bearing)), 0.4 * np.cos(np.radians(bearing))
-    still = np.zeros(field.u.shape)
+    still = np.zeros((1, *field.u.shape))
     grid = CurrentGrid("s", field.lon, field.lat, still + east, still + north, "", CREDIT)
     current, projection = planar(grid, region)
     plane = pyproj.Transformer.from_crs("OGC:CRS84", projection.crs, always_xy=True)
@@ -167,7 +171,7 @@ def test_a_uniform_stream_along_a_coast_stays_uniform() -> None:
     u = np.where(field.gap, np.nan, 0.3)
     v = np.where(field.gap, np.nan, -0.2)
     assert field.gap.mean() > 0.05
-    grid = CurrentGrid("s", field.lon, field.lat, u, v, "", CREDIT)
+    grid = CurrentGrid("s", field.lon, field.lat, u[None], v[None], "", CREDIT)
     west, south, east, north = region.bounds
     anywhere = np.random.default_rng(0).uniform((west, south), (east, north), (500, 2))
     assert np.allclose(bilinear(grid, anywhere), (0.3, -0.2), atol=1e-12)

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Simplified
@@ -29,7 +30,7 @@ def grid_of(function: object, step: float = 0.5, region: shapely.Polygon = PALAW
     lon = np.arange(west - step, east + 1.5 * step, step)
     lat = np.arange(south - step, north + 1.5 * step, step)
     u, v = function(*np.meshgrid(lon, lat))  # type: ignore[operator]
-    return CurrentGrid("summer", lon, lat, u, v, "2024-07", CREDIT)
+    return CurrentGrid("summer", lon, lat, u[None], v[None], "2024-07", CREDIT)
 
 
 @pytest.mark.parametrize(
@@ -86,6 +87,7 @@ def test_nodes_are_half_of_a_source_cell_apart() -> None:
     projection = Projection.for_region(PALAWAN, 1000.0)
     bounds = extent_polygon(PALAWAN, projection).bounds
     current = planar_current(grid_of(lambda lon, lat: (0 * lon, 0 * lat)), projection, bounds)
+    assert isinstance(current, renew.GriddedCurrent), "it does not change"
     half_cell = 0.25 * 111.2
     assert 0.8 * half_cell < np.diff(current.x).max() <= half_cell
     assert 0.8 * half_cell < np.diff(current.y).max() <= half_cell

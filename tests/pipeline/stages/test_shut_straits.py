@@ -63,7 +63,7 @@ def straits(
     ).simplified
     lon, lat = np.linspace(118.8, 120.4, 9), np.linspace(8.8, 10.2, 8)
     still = np.zeros((8, 9))
-    grid = CurrentGrid("still", lon, lat, still, still, "2024-07", small_run.STAND_IN)
+    grid = CurrentGrid("still", lon, lat, still[None], still[None], "2024-07", small_run.STAND_IN)
     scene = project(asked, Fetched(Land(tuple(land), (), MARGIN_M), (grid,)), simplified)
     plan = renew.plan(
         scene.chart, scene.currents["still"], scene.vessel, scene.start, scene.goal,

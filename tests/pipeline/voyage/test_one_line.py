@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,9 +17,11 @@ import shapely
 import xarray as xr
 
 import pipeline
+from pipeline.cli.outcome_json import outcome_json
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario
 from pipeline.run import run
+from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.processes import ROOT
 from tests.pipeline.sources.depths.grids import emodnet
@@ -92,6 +95,50 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     assert "in the south it ends where" in outcome.choices[0]
     assert "an offing of at least 54 m" in outcome.choices[1]  # a two-hundredth of 11 km
     assert set(outcome.choices) <= set(outcome.fetched.notes)
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
+    tmp_path: Path, chart: Path, outputs: Path
+) -> None:
+    """A tide turns an hour after departure: all files have the times that the clock gives."""
+    lon, lat = np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05)
+    patterns = sea(lon, lat, 2), sea(lon, lat, 3)
+    hours = np.arange("2026-11-22T00", "2026-11-23T12", dtype="datetime64[h]")
+    angles = 2 * np.pi * (np.arange(len(hours)) - 4.2) / 12.42
+    steps = [
+        Field(lon, lat, *(
+            np.cos(a) * getattr(patterns[0], n) + np.sin(a) * getattr(patterns[1], n) for n in "uv"
+        ))
+        for a in angles
+    ]  # fmt: skip
+    file = write(tmp_path / "tide.nc", dataset(*steps, times=hours))
+    departure = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
+    outcome = pipeline.go(
+        START, GOAL, vessel=FIGURES, depart=departure, currents=(file,), charts=chart,
+        output=outputs, name="tide",
+    )  # fmt: skip
+    assert outcome.exit_code == 0
+    best, *_ = outcome.evaluation.routes
+    (grid,) = outcome.fetched.currents
+    assert grid.changes
+    assert outcome.plans[0].plan is not None
+    route = outcome.plans[0].plan.best
+    assert route.times[-1] == pytest.approx(best.duration_s)
+    assert grid.times_s[0] == -1200, "the step before departure"
+    assert grid.times_s[-1] > best.duration_s
+    arrival = departure + timedelta(seconds=round(best.duration_s))
+    row = metrics(outcome.directory)[0]
+    assert row["arrival"] == f"{arrival:%Y-%m-%dT%H:%M:%SZ}"
+    for suffix in ("rtz", "gpx"):
+        text = (outcome.directory / f"2026-11-22t0620z.{suffix}").read_text("utf-8")
+        times = re.findall(r"2026-11-22T\d\d:\d\d:\d\d(?:\.\d+)?Z", text)
+        assert any(abs(datetime.fromisoformat(t) - arrival) <= timedelta(seconds=1) for t in times)
+    told = json.loads(outcome_json(outcome))
+    assert told["routes"][0]["departure"] == departure.isoformat()
+    (worth,) = told["clock_worth"]
+    assert worth["fuel_bound"] <= worth["best_fuel"] == best.fuel
+    assert worth["departure_plan_fuel"] > 0.999 * best.fuel
 
 
 @pytest.mark.usefixtures("plain_report")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +70,45 @@ def test_files_belong_together_and_names_are_of_the_catalogue(tmp_path: Path) ->
     asked = replace(PALAWAN, currents=(files[0], "embedded-palawan", files[1]))
     (season,) = voyage_scenario(asked)[0].seasons
     assert season.currents == (tuple(files), "embedded-palawan")
+
+
+def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
+    lon, lat = np.arange(114.0, 124.0), np.arange(4.0, 16.0)
+    hours = np.arange("2026-11-21T18", "2026-11-23T18", dtype="datetime64[h]")
+    steps = [sea(lon, lat, 1, 0.1 + 0.01 * k) for k in range(len(hours))]
+    file = write(tmp_path / "tide.nc", dataset(*steps, times=hours))
+    depart = replace(PALAWAN, months=(), currents=(str(file),))
+    asked = replace(depart, depart="2026-11-22T14:30+08:00")
+    (season,) = voyage_scenario(asked)[0].seasons
+    assert season.is_changing
+    assert season.departure == datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
+    assert (season.name, season.valid) == ("2026-11-22t0630z", "")
+    assert season.title == "Departure 2026-11-22T0630Z"
+    assert season.currents == ((str(file),),)
+    late = replace(depart, depart="2026-11-25T06:00Z")
+    with pytest.raises(RequestError, match="is not before its last step, 2026-11-23T17:00Z"):
+        voyage_scenario(late)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"depart": "2026-11-22T06:00"}, ["has no zone; add it: 2026-11-22T06:00Z"]),
+        ({"depart": "tomorrow"}, ["tomorrow is not a time"]),
+        ({"months": ("2026-11",)}, ["--depart and --month both say when"]),
+        ({"currents": ("still",)}, ["--depart needs currents with time steps"]),
+        ({"depart": "soon", "currents": ()}, ["soon is not a time", "--depart needs currents"]),
+    ],
+)
+def test_departures_that_say_too_little_or_too_much(
+    changes: dict[str, object], words: list[str]
+) -> None:
+    asked = replace(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=("./tide.nc",))
+    with pytest.raises(RequestError) as caught:
+        voyage_scenario(replace(asked, **changes))  # type: ignore[arg-type]
+    assert len(caught.value.faults) == len(words)
+    for fault, part in zip(caught.value.faults, words, strict=True):
+        assert part in fault
 
 
 def test_clearance_is_in_true_metres() -> None:

@@ -17,27 +17,20 @@ import numpy as np
 from pipeline.errors import RequestError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.paths import require_readable
+from pipeline.sources.currents.cf.checked_fields import read_checked_fields
 from pipeline.sources.currents.cf.contents import find_files, name_of, read_contents
 from pipeline.sources.currents.cf.dataset import is_zarr
 from pipeline.sources.currents.cf.grid import (
     coverage_faults,
     covered_bounds,
     find_window,
-    read_field,
 )
 from pipeline.sources.currents.cf.reference_time import reference_time
-from pipeline.sources.currents.cf.time import select_steps
+from pipeline.sources.currents.cf.slices import select_slices
 from pipeline.sources.interfaces import Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
-from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.quality.field import LandMask
 from pipeline.sources.quality.gaps import water_without_data
-from pipeline.sources.quality.plausibility import (
-    OFFSHORE_CELLS,
-    Assessment,
-    assess,
-    count_misplaced,
-    dilated,
-)
 from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
@@ -49,23 +42,14 @@ if TYPE_CHECKING:
     from pipeline.model import Land
     from pipeline.scenario.season import Season
     from pipeline.sources.currents.cf.contents import Contents
-    from pipeline.sources.currents.cf.time import SelectedSteps
+    from pipeline.sources.currents.cf.slices import SelectedSlices
     from pipeline.sources.quality.coverage import Bounds
 
     FloatArray = npt.NDArray[np.float64]
 
-# Speed limit, m/s: tides in the narrowest straits come near it, no water is faster.
-_SPEED_LIMIT_M_S = 10.0
 # Half size of the window in which a file is checked, around the middle of the region: cells, or
 # degrees where these are less; and the latitude at which it ends.
 _CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
-# Share of the region's open water without data above which a file is refused; smaller gaps are
-# filled from the water around.
-_GAP_FAULT_SHARE = 0.2
-# Share of the cells far inland with data, from which the field's gaps say nothing of its position.
-_FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" where at least this share of land and at most this share of water is zero.
-_MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
 _DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
 # Length to which a title is cut, characters.
 _MAX_NAME_LENGTH = 100
@@ -87,11 +71,12 @@ class CfFiles:
     def identity(self, season: Season) -> tuple[str, ...]:
         """Hashes of the files that contain the season's steps; "nothing" where there are none."""
         try:
-            contents, steps = self._selected(season)
+            contents, slices = self._selected(season)
         except (RequestError, ValueError):
             return ("nothing", *self.paths)
-        hashes = (digest for _, digest in _file_hashes(contents, steps))
-        return ("cf", *hashes, season.valid, season.resolved_time_method, steps.valid)
+        hashes = (digest for _, digest in _file_hashes(contents, slices))
+        about = f"{season.departure}" if season.is_changing else season.resolved_time_method
+        return ("cf", *hashes, season.valid, about, slices.valid)
 
     def unavailable_reason(self) -> str:
         """Always available, if `uncovered_reason` is empty."""
@@ -105,7 +90,7 @@ class CfFiles:
             return "; ".join(error.faults)
         faults = coverage_faults(contents, region.bounds)
         try:
-            select_steps(contents.steps, season.period, season.resolved_time_method)
+            select_slices(contents, season)
         except ValueError as error:
             faults.append(str(error))
         return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
@@ -138,57 +123,55 @@ class CfFiles:
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the region's part, checked against the land of the world in a wider window."""
         del land, folder
-        contents, steps = self._selected(season)
+        try:
+            contents, slices = self._selected(season)
+        except ValueError as error:
+            raise RequestError([f"{name_of(find_files(self.paths))}: {error}"]) from None
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
         window = find_window(contents, _check_bounds(contents, bounds))
+        mask = LandMask.world()
         try:
-            wide = read_field(contents, steps.weights, window)
+            found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
         except ValueError as error:
             raise RequestError([str(error)]) from None
-        mask = LandMask.world()
-        wide, notes = _without_zeros(wide, mask)
-        assessment = assess(wide, mask, _SPEED_LIMIT_M_S)
-        assessment += _assess_gaps(wide, mask, region.bounds)
-        field = _cropped(wide, bounds)
-        if field.gap.all():
-            assessment += Assessment(("it has no data in the region",))
-        if assessment.faults:
-            reason = "; ".join(assessment.faults)
+        if found.assessment.faults:
+            reason = "; ".join(found.assessment.faults)
             raise RequestError([f"{name} is refused: {reason}; correct it, or give another file"])
-        lacking = water_without_data(wide, mask, region)
+        lacking = water_without_data(found.wide, mask, region)
         grid = CurrentGrid(
             season=season.name,
-            lon=field.lon,
-            lat=field.lat,
-            u=field.u,
-            v=field.v,
-            valid=steps.valid,
+            lon=found.lon,
+            lat=found.lat,
+            u=found.u,
+            v=found.v,
+            times_s=np.array(slices.times_s),
+            valid=slices.valid,
             credit=_credit(contents),
             notes=(
                 *contents.notes,
-                *steps.notes,
-                *notes,
+                *slices.notes,
+                *found.notes,
                 *((lacking.note,) if lacking else ()),
-                *(f"check {name}: {warning}" for warning in assessment.warnings),
+                *(f"check {name}: {warning}" for warning in found.assessment.warnings),
             ),
-            files=_file_hashes(contents, steps),
-            climatology_for=season.valid if steps.is_climatology else "",
+            files=_file_hashes(contents, slices),
+            climatology_for=season.valid if slices.is_climatology else "",
         )
         # Empty unless it is a climatology: what was passed over is not known here.
         return replace(grid, notes=(*grid.notes, *grid.stand_in_notes))
 
-    def _selected(self, season: Season) -> tuple[Contents, SelectedSteps]:
-        """Read what the files contain, and select the season's steps."""
+    def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
+        """Read what the files contain, and select the season's fields."""
         contents = _read(find_files(self.paths))
-        steps = select_steps(contents.steps, season.period, season.resolved_time_method)
-        return contents, steps
+        return contents, select_slices(contents, season)
 
 
-def _file_hashes(contents: Contents, steps: SelectedSteps) -> tuple[tuple[str, str], ...]:
+def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
     """Name and hash of each file that contains selected steps."""
-    parts = [contents.u[contents.u_index[step][0]] for step in steps.weights]
-    parts += [contents.v[contents.v_index[step][0]] for step in steps.weights]
+    steps = {step for weights in slices.weights for step in weights}
+    parts = [contents.u[contents.u_index[step][0]] for step in steps]
+    parts += [contents.v[contents.v_index[step][0]] for step in steps]
     used = sorted({part.file for part in parts})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
 
@@ -262,42 +245,6 @@ def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
 def _median_step(axis: FloatArray) -> float:
     """Median step of an axis."""
     return float(np.median(np.abs(np.diff(axis))))
-
-
-def _cropped(field: Field, bounds: Bounds) -> Field:
-    """Part of a field inside bounds."""
-    west, south, east, north = bounds
-    x = (field.lon >= west) & (field.lon <= east)
-    y = (field.lat >= south) & (field.lat <= north)
-    return Field(field.lon[x], field.lat[y], field.u[np.ix_(y, x)], field.v[np.ix_(y, x)])
-
-
-def _without_zeros(field: Field, mask: LandMask) -> tuple[Field, tuple[str, ...]]:
-    """Replace zeros by gaps where they stand for land: they would slow the water beside it."""
-    zero = (field.u == 0) & (field.v == 0)
-    if not zero.any():
-        return field, ()
-    is_land = mask.on_grid(field.lon, field.lat)
-    water = ~dilated(is_land, OFFSHORE_CELLS)
-    if not is_land.any() or zero[is_land].mean() < _MIN_ZERO_LAND_SHARE or not water.any():
-        return field, ()
-    if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
-        return field, ()
-    u, v = (np.where(zero, np.nan, part) for part in (field.u, field.v))
-    return replace(field, u=u, v=v), ("zeros in the file are treated as land",)
-
-
-def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
-    """Whether the region's open water has data, and its land has none."""
-    (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
-    warnings: tuple[str, ...] = ()
-    if inland > _FILLED_LAND_SHARE * max(dry, 1):
-        warnings = ("it has data on land, so that a shift can't be detected",)
-    share = gaps / max(water, 1)
-    if share <= _GAP_FAULT_SHARE:
-        return Assessment((), warnings)
-    message = f"{share:.0%} of the region's open water has no data, which is too much to fill"
-    return Assessment((message,), warnings)
 
 
 def _credit(contents: Contents) -> Credit:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Time that a field stands for if it is the only one in its file.
 _SINGLE_STEP = timedelta(days=1)
 # Distance between steps, in median distances, from which one is missing between them.
-_MISSING_STEP = 1.5
+MISSING_STEP = 1.5
 # Length of a long step in median ones: a long month has 31 days, the median one 30.4.
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
@@ -266,7 +266,7 @@ def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> li
     # A step stands for the time around it, or after it.
     times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
     largest = max(later - earlier for earlier, later in itertools.pairwise(times))
-    if largest <= _MISSING_STEP * interval:
+    if largest <= MISSING_STEP * interval:
         return []
     count, verb = ("one time step", "stands")
     if len(inside) > 1:
@@ -297,7 +297,7 @@ def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
             "season's 'valid' to a time between them"
         )
     earlier, later = steps.moments[after - 1], steps.moments[after]
-    if later - earlier > _MISSING_STEP * steps.interval:
+    if later - earlier > MISSING_STEP * steps.interval:
         raise ValueError(
             f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
         )

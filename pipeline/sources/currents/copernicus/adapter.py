@@ -98,6 +98,11 @@ class Copernicus:
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
         spec = self.spec
+        if season.is_changing:
+            return (
+                f"{spec.name} can't be asked for currents that change on the way; fetch its time "
+                "steps with `copernicusmarine subset`, and give the file in 'currents'"
+            )
         remedy = "name another source in 'currents'"
         (west, south, east, north), (lowest, highest) = region.bounds, spec.latitudes
         if south < lowest or north > highest:
@@ -153,8 +158,8 @@ class Copernicus:
             season=season.name,
             lon=field.lon,
             lat=field.lat,
-            u=field.u,
-            v=field.v,
+            u=field.u[None],
+            v=field.v[None],
             valid=self._valid(season, request.steps),
             credit=Credit(
                 name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",

@@ -53,7 +53,8 @@ def _stream(bbox: tuple[float, float, float, float]) -> CurrentGrid:
     west, south, east, north = bbox
     lon, lat = np.linspace(west - 0.2, east + 0.2, 15), np.linspace(south - 0.2, north + 0.2, 14)
     x, y = np.meshgrid(np.linspace(0, 2 * np.pi, 15), np.linspace(0, 2 * np.pi, 14))
-    return CurrentGrid(SEASON, lon, lat, 0.2 + 0.2 * np.sin(y), 0.2 * np.sin(x), "2024-07", STREAM)
+    u, v = 0.2 + 0.2 * np.sin(y), 0.2 * np.sin(x)
+    return CurrentGrid(SEASON, lon, lat, u[None], v[None], "2024-07", STREAM)
 
 
 def _finished(asked: Scenario, got: Fetched, simplified: Simplified) -> RunResult:

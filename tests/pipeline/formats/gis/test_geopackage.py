@@ -150,7 +150,7 @@ def test_currents_are_the_sources_own(package: Path, result: RunResult) -> None:
         for row in mine.itertuples():
             j = np.argmin(abs(grid.lat - row.geometry.y))
             i = np.argmin(abs(grid.lon - row.geometry.x))
-            assert (row.u, row.v) == (grid.u[j, i], grid.v[j, i])
+            assert (row.u, row.v) == (grid.u[0, j, i], grid.v[0, j, i])
             # Towards `direction`, clockwise from north, at `speed`.
             bearing = np.radians(row.direction)
             assert row.speed * np.sin(bearing) == pytest.approx(row.u, abs=1e-12)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import fields, replace
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 from pipeline.formats.tables.metrics import COLUMNS, write_metrics
@@ -29,6 +30,24 @@ def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
                 assert row[column] == ""
             else:
                 assert type(value)(row[column]) == value
+
+
+def test_departure_and_arrival_stand_where_a_departure_is_given(
+    result: RunResult, tmp_path: Path
+) -> None:
+    departure = datetime.fromisoformat("2026-11-22T14:20:00+08:00")
+    summer, winter = result.scenario.seasons
+    seasons = (summer.model_copy(update={"departure": departure}), winter)
+    dated = replace(result, scenario=result.scenario.model_copy(update={"seasons": seasons}))
+    write_metrics(dated, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        for row, metrics in zip(csv.DictReader(file), result.evaluation.routes, strict=True):
+            if metrics.season == winter.name:
+                assert (row["departure"], row["arrival"]) == ("", "")
+                continue
+            assert row["departure"] == "2026-11-22T06:20:00Z"
+            taken = datetime.fromisoformat(row["arrival"]) - departure
+            assert taken.total_seconds() == round(metrics.duration_s)
 
 
 def test_a_figure_that_does_not_exist_is_blank(result: RunResult, tmp_path: Path) -> None:

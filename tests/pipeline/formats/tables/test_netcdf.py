@@ -109,8 +109,8 @@ def test_the_figures_are_the_sources_own(currents: Path, result: RunResult) -> N
             season = file.sel(season=grid.season)
             np.testing.assert_array_equal(season.lon, grid.lon)
             np.testing.assert_array_equal(season.lat, grid.lat)
-            np.testing.assert_array_equal(season.uo, grid.u)
-            np.testing.assert_array_equal(season.vo, grid.v)
+            np.testing.assert_array_equal(season.uo, grid.u[0])
+            np.testing.assert_array_equal(season.vo, grid.v[0])
             assert np.isnan(season.uo).sum() == np.isnan(grid.u).sum() > 0
 
 
@@ -138,7 +138,7 @@ def current_grids(draw: st.DrawFn, season: str) -> CurrentGrid:
     """Grids around 180 degrees, some of whose points lack one or both components."""
     lon, lat = draw(axes(180.0)), draw(axes(-17.0))
     speeds = st.floats(-4, 4) | st.just(np.nan)
-    u, v = (draw(hnp.arrays(float, (len(lat), len(lon)), elements=speeds)) for _ in "uv")
+    u, v = (draw(hnp.arrays(float, (1, len(lat), len(lon)), elements=speeds)) for _ in "uv")
     return CurrentGrid(season, lon, lat, u, v, "2024-07", small_run.STAND_IN)
 
 
@@ -179,7 +179,7 @@ def test_a_season_read_bilinearly_equals_its_own_grid(
         points = rng.uniform(np.array(low) + 1e-9, np.array(high) - 1e-9, (200, 2))
         outside = (season.lat < grid.lat[0] - 1e-9) | (season.lat > grid.lat[-1] + 1e-9)
         outside = outside | (season.lon < grid.lon[0] - 1e-9) | (season.lon > grid.lon[-1] + 1e-9)
-        for name, figures in (("uo", grid.u), ("vo", grid.v)):
+        for name, figures in (("uo", grid.u[0]), ("vo", grid.v[0])):
             assert np.array_equal(own[name], figures, equal_nan=True)
             assert not (np.isfinite(season[name]) & outside).any()
             np.testing.assert_allclose(
@@ -190,19 +190,34 @@ def test_a_season_read_bilinearly_equals_its_own_grid(
             )
 
 
+def test_a_current_that_changes_is_written_as_it_is_at_departure(
+    result: RunResult, tmp_path: Path
+) -> None:
+    """Departure is a quarter of the way from the second slice to the third."""
+    axis = np.array([1.0, 2.0])
+    u = np.array([[[9.0, 9], [9, 9]], [[0.0, 4], [8, 12]], [[4.0, 0], [8, 16]], [[7.0, 7], [7, 7]]])
+    times = np.array([-90.0, -10.0, 30.0, 60.0])
+    grid = CurrentGrid("tide", axis, axis, u, -u, "2026-11-22", small_run.STAND_IN, times_s=times)
+    write_currents(with_grids(result, grid), tmp_path / "currents.nc")
+    with xr.open_dataset(tmp_path / "currents.nc") as file:
+        assert file.uo.sel(season="tide").values.tolist() == [[1.0, 3.0], [8.0, 13.0]]
+        assert (file.vo == -file.uo).all()
+        assert "time" not in file, "the values are not those of the whole period"
+
+
 def test_a_finer_and_wider_season_leaves_the_other_as_it_is(
     result: RunResult, tmp_path: Path
 ) -> None:
     """Computed by hand: in a cell of 2 degrees with lines between, next to a gap, and outside."""
     nan = np.nan
-    square = np.array([[0.0, 1.0], [2.0, 5.0]])
-    coarse = np.array([[1.0, 2.0, nan], [3.0, 6.0, 1.0]])
+    square = np.array([[[0.0, 1.0], [2.0, 5.0]]])
+    coarse = np.array([[[1.0, 2.0, nan], [3.0, 6.0, 1.0]]])
     wide, credit = np.arange(5.0), small_run.STAND_IN
     grids = (
         CurrentGrid(
             "coarse", np.array([0.0, 2, 4]), np.array([1.0, 3]), coarse, -coarse, "", credit
         ),
-        CurrentGrid("wide", wide, wide, np.zeros((5, 5)), np.ones((5, 5)), "", credit),
+        CurrentGrid("wide", wide, wide, np.zeros((1, 5, 5)), np.ones((1, 5, 5)), "", credit),
         CurrentGrid("small", wide[1:3], wide[1:3], square, square, "", credit),
     )
     write_currents(with_grids(result, *grids), tmp_path / "currents.nc")
@@ -325,7 +340,7 @@ def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> No
     write_currents(replace(with_grids(bad, summer, winter), scenario=odd), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert file.season.values.tolist() == [SCRIPT, ODD]
-        assert np.array_equal(file.uo.sel(season=ODD), winter.u, equal_nan=True)
+        assert np.array_equal(file.uo.sel(season=ODD), winter.u[0], equal_nan=True)
         assert str(file.license.sel(season=SCRIPT).values) == BAD_CREDIT.licence
         assert str(file.acknowledgement.sel(season=SCRIPT).values) == BAD_CREDIT.text
         assert str(file.notes.sel(season=SCRIPT).values) == ODD
@@ -352,8 +367,8 @@ def test_the_example_in_the_documents_runs(
     exec(example, namespace)  # noqa: S102 - the document's own example is what is tested
     namespace["currents"].close()
     summer = result.fetched.currents[0]
-    np.testing.assert_array_equal(namespace["summer"].uo, summer.u)
-    at_start = sampled(as_field(summer, summer.u), np.array([(9.1, 119.1)]))
+    np.testing.assert_array_equal(namespace["summer"].uo, summer.u[0])
+    at_start = sampled(as_field(summer, summer.u[0]), np.array([(9.1, 119.1)]))
     assert float(namespace["here"].uo) == pytest.approx(at_start[0], abs=1e-12)
 
 

@@ -45,7 +45,7 @@ def test_the_grid_has_every_row_at_its_place_and_nothing_else(name: str, step: f
         row = int(np.abs(grid.lat - float(lat)).argmin())
         assert abs(grid.lon[column] - float(lon)) < 1e-3
         assert abs(grid.lat[row] - float(lat)) < 1e-3
-        assert (grid.u[row, column], grid.v[row, column]) == (float(u), float(v))
+        assert (grid.u[0, row, column], grid.v[0, row, column]) == (float(u), float(v))
     assert np.allclose(np.diff(grid.lon), step)
     assert np.allclose(np.diff(grid.lat), step)
     assert grid.credit.kind == "current"

@@ -1,0 +1,76 @@
+"""Straits on the way that the grid of a changing current is too coarse to resolve."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.shared.text import distance, place
+from pipeline.geo.earth import METRES_PER_DEGREE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    import renew
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.model import CurrentGrid, Scene
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Number of cells across a strait from which its tide is resolved at all.
+_MIN_CELLS = 2.0
+# Distance from a coast, planar metres, at which a point lies on it.
+_ON_COAST = 1e-6
+
+
+def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
+    """Name the worst strait of each season's best route whose tide the current can't show."""
+    notes = []
+    for grid in result.fetched.currents:
+        if not grid.changes:
+            continue
+        for best in result.season_routes(grid.season)[:1]:
+            straits = [
+                (width_m * _MIN_CELLS / cell, width_m, cell, middle)
+                for width_m, middle in straits_of(best.route, result.scene)
+                if (cell := _cell_m(grid, middle[1])) * _MIN_CELLS > width_m
+            ]
+            if straits:
+                _, width_m, cell, middle = min(straits, key=lambda one: one[0])
+                notes.append(
+                    f"{grid.season}: the strait at {place(*middle)} is {distance(width_m)} wide, "
+                    f"and a cell of the current {distance(cell)}: its tide is not resolved, and "
+                    "may run harder and turn at another time than planned"
+                )
+    return tuple(notes)
+
+
+def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:
+    """Find the straits that a route passes: true width (m), and the middle (lon, lat) degrees.
+
+    They are the sides of triangles that it crosses from one island to another.
+    """
+    if not scene.chart.no_go:
+        return
+    coasts = shapely.STRtree(scene.chart.no_go)
+    channel = route.channel
+    for here, ahead in itertools.pairwise(channel):
+        side = here[(here[:, None] == ahead[None]).all(axis=-1).any(axis=1)]
+        if len(side) != 2:
+            continue
+        end, coast = coasts.query(shapely.points(side), predicate="dwithin", distance=_ON_COAST)
+        one, other = (set(coast[end == i].tolist()) for i in (0, 1))
+        if one and other and not one & other:
+            lon, lat = scene.projection.to_lonlat(side.mean(axis=0)).tolist()
+            yield scene.projection.geodesic_length_m(side), (lon, lat)
+
+
+def _cell_m(grid: CurrentGrid, lat: float) -> float:
+    """The longer side of a cell at a latitude, true metres."""
+    across = float(np.median(np.diff(grid.lon)) * np.cos(np.radians(lat)))
+    return max(across, float(np.median(np.diff(grid.lat)))) * METRES_PER_DEGREE

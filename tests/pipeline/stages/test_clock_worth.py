@@ -1,0 +1,75 @@
+"""Plans without a clock, sailed in the changing current: each is made again by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import renew
+from pipeline.formats.shared.text import clock_text, percent
+from pipeline.model import ClockWorth, SeasonPlan
+from pipeline.stages.clock_worth import clock_worth, hat_weights, mean_weights
+from tests.pipeline.tidal_run import planned
+
+
+@given(
+    st.lists(st.floats(0.1, 5), min_size=1, max_size=8), st.floats(0, 1), st.integers(0, 2**32 - 1)
+)
+def test_the_mean_is_the_integral_of_what_is_linear_between_slices(
+    gaps: list[float], share: float, seed: int
+) -> None:
+    times = np.cumsum([-0.3 * gaps[0], *gaps])
+    values = np.random.default_rng(seed).uniform(-1, 1, len(times))
+    end = max(share * times[-1], 0.01)
+    fine = np.linspace(0, end, 20_001)
+    expected = np.trapezoid(np.interp(fine, times, values), fine) / end
+    assert mean_weights(times, end) @ values == pytest.approx(expected, abs=1e-4)
+    assert mean_weights(times, end).sum() == pytest.approx(1)
+    assert hat_weights(times, end) @ values == pytest.approx(np.interp(end, times, values))
+
+
+def test_other_plans_are_sailed_in_the_changing_current() -> None:
+    """The plan at departure is made again here, from the field asked at that time."""
+    result = planned()
+    scene = result.scene
+    worth = result.evaluation.clock_worth_of("tide")
+    assert worth is not None
+    current, best = scene.currents["tide"], result.routes[0].route
+    assert worth.best == best.fuel
+    assert worth.bound <= worth.best * (1 + 1e-9)
+    assert worth.bound == pytest.approx(best.fuel_bound.value)
+
+    def at_departure(points: np.ndarray) -> np.ndarray:
+        return current.velocity(points, 0.0)
+
+    frozen = renew.plan(
+        scene.chart, at_departure, scene.vessel, scene.start, scene.goal,
+        classes=4, clearance=100.0, drift="crab", distinct_by="auto",
+    )  # fmt: skip
+    sailed = renew.fuel(frozen.best.path, current, scene.vessel, drift="crab")
+    assert worth.frozen == pytest.approx(sailed, rel=2e-3)
+    shortest = renew.fuel(np.array([scene.start, scene.goal]), current, scene.vessel, drift="crab")
+    assert worth.shortest > 0.99 * shortest, "straight through the island is no way"
+    # No plan that knows less is better, but for the grid of the search.
+    assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
+
+
+def test_a_reader_is_told() -> None:
+    worth = ClockWorth("tide", best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
+    assert clock_text(worth) == (
+        "Sailed in the changing current from the same departure on, the plan on the current at "
+        f"departure needs {percent(0.07)} more fuel than this route, the plan on its mean over the "
+        "voyage needs as much fuel as this route, the shortest safe path can't be sailed. No route "
+        f"at all saves more than {percent(0.015)}."
+    )
+
+
+def test_a_steady_current_has_no_clock() -> None:
+    scene, options = planned().scene, planned().scenario.planner
+    unplanned = SeasonPlan("tide", None, "no way", 0.0)
+    assert clock_worth(scene, unplanned, options) is None
+    assert planned().evaluation.clock_worth_of("winter") is None
