@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.nightly.cases import Cases
-from pipeline.nightly.config import load_config
-from pipeline.nightly.expansion import expand
+from pipeline.nightly.request.cases import Cases
+from pipeline.nightly.request.config import load_config
+from pipeline.nightly.request.expansion import expand
 from tests.bench.figure import Figure, at_most
 from tests.pipeline.nightly.nights import plane_night, rows, write_night
 
@@ -33,13 +33,13 @@ _PALAWAN_PAIRS = min(20, _PLANS)
 _PLAIN = """
 import sys, time
 from pathlib import Path
-from pipeline.nightly.comparison import Rules
-from pipeline.nightly.config import load_config
-from pipeline.nightly.expansion import expand
-from pipeline.nightly.newest_currents import newest_currents
-from pipeline.nightly.partial import Partial
-from pipeline.nightly.planning import Planning
-from pipeline.nightly.worker import plan_case
+from pipeline.nightly.planning.comparison import Rules
+from pipeline.nightly.request.config import load_config
+from pipeline.nightly.request.expansion import expand
+from pipeline.nightly.request.newest_currents import newest_currents
+from pipeline.nightly.cycle.partial import Partial
+from pipeline.nightly.planning.planning import Planning
+from pipeline.nightly.planning.worker import plan_case
 from pipeline.storage.store import Store
 from datetime import UTC, datetime
 config = load_config(Path(sys.argv[1]), Path(sys.argv[2]))

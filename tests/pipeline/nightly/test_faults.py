@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
+from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.killed_nights import night, run_to_the_end
 from tests.pipeline.nightly.nights import contents, plane_night, rows
 from tests.pipeline.processes import started, wait_until
@@ -140,7 +140,7 @@ def test_a_clock_that_is_elsewhere_changes_no_result(
     from datetime import UTC, datetime
 
     from pipeline.nightly import night as night_module
-    from pipeline.nightly import partial as partial_module
+    from pipeline.nightly.cycle import partial as partial_module
 
     config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
     cycle = run_night(config, scheduler=cluster).cycle

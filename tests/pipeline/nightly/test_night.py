@@ -14,9 +14,9 @@ import pystac
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.request.config import load_config
 from pipeline.nightly.status import case_lines, status_lines
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -195,7 +195,7 @@ def test_status_and_show(tmp_path: Path, cluster: str) -> None:
 
 
 def test_damage_is_found_before_anything_is_published(tmp_path: Path, cluster: str) -> None:
-    from pipeline.nightly.publishing import Publishing
+    from pipeline.nightly.publishing.publishing import Publishing
 
     config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
     run_night(config, scheduler=cluster)
@@ -224,8 +224,8 @@ def test_the_file_of_a_night_says_when_it_was_made(tmp_path: Path, cluster: str)
 
 @pytest.mark.parametrize("says_reference", [True, False])
 def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
-    from pipeline.nightly.expansion import expand
-    from pipeline.nightly.newest_currents import newest_currents
+    from pipeline.nightly.request.expansion import expand
+    from pipeline.nightly.request.newest_currents import newest_currents
 
     file = region_night(tmp_path)
     write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)
