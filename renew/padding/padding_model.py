@@ -51,8 +51,6 @@ class PaddingModel:
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
         self.sampler = TurnSampler.for_risk(policy.seed, policy.risk)
-        lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
-        self._tree = shapely.STRtree(lines)
         count = len(triangulation.triangles)
         self._statistics = CurrentStatistics(
             np.zeros((count, 2)), *(np.zeros(count) for _ in CurrentStatistics._fields[1:])
@@ -161,7 +159,7 @@ class PaddingModel:
         statistics = self._current.statistics(corners)
         for of, values in zip(self._statistics, statistics, strict=True):
             of[new] = values
-        row, edge = self._tree.query(
+        row, edge = self._triangulation.constrained_edge_tree.query(
             shapely.polygons(corners), predicate="dwithin", distance=self._furthest(statistics)
         )
         order = np.lexsort((edge, row))
