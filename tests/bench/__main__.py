@@ -19,6 +19,7 @@ from tests.bench import (
     class_figures,
     eddy_figures,
     fault_figures,
+    night_fault_figures,
     nightly_figures,
     output_figures,
     palawan_figures,
@@ -54,6 +55,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
     "nightly": nightly_figures.figures,
+    "nightly-faults": night_fault_figures.figures,
 }
 
 

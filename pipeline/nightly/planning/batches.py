@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
     from pipeline.nightly.planning.worker import BatchReport, PlanBatch
 
-# Work in a batch, s; towards the end it is less, so that no worker waits long for the last.
-_TARGET_S, _LEAST_S = 40.0, 2.0
+# Work in a batch, s. It is at most this share of what is left to each worker: what a killed job was
+# at is lost, and towards the end no worker waits long for the last.
+_TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
 # Number of cases in a batch as long as nobody knows how long one takes.
 _FIRST_CASES = 1
 # Number of times that a single case may see its worker die before it is called broken.
@@ -105,7 +106,7 @@ def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
     """Cut a range off the cases that wait."""
     count = _FIRST_CASES
     if waiting.seconds is not None:
-        share_s = waiting.count * waiting.seconds / max(workers, 1)
+        share_s = _SHARE * waiting.count * waiting.seconds / max(workers, 1)
         count = max(1, round(max(_LEAST_S, min(_TARGET_S, share_s)) / max(waiting.seconds, 1e-6)))
     first, end = waiting.ranges.popleft()
     middle = min(end, first + count)

@@ -20,6 +20,7 @@ from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.storage.store import Store, artefact_key, load_artefact, save_artefact
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import numpy as np
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from pipeline.model import Current
     from pipeline.scenario.model import Scenario
     from pipeline.scenario.season import Season
+    from pipeline.scenario.strict import Point
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -62,9 +64,10 @@ class NightCurrent:
 
 @dataclass(frozen=True, slots=True)
 class ChartTask:
-    """All that is needed to make a chart."""
+    """All that is needed to make a chart; `ends` are those of all pairs that are planned on it."""
 
     scenario: Scenario
+    ends: tuple[Point, ...]
     store_root: Path
     path: Path
     identity: str
@@ -72,7 +75,8 @@ class ChartTask:
     def make(self) -> None:
         """Make the chart and store it, unless it is there."""
         if load_artefact(self.path, NightChart) is None:
-            save_artefact(self.path, _chart(self.scenario, Store(self.store_root, "nightly")))
+            store = Store(self.store_root, "nightly")
+            save_artefact(self.path, _chart(self.scenario, self.ends, store))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,14 +130,15 @@ def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
     return found
 
 
-def chart_key(scenario: Scenario) -> str:
-    """Return the key of a scenario's chart in the store."""
+def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
+    """Return the key of a scenario's chart in the store, drawn for the ends of some pairs."""
     names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
     inputs = scenario.model_dump(mode="json", include=names)
     if scenario.is_planar:
         return artefact_key(STAGE, inputs)
     land = land_source(scenario.chart, scenario.vessel.draught_m)
-    return artefact_key(STAGE, land.identity, inputs, scenario.planner.model_dump(mode="json"))
+    planner = scenario.planner.model_dump(mode="json")
+    return artefact_key(STAGE, land.identity, inputs, planner, list(ends))
 
 
 def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
@@ -145,8 +150,8 @@ def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
     return Offing.of(scene, chart.scenario, chart.accuracy_m).planar_m
 
 
-def _chart(scenario: Scenario, store: Store) -> NightChart:
-    """Fetch, simplify and project a scenario's chart."""
+def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
+    """Fetch, simplify and project a scenario's chart, on which the ends of pairs lie in water."""
     if scenario.is_planar:
         scene = replace(planar.plane_scene(scenario), currents={})
         return NightChart(scenario, scene, "", 0.0, (), SmallMap.of(scene))
@@ -155,7 +160,10 @@ def _chart(scenario: Scenario, store: Store) -> NightChart:
         scenario = region.complete(scenario)
     fetcher = _fetcher(scenario, store)
     land, region_spec, chart = fetcher.land, fetcher.region, scenario.chart
-    key = artefact_key("simplify", fetcher.land_key, scenario.model_dump(mode="json"))
+    endpoints = (scenario.start, scenario.goal, *ends)
+    key = artefact_key(
+        "simplify", fetcher.land_key, scenario.model_dump(mode="json"), list(endpoints)
+    )
     simplified = store.load_or_make(
         "simplify",
         key,
@@ -167,7 +175,7 @@ def _chart(scenario: Scenario, store: Store) -> NightChart:
             accuracy_m=land.accuracy_m,
             tolerance_m=chart.tolerance_m,
             turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
-            endpoints=(scenario.start, scenario.goal),
+            endpoints=endpoints,
             projection=Projection.for_region(region_spec.shape, 1.0, region_spec.crs),
         ),
     )

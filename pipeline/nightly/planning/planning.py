@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pipeline.nightly.request.newest_currents import Newest
     from pipeline.scenario.model import Scenario
     from pipeline.scenario.season import Season
+    from pipeline.scenario.strict import Point
     from pipeline.stages.workers.fleet import Fleet
     from pipeline.storage.store import Store
 
@@ -124,7 +125,9 @@ class Planning:
         """
         examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
         charts = [
-            ChartTask(_scenario(one), self.store.root, self.chart_path(one), self.identity)
+            ChartTask(
+                _scenario(one), _ends(one), self.store.root, self.chart_path(one), self.identity
+            )
             for one in examples
         ]
         currents = [
@@ -180,7 +183,7 @@ class Planning:
     def chart_path(self, case: Case) -> Path:
         """Return where a case's chart is."""
         if case.chart not in self._chart_paths:
-            path = self.store.path("night-chart", chart_key(_scenario(case)))
+            path = self.store.path("night-chart", chart_key(_scenario(case), _ends(case)))
             self._chart_paths[case.chart] = path
         return self._chart_paths[case.chart]
 
@@ -279,6 +282,12 @@ def _scenario(case: Case) -> Scenario:
     """Return a case's scenario, with its own vessel."""
     scenario = case.block.scenario
     return scenario if case.vessel is None else scenario.model_copy(update={"vessel": case.vessel})
+
+
+def _ends(case: Case) -> tuple[Point, ...]:
+    """Return start and goal of all pairs on a case's chart; they stay in water there."""
+    pairs = (pair for pair in case.block.pairs if pair is not None)
+    return tuple(end for pair in pairs for end in (pair.start, pair.goal))
 
 
 def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:

@@ -8,13 +8,16 @@ import os
 from functools import partial
 from typing import TYPE_CHECKING
 
+from pipeline.errors import StageError
 from pipeline.stages.workers.connection import quiet, within
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# Time for an orderly end, s.
-_CLOSE_S = 3.0
+    from distributed import LocalCluster
+
+# Time for an orderly end, s; and number of times that starting is tried.
+_CLOSE_S, _TRIES = 3.0, 3
 # A worker is ended at its limit; until then its memory is its own. And the cluster does not give
 # up a worker that dies a second time within the time in which it looks into the first.
 _SETTINGS = {
@@ -37,13 +40,30 @@ def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
         Number of processes; None for one a core.
     memory_gb
         Memory at which a process is ended, GB.
+
+    Raises
+    ------
+    StageError
+        Its processes die as they start.
     """
     import dask
-    from distributed import LocalCluster
 
     with quiet(), dask.config.set(_SETTINGS):
-        cluster = LocalCluster(
-            n_workers=workers or cores(),
+        cluster = _started(workers or cores(), memory_gb)
+        try:
+            yield str(cluster.scheduler_address)
+        finally:
+            with contextlib.suppress(Exception):
+                within(2 * _CLOSE_S, partial(cluster.close, timeout=_CLOSE_S))
+
+
+def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> LocalCluster:
+    """Start a cluster; where a process dies as it starts, start another one."""
+    from distributed import LocalCluster
+
+    try:
+        return LocalCluster(
+            n_workers=workers,
             threads_per_worker=1,
             processes=True,
             memory_limit=int(memory_gb * 1e9),
@@ -51,11 +71,13 @@ def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
             dashboard_address=":0",  # any free port: with none it takes the common one all the same
             silence_logs=logging.CRITICAL + 1,
         )
-        try:
-            yield str(cluster.scheduler_address)
-        finally:
-            with contextlib.suppress(Exception):
-                within(2 * _CLOSE_S, partial(cluster.close, timeout=_CLOSE_S))
+    except Exception as error:
+        if tries > 1:
+            return _started(workers, memory_gb, tries - 1)
+        raise StageError(
+            f"can't start {workers} worker processes ({error}); check this machine's free memory: "
+            f"each may take {memory_gb:g} GB"
+        ) from error
 
 
 def cores() -> int:

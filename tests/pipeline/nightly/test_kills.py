@@ -80,6 +80,34 @@ def test_a_killed_night_continues(
 
 
 @pytest.mark.slow
+def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: Path) -> None:
+    """The night ends with a plain reason; started again at the same address, it goes on."""
+    output = second_night.again()
+    with Reader(output).reading() as reader:
+        with External.started(tmp_path) as external:
+            address = external.address
+            after_s = 0.6 * second_night.seconds
+            code = killed(
+                second_night.file,
+                output,
+                "scheduler",
+                after_s,
+                address=address,
+                external=external,
+            )
+            assert code == 1
+            (partial,) = output.glob("*.partial")
+            assert partial.is_dir()
+        with External.started(tmp_path, port=int(address.rpartition(":")[2])) as external:
+            assert external.address == address
+            run_to_the_end(second_night.file, output, "--scheduler", address)
+    assert reader.faults == []
+    assert len(reader.cycles) == 2
+    assert contents(output) == second_night.held
+    assert leftovers(output) == []
+
+
+@pytest.mark.slow
 def test_many_killed_nights_continue(second_night: Undisturbed, tmp_path: Path) -> None:
     rng = random.Random(SEED)  # noqa: S311 - a test's seed
     met: collections.Counter[str] = collections.Counter()

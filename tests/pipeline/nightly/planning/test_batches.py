@@ -60,12 +60,20 @@ def test_one_killer_in_a_thousand_costs_few_workers() -> None:
 
 
 def test_batches_are_20_to_60_seconds_long_but_for_the_first_and_the_last() -> None:
-    done, _, _ = work([[(0, 10_000)]], 0.1, lambda _: False)
+    done, _, _ = work([[(0, 100_000)]], 0.1, lambda _: False)
     sizes = [0.1 * (end - first) for first, end in done]
-    lasting = sizes[1 : next(i for i, (_, end) in enumerate(done) if end > 10_000 - 1600)]
+    lasting = sizes[1 : next(i for i, (_, end) in enumerate(done) if end > 100_000 - 6_400)]
     assert lasting
     assert all(20 <= size <= 60 for size in lasting)
-    assert len(done) < 60
+    assert len(done) < 400
+
+
+def test_a_job_that_is_killed_half_way_was_at_little() -> None:
+    """However short the night is: what its four workers are at is lost."""
+    for count in (200, 2_000, 20_000):
+        done, _, _ = work([[(0, count)]], 0.3, lambda _: False)
+        at_half = [end - first for first, end in done if first <= count / 2 < end]
+        assert 4 * sum(at_half) / 2 <= max(0.05 * count, 4 * 2.0 / 0.3)
 
 
 def test_what_is_unknown_begins_with_one_case() -> None:
