@@ -64,27 +64,28 @@ print(time.perf_counter() - begun, time.process_time() - processor)
 
 def figures() -> Iterator[Figure]:
     """Yield the figures, one by one as they are measured."""
-    nights = (("Palawan", _PLANS, _palawan, 0.9), ("single gyre", _SMALL_PLANS, _gyre, 0.8))
-    for name, count, write, share in nights:
-        if count:
-            with tempfile.TemporaryDirectory() as folder:
-                file = write(Path(folder))
-                yield from _beside_plain(f"nightly, {name}", file, Path(folder) / "out", share)
+    if _PLANS:
+        with tempfile.TemporaryDirectory() as folder:
+            yield from _beside_plain("nightly, Palawan", *palawan_night(Path(folder)), 0.9)
+    if _SMALL_PLANS:
+        with tempfile.TemporaryDirectory() as folder:
+            night = gyre_night(Path(folder), _SMALL_PLANS)
+            yield from _beside_plain("nightly, single gyre", *night, 0.8)
 
 
-def _gyre(folder: Path) -> Path:
-    """Write a night of pairs across the paper's single gyre."""
-    ends = np.random.default_rng(1).uniform((5, 5, 85, 85), (15, 15, 95, 95), (_SMALL_PLANS, 4))
+def gyre_night(folder: Path, plans: int, workers: int = 2) -> tuple[Path, Path]:
+    """Write a night of pairs across the paper's single gyre; return its file and its output."""
+    ends = np.random.default_rng(1).uniform((5, 5, 85, 85), (15, 15, 95, 95), (plans, 4))
     pairs = [",".join(f"{x:.4f}" for x in row) + f",p{i:05}" for i, row in enumerate(ends)]
     (folder / "pairs.csv").write_text(
         "start_x,start_y,goal_x,goal_y,name\n" + "\n".join(pairs) + "\n"
     )
     cases = 'scenario = "single-gyre"\npairs = "pairs.csv"\n'
-    return write_night(folder, cases, workers=2, memory_gb=1.0)
+    return write_night(folder, cases, workers=workers, memory_gb=1.0), folder / "out"
 
 
-def _palawan(folder: Path) -> Path:
-    """Write a night of pairs across Palawan on the embedded currents, twice a day."""
+def palawan_night(folder: Path) -> tuple[Path, Path]:
+    """Write a night of pairs across Palawan on the embedded currents; return file and output."""
     rng = np.random.default_rng(1)
     pairs = [
         f"{120.3 + a:.4f},{12.8 + b:.4f},{116.8 + c:.4f},{7.7 + d:.4f},p{i:02}"
@@ -99,7 +100,8 @@ def _palawan(folder: Path) -> Path:
         'seasons = ["summer"]\ncurrents = ["embedded-palawan"]\n'
         f'departures = {{ first = "06:00Z", every = "6h", count = {count} }}\n'
     )
-    return write_night(folder, cases, workers=2, memory_gb=1.0, stale_hours=1e6)
+    file = write_night(folder, cases, workers=2, memory_gb=1.0, stale_hours=1e6)
+    return file, folder / "out"
 
 
 class _Measured(NamedTuple):

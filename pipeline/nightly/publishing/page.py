@@ -36,7 +36,6 @@ _COLUMNS = (
     "status",
     "reason",
     "side",
-    "earlier_side",
     "class",
     "earlier_class",
     "fuel",

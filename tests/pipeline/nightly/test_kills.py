@@ -15,11 +15,14 @@ from tests.pipeline.nightly.killed_nights import (
     Reader,
     Undisturbed,
     Victim,
+    cases_at_work,
     killed,
     leftovers,
+    night,
     run_to_the_end,
 )
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
+from tests.pipeline.processes import started, wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,18 +89,14 @@ def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: 
     with Reader(output).reading() as reader:
         with External.started(tmp_path) as external:
             address = external.address
-            after_s = 0.6 * second_night.seconds
-            code = killed(
-                second_night.file,
-                output,
-                "scheduler",
-                after_s,
-                address=address,
-                external=external,
-            )
-            assert code == 1
-            (partial,) = output.glob("*.partial")
-            assert partial.is_dir()
+            command = night(second_night.file, output, "--scheduler", address)
+            with started(*command) as process:
+                wait_until(lambda: cases_at_work(output))
+                external.processes["scheduler"][0].kill()
+                _, errors = process.communicate(timeout=300)
+            assert process.returncode == 1
+            assert "no longer answers; all that was done is kept" in errors
+            assert list(output.glob("*.partial"))
         with External.started(tmp_path, port=int(address.rpartition(":")[2])) as external:
             assert external.address == address
             run_to_the_end(second_night.file, output, "--scheduler", address)
