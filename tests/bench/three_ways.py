@@ -51,9 +51,11 @@ def cluster(file: Path, output: Path) -> str:
         wait_until(lambda: told.exists() and told.read_text())
         address = str(json.loads(told.read_text())["address"])
         options = worker.replace('"', "").replace("tcp://renew-scheduler:8786", address).split(", ")
-        for _ in range(2):
-            held.enter_context(started(*dask, *options))
+        workers = [held.enter_context(started(*dask, *options)) for _ in range(2)]
         _run(*night(file, output, "--scheduler", address))
+        for worker in workers:  # in good order: else their processor time is nobody's
+            worker.terminate()
+            worker.wait(60)
     return "`renew nightly run --scheduler`, 2 workers"
 
 

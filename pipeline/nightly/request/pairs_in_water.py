@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import shapely
 
 from pipeline.sources.land.polygons import box_around
@@ -12,11 +11,13 @@ from pipeline.sources.registry import land_source
 from pipeline.stages.endpoint_look import endpoints_on_land
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pipeline.nightly.request.cases import Block, Cases
     from pipeline.nightly.request.config import NightConfig
     from pipeline.scenario.model import Scenario
 
-# Distance around a place within which its land is looked at, m.
+# Distance around all places within which land is looked at, m.
 _NEAR_M = 2_000.0
 
 
@@ -24,10 +25,12 @@ def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
     """Return a fault for each start and goal on land."""
     faults = []
     for block in cases.blocks:
+        if block.scenario.is_planar:
+            continue
         file = config.table.cases[block.number].pairs
-        for scenario, row in _voyages(block):
-            if not _is_suspect(scenario):
-                continue
+        voyages = _voyages(block)
+        for suspect in _suspects([scenario for scenario, _ in voyages]):
+            scenario, row = voyages[suspect]
             where = f"cases[{block.number}].pairs: {file}, row {row}: " if row else ""
             faults += [config.located(f"{where}{fault}") for fault in endpoints_on_land(scenario)]
     return faults
@@ -43,13 +46,14 @@ def _voyages(block: Block) -> list[tuple[Scenario, int]]:
     ]
 
 
-def _is_suspect(scenario: Scenario) -> bool:
-    """Whether an end may be on land; the closer look, which finds water, takes longer."""
-    if scenario.is_planar:
-        return False
-    source = land_source(scenario.chart, scenario.vessel.draught_m)
-    for place in (scenario.start, scenario.goal):
-        land = source.land(box_around(shapely.Point(place), _NEAR_M)).polygons
-        if shapely.intersects_xy(np.array(land, dtype=object), *place).any():
-            return True
-    return False
+def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
+    """Return which of the voyages on one chart have an end on land.
+
+    All are looked at in one go; the closer look, which finds water, takes longer.
+    """
+    ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
+    around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
+    source = land_source(scenarios[0].chart, scenarios[0].vessel.draught_m)
+    land = shapely.STRtree(source.land(around).polygons)
+    found = land.query(ends, predicate="intersects")[0]
+    return sorted(set((found // 2).tolist()))

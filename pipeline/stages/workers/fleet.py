@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Times within which a scheduler must answer, workers must be there, and an end is orderly, s.
 _ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
 # Times between two looks at tasks, and between two questions whether the scheduler lives, s.
-_PAUSE_S, _HEARTBEAT_S = 0.02, 5.0
+_PAUSE_S, _HEARTBEAT_S = 0.05, 5.0
 _REMEDY = "check the address, or leave --scheduler out"
 
 
