@@ -47,10 +47,12 @@ def cluster(file: Path, output: Path) -> str:
     with ExitStack() as held:
         options = scheduler.replace('"8786"', "0").replace('"', "").split(", ")
         dask = (sys.executable, "-m", "dask")
-        held.enter_context(started(*dask, *options, "--scheduler-file", str(told)))
+        options += ["--host", "127.0.0.1", "--scheduler-file", str(told)]
+        held.enter_context(started(*dask, *options))
         wait_until(lambda: told.exists() and told.read_text())
         address = str(json.loads(told.read_text())["address"])
         options = worker.replace('"', "").replace("tcp://renew-scheduler:8786", address).split(", ")
+        options += ["--host", "127.0.0.1"]
         workers = [held.enter_context(started(*dask, *options)) for _ in range(2)]
         _run(*night(file, output, "--scheduler", address))
         for worker in workers:  # in good order: else their processor time is nobody's

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Victim = Literal["main", "worker", "scheduler"]
 # Time within which any night ends, s.
-_LONG_S = 600.0
+_LONG_S = 1800.0
 # Time between two looks of the reader, s: twenty a second.
 _READER_S = 0.05
 
