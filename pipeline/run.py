@@ -20,8 +20,8 @@ from pipeline.outcome import Event, Outcome, ignore
 from pipeline.session import session
 from pipeline.stages import planar
 from pipeline.stages.fetch import FetchedParts, fetch
-from pipeline.stages.season_runner import run_tasks
-from pipeline.stages.season_task import SeasonTask
+from pipeline.stages.seasons.runner import run_tasks
+from pipeline.stages.seasons.task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pipeline.outcome import EventHandler, Stage
     from pipeline.scenario.model import Scenario
     from pipeline.session import Origin
-    from pipeline.stages.season_task import Status
+    from pipeline.stages.seasons.task import Status
     from pipeline.storage.store import Store
 
 

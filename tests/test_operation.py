@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import re
 import shutil
 import subprocess
@@ -12,6 +13,8 @@ from typing import Any
 import kubernetes_validate
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
 OPERATION = ROOT / "catalog" / "operation"
@@ -115,16 +118,39 @@ def test_the_containers_recipe_has_no_fault() -> None:
     assert checked(SCRIPTS / "hadolint", OPERATION / "Containerfile") == ""
 
 
-def test_the_containers_recipe_names_no_registry_and_copies_what_is_there() -> None:
+def test_the_containers_recipe_names_no_registry() -> None:
     images = re.findall(r"^FROM (\S+)", CONTAINERFILE, re.MULTILINE)
     assert images
     assert [name for name in images if not re.fullmatch(r"[a-z]+:[\w.-]+", name)] == []
     assert "://" not in CONTAINERFILE
-    copied = [
-        line.split()[1:-1]
-        for line in re.findall(r"^COPY (?!--from).*", CONTAINERFILE, re.MULTILINE)
-    ]
-    assert [name for names in copied for name in names if not (ROOT / name).exists()] == []
+
+
+def test_what_the_container_copies_is_all_that_its_wheel_and_its_pins_need(tmp_path: Path) -> None:
+    """In a folder with nothing else; what a registry would have to give is not tried."""
+    for line in re.findall(r"^COPY (?!--from)(.+) \S+$", CONTAINERFILE, re.MULTILINE):
+        for name in line.split():
+            if (ROOT / name).is_dir():
+                left_out = shutil.ignore_patterns("__pycache__")
+                shutil.copytree(ROOT / name, tmp_path / name, ignore=left_out)
+            else:
+                shutil.copy(ROOT / name, tmp_path)
+    (pins,) = re.findall(r"^RUN (sed .+?)\s*\\\n", CONTAINERFILE, re.MULTILINE)
+    subprocess.run(["/bin/sh", "-e", "-c", pins], cwd=tmp_path, check=True)
+    lines = (tmp_path / "constraints.txt").read_text("utf-8").splitlines()
+    pinned = [Requirement(line) for line in lines if line.strip() and line.lstrip()[0] != "#"]
+    assert all(str(one.specifier).startswith("==") for one in pinned)
+
+    build = [sys.executable, "-P", "-m", "hatchling", "build", "-t", "wheel"]
+    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    (made,) = importlib.metadata.Distribution.discover(path=[str(wheel)])
+    assert {script.name for script in made.entry_points} == {"renew"}
+    wanted = {
+        canonicalize_name(Requirement(one).name)
+        for one in made.requires or ()
+        if "extra ==" not in one
+    }
+    assert wanted <= {canonicalize_name(one.name) for one in pinned}
 
 
 @pytest.mark.parametrize("script", ["nightly.slurm"])

@@ -74,7 +74,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
     """Ask a scheduler's workers for their states; any exception means that none answers in time."""
     from distributed import Client
 
-    from pipeline.stages.scheduler_connection import quiet, scheduler_workers, within
+    from pipeline.stages.workers.connection import quiet, scheduler_workers, within
 
     def ask() -> dict[str, object]:
         with Client(address, timeout=NETWORK_S, set_as_default=False) as client:

@@ -11,8 +11,8 @@ import typer
 from pipeline.cli.failures import reported_errors
 
 if TYPE_CHECKING:
-    from pipeline.nightly.config import NightConfig
     from pipeline.nightly.outcome import NightOutcome
+    from pipeline.nightly.request.config import NightConfig
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -49,8 +49,8 @@ def check(
     """List all faults of a night's file, with file and line; write nothing."""
     with reported_errors():
         from pipeline.errors import RequestError
-        from pipeline.nightly.expansion import expand
-        from pipeline.nightly.pairs_in_water import pairs_on_land
+        from pipeline.nightly.request.expansion import expand
+        from pipeline.nightly.request.pairs_in_water import pairs_on_land
 
         loaded = _loaded(config, output)
         cases = expand(loaded, only=only, yes=yes)
@@ -138,7 +138,7 @@ def show(
 
 def _loaded(config: Path | None, output: Path | None) -> NightConfig:
     """Load the night's file."""
-    from pipeline.nightly.config import load_config
+    from pipeline.nightly.request.config import load_config
 
     return load_config(config, output)
 

@@ -10,10 +10,8 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle import Cycles, writing
-from pipeline.nightly.expansion import expand
-from pipeline.nightly.lock import night_lock
-from pipeline.nightly.newest_currents import newest_currents
+from pipeline.nightly.cycle.folders import Cycles, writing
+from pipeline.nightly.cycle.lock import night_lock
 from pipeline.nightly.outcome import (
     DONE,
     OUTCOMES,
@@ -23,17 +21,19 @@ from pipeline.nightly.outcome import (
     NightOutcome,
     ignore,
 )
-from pipeline.nightly.record import RECORD, record_of, summary
+from pipeline.nightly.publishing.record import RECORD, record_of, summary
+from pipeline.nightly.request.expansion import expand
+from pipeline.nightly.request.newest_currents import newest_currents
 from pipeline.storage.locks import file_lock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pipeline.nightly.cases import Cases
-    from pipeline.nightly.config import NightConfig
-    from pipeline.nightly.newest_currents import Newest
     from pipeline.nightly.outcome import NightEventHandler, NightStage
-    from pipeline.nightly.planning import Planning
+    from pipeline.nightly.planning.planning import Planning
+    from pipeline.nightly.request.cases import Cases
+    from pipeline.nightly.request.config import NightConfig
+    from pipeline.nightly.request.newest_currents import Newest
     from pipeline.storage.store import Store
 
 _ONLY = "only"
@@ -111,7 +111,7 @@ class _Night:
             self.newest = newest_currents(self.cases)
             if (settled := self._settled()) is not None:
                 return settled
-            from pipeline.nightly.pairs_in_water import pairs_on_land
+            from pipeline.nightly.request.pairs_in_water import pairs_on_land
 
             if faults := pairs_on_land(self.config, self.cases):
                 raise RequestError(faults)
@@ -179,11 +179,11 @@ class _Night:
 
     def _planning(self, *, is_alone: bool) -> Planning:
         """Open the cycle's folder, and gather what planning needs."""
-        from pipeline.nightly.comparison import Rules
-        from pipeline.nightly.earlier import CASES_FILE, EarlierRoutes
-        from pipeline.nightly.partial import Partial
-        from pipeline.nightly.planning import Planning
-        from pipeline.stages.season_cluster import own_identity
+        from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
+        from pipeline.nightly.cycle.partial import Partial
+        from pipeline.nightly.planning.comparison import Rules
+        from pipeline.nightly.planning.planning import Planning
+        from pipeline.stages.workers.fitness import own_identity
         from pipeline.storage.store import Store
 
         identity = own_identity()
@@ -239,14 +239,14 @@ class _Night:
 
     def _plan(self, planning: Planning) -> None:
         """Prepare and plan whatever no part holds."""
-        from pipeline.nightly.fleet import fleet
-        from pipeline.nightly.part import gaps
-        from pipeline.nightly.planning import Share
+        from pipeline.nightly.cycle.part import gaps
+        from pipeline.nightly.planning.night_workers import night_workers
+        from pipeline.nightly.planning.planning import Share
 
         total = len(self.cases)
         if not gaps(planning.partial.parts(), 0, total):
             return
-        with fleet(
+        with night_workers(
             self.scheduler,
             workers=self.config.table.workers,
             memory_gb=self.config.table.memory_gb,
@@ -259,7 +259,7 @@ class _Night:
 
     def _publish_if_last(self, planning: Planning) -> NightOutcome:
         """Publish once all shares are done; else leave it to the one that ends last."""
-        from pipeline.nightly.part import gaps
+        from pipeline.nightly.cycle.part import gaps
 
         i, n = self.part
         if not gaps(planning.partial.parts(), 0, len(self.cases)):
@@ -274,8 +274,8 @@ class _Night:
 
     def _publish(self, planning: Planning) -> NightOutcome:
         """Make the files, check them, and put them in place."""
-        from pipeline.nightly.publishing import Publishing
-        from pipeline.nightly.record import write_record
+        from pipeline.nightly.publishing.publishing import Publishing
+        from pipeline.nightly.publishing.record import write_record
 
         partial = planning.partial
         if not (partial.folder / RECORD).exists():

@@ -6,14 +6,14 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
-from pipeline.nightly.cases import matches
-from pipeline.nightly.changes import rows_of
-from pipeline.nightly.cycle import Cycles
-from pipeline.nightly.earlier import CASES_FILE
-from pipeline.nightly.lock import holder_of, is_busy
+from pipeline.nightly.cycle.earlier import CASES_FILE
+from pipeline.nightly.cycle.folders import Cycles
+from pipeline.nightly.cycle.lock import holder_of, is_busy
+from pipeline.nightly.cycle.part import covering, parts_in
 from pipeline.nightly.outcome import OUTCOMES
-from pipeline.nightly.part import covering, parts_in
-from pipeline.nightly.record import record_of
+from pipeline.nightly.publishing.changes import rows_of
+from pipeline.nightly.publishing.record import record_of
+from pipeline.nightly.request.cases import matches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

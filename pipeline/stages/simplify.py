@@ -5,7 +5,7 @@ In true metres, in the plane that is centred on the region:
 1. land is projected, repaired, and clipped to the region and a little beyond;
 2. it is covered, with its margin, by polygons of fewer vertices
    (:mod:`pipeline.geo.coast.covering_land`): nothing is joined but what overlaps then;
-3. start and goal stay in water, and connected (:mod:`pipeline.geo.coast.open_water`);
+3. starts and goals stay in water, and connected (:mod:`pipeline.geo.coast.open_water`);
 4. the same is done inwards, without a margin: no route that stays off the land can be better than
    one that need only stay off this;
 5. the results are checked: valid, all of the land covered, nothing inside that is not land.
@@ -88,7 +88,8 @@ def simplify_land(
     turning_radius_m
         The vessel's turning radius (true metres), for the choice of the tolerance.
     endpoints
-        Start and goal (lon, lat): they stay in water, and connected, where the land leaves them so.
+        Start and goal (lon, lat) of each voyage in turn: they stay in water, and connected, where
+        the land leaves them so.
     projection
         The planner's plane, in which edges will be straight; by default the region's own.
 
@@ -218,7 +219,7 @@ def check(
         covered = points[on_outer & ~on_land]
         if len(covered):
             places = " and ".join(_place(point, plane) for point in covered)
-            faults.append(f"{len(covered)} of start and goal are covered by land, {places}")
+            faults.append(f"{len(covered)} of starts and goals are covered by land, {places}")
     if faults:
         raise StageError(
             f"simplify: {' and '.join(faults)}: an error in the program; try another "

@@ -79,6 +79,9 @@ class _WayNamer:
         # it on different sides if and only if these differ.
         self._turns = {key: self._turns_of(route.path) for key, route in routes.items()}
         self._used: set[int] = set()
+        # What many routes ask for again.
+        self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
+        self._gaps: dict[tuple[int, int], LineString] = {}
 
     def passages(self, key: RouteKey) -> tuple[Passage, ...]:
         """What a route passes: the main island first, the others as it comes by them."""
@@ -147,10 +150,7 @@ class _WayNamer:
         Where another route of the season winds through the same gap the other way round, that it is
         between the two would not tell them apart.
         """
-        gaps = {
-            pair: shapely.shortest_line(*(self._outline(island) for island in pair))
-            for pair in combinations(islands, 2)
-        }
+        gaps = {pair: self._gap(*pair) for pair in combinations(islands, 2)}
         free = set(islands)
         for pair, gap in sorted(gaps.items(), key=lambda item: item[1].length):
             through = {
@@ -186,13 +186,22 @@ class _WayNamer:
 
     def _direction(self, island: int, turns: int) -> FloatArray:
         """Mean direction (2,) from an island to routes with such turns where they are near it."""
-        centre = self._centre(island)
-        directions = [
-            _direction_abeam(self._routes[key].path, centre)
-            for key, of in self._turns.items()
-            if of[island] == turns
-        ]
-        return np.asarray(np.mean(directions, axis=0))
+        keys = [key for key, of in self._turns.items() if of[island] == turns]
+        return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
+
+    def _abeam(self, key: RouteKey, island: int) -> FloatArray:
+        """Mean direction (2,) from an island to a route where that is near it."""
+        if (key, island) not in self._directions:
+            found = _direction_abeam(self._routes[key].path, self._centre(island))
+            self._directions[key, island] = found
+        return self._directions[key, island]
+
+    def _gap(self, one: int, other: int) -> LineString:
+        """The shortest line between two islands."""
+        if (one, other) not in self._gaps:
+            outlines = self._outline(one), self._outline(other)
+            self._gaps[one, other] = shapely.shortest_line(*outlines)
+        return self._gaps[one, other]
 
     def _along(self, key: RouteKey, island: int) -> float:
         """How far along its route, m, an island is passed."""

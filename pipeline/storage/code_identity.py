@@ -34,8 +34,8 @@ _ENTRIES = {
     "offing": ("pipeline.choices.offing",),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.stages.gap_shares", "pipeline.model"),
-    "night-chart": ("pipeline.nightly.chart", "pipeline.model"),
-    "night-case": ("pipeline.nightly.worker", "pipeline.model"),
+    "night-chart": ("pipeline.nightly.planning.chart", "pipeline.model"),
+    "night-case": ("pipeline.nightly.planning.worker", "pipeline.model"),
     "straits": ("pipeline.stages.shut_straits", "pipeline.model"),
     "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }

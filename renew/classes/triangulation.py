@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Literal, TypeAlias, get_args
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
@@ -58,6 +59,13 @@ class Triangulation:
         return self.vertices[self.edge_vertices(triangle, corner)]
 
     @cached_property
+    def constrained_edge_tree(self) -> shapely.STRtree:
+        """The constrained edges as lines, for queries by place."""
+        edges = self.constrained_edges
+        lines = shapely.linestrings(edges) if len(edges) else np.array([], dtype=object)
+        return shapely.STRtree(lines)
+
+    @cached_property
     def on_land(self) -> BoolArray:
         """Which vertices (v,) a constrained edge ends in."""
         ends = np.zeros(len(self.vertices), dtype=bool)
@@ -100,6 +108,16 @@ class Triangulation:
         inside = apart.min(axis=1)
         best = int(np.argmax(inside))
         return best if inside[best] >= -_ON_EDGE * float(np.ptp(self.vertices)) else -1
+
+
+_KEPT: WeakKeyDictionary[Chart, Triangulation] = WeakKeyDictionary()
+
+
+def triangulation_of(chart: Chart) -> Triangulation:
+    """Triangulation of a chart's whole water, made once: all plans on a chart share it."""
+    if (kept := _KEPT.get(chart)) is None:
+        kept = _KEPT[chart] = triangulate(chart)
+    return kept
 
 
 def triangulate(

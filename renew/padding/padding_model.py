@@ -55,8 +55,6 @@ class PaddingModel:
         self._edges = triangulation.constrained_edges
         # The same draws for every triangle: its figures depend on itself alone.
         self.sampler = TurnSampler.for_risk(policy.seed, policy.risk)
-        lines = shapely.linestrings(self._edges) if len(self._edges) else np.array([], dtype=object)
-        self._tree = shapely.STRtree(lines)
         # All windows of a steady current are alike.
         steps = np.diff(current.slice_times)
         self._clock_step = 0.0 if current.is_steady else float(steps.min())
@@ -192,7 +190,7 @@ class PaddingModel:
         corners = self._triangulation.corners[triangles]
         windows = np.stack([first, last], axis=1) * self._clock_step
         statistics = self._current.statistics(corners, windows)
-        row, edge = self._tree.query(
+        row, edge = self._triangulation.constrained_edge_tree.query(
             shapely.polygons(corners), predicate="dwithin", distance=self._furthest(statistics)
         )
         order = np.lexsort((edge, row))

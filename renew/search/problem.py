@@ -12,7 +12,7 @@ from renew.classes.choices import rays_that_matter
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.overpowered_water import overpowered_water
-from renew.classes.triangulation import Triangulation, triangulate
+from renew.classes.triangulation import Triangulation, triangulate, triangulation_of
 from renew.inputs.arguments import DistinctBy, Order
 from renew.inputs.voyage import Voyage
 from renew.paths.corridor import SLACK
@@ -42,7 +42,8 @@ class Problem:
     @cached_property
     def triangulation(self) -> Triangulation:
         """Triangles of the water that is not overpowered."""
-        return triangulate(self.voyage.chart, closed=self.overpowered_water)
+        chart, closed = self.voyage.chart, self.overpowered_water
+        return triangulation_of(chart) if closed.is_empty else triangulate(chart, closed=closed)
 
     @cached_property
     def rays(self) -> Rays:

@@ -20,6 +20,7 @@ from tests.bench import (
     clock_figures,
     eddy_figures,
     fault_figures,
+    night_fault_figures,
     nightly_figures,
     output_figures,
     palawan_figures,
@@ -56,6 +57,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "sea": sea_figures.figures,
     "clock": clock_figures.figures,
     "nightly": nightly_figures.figures,
+    "nightly-faults": night_fault_figures.figures,
 }
 
 

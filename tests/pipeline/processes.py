@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from tests.pipeline.small_plane import small_plane
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = small_plane("quick")
@@ -45,7 +45,9 @@ classes = 9000
 
 
 @contextlib.contextmanager
-def started(*command: str, cwd: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+def started(
+    *command: str, cwd: Path | None = None, variables: Mapping[str, str] | None = None
+) -> Iterator[subprocess.Popen[str]]:
     """Start a command in a session of its own; kill what is left of it at the end."""
     with subprocess.Popen(
         command,
@@ -54,7 +56,7 @@ def started(*command: str, cwd: Path | None = None) -> Iterator[subprocess.Popen
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), **(variables or {})},
         start_new_session=True,
         # A shell starts what runs in the background with Ctrl-C ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads

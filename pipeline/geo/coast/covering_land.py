@@ -94,5 +94,6 @@ def _without_lakes(polygons: Geometries, endpoints: FloatArray) -> Geometries:
         return polygons
     kept = ~is_hole
     lakes = shapely.polygons(rings[is_hole])
-    kept[is_hole] = shapely.intersects(lakes[:, None], shapely.points(endpoints)).any(axis=1)
+    held = shapely.STRtree(lakes).query(shapely.points(endpoints), predicate="intersects")[1]
+    kept[np.flatnonzero(is_hole)[held]] = True
     return np.asarray(shapely.polygons(rings[kept], indices=owner[kept]))

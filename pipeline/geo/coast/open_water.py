@@ -1,4 +1,4 @@
-"""Keep start and goal in water, and connected, where only a margin or a tolerance covers them."""
+"""Keep starts and goals in water, and connected, where only a margin or a tolerance covers them."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _AROUND = 3.0
 
 @dataclass(frozen=True, slots=True)
 class OpenWater:
-    """Land (m, planar polygons) that leaves start and goal in water, and connected.
+    """Land (m, planar polygons) that leaves starts and goals in water, and connected.
 
-    `narrowest` (x, y) is the narrowest place that had to be opened to connect them and `width_m`
-    how wide it is between the original coasts; None and inf where nothing was.
+    `narrowest` (x, y) is the narrowest place that had to be opened to connect two of them and
+    `width_m` how wide it is between the original coasts; None and inf where nothing was.
     """
 
     land: Geometries
@@ -43,42 +43,61 @@ def opened(
 ) -> OpenWater:
     """Take from land what covers the endpoints (n, 2), or parts them, without being original.
 
-    `added_m` is how far the land extends beyond the original. An endpoint on original land stays on
-    land, and endpoints that original land parts stay apart.
+    They are start and goal of each voyage in turn. `added_m` is how far the land extends beyond the
+    original. An endpoint on original land stays on land, and endpoints that original land parts
+    stay apart.
     """
-    land = _drawn_back(land, original, endpoints, added_m)
-    on_land = shapely.STRtree(original).query(shapely.points(endpoints), predicate="intersects")
-    if len(endpoints) < 2 or on_land.size or are_connected(land, extent, endpoints):
-        return OpenWater(land)
-    way = widest_way(original, extent, endpoints[0], endpoints[1], added_m)
+    result = OpenWater(_drawn_back(land, original, endpoints, added_m))
+    voyages = endpoints[: len(endpoints) // 2 * 2].reshape(-1, 2, 2)
+    apart = parted(result.land, extent, voyages)
+    for voyage in sorted(apart - parted(original, extent, voyages) if apart else ()):
+        # The way that was opened for another one may have joined this one's ends as well.
+        if voyage in parted(result.land, extent, voyages):
+            result = _connected(result, original, extent, voyages[voyage], added_m)
+    return result
+
+
+def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
+    """Return which voyages (n, 2, 2) no body of water outside the land holds both ends of."""
+    bodies = shapely.get_parts(shapely.difference(extent, shapely.union_all(land)))
+    points = shapely.points(voyages.reshape(-1, 2))
+    held = set(zip(*shapely.STRtree(bodies).query(points, "intersects").tolist(), strict=True))
+    joined = {end // 2 for end, body in held if end % 2 == 0 and (end + 1, body) in held}
+    return set(range(len(voyages))) - joined
+
+
+def _connected(
+    water: OpenWater, original: Geometries, extent: Polygon, ends: FloatArray, added_m: float
+) -> OpenWater:
+    """Open the widest way between the ends (2, 2) of a voyage, if there is any."""
+    way = widest_way(original, extent, ends[0], ends[1], added_m)
     if way is None:
-        return OpenWater(land)
-    near = np.unique(shapely.STRtree(way).query(land, predicate="intersects")[1])
+        return water
+    near = np.unique(shapely.STRtree(way).query(water.land, predicate="intersects")[1])
     blocked = way[near]
     _, room_m = shapely.STRtree(original).query_nearest(
         blocked, return_distance=True, all_matches=False
     )
     narrowest = int(np.argmin(room_m))
-    x, y = shapely.get_coordinates(shapely.centroid(blocked[narrowest]))[0].tolist()
     cleared = shapely.union_all(shapely.buffer(blocked, _CLEARED * np.minimum(room_m, added_m)))
-    return OpenWater(_without(land, cleared), (x, y), 2 * float(room_m[narrowest]))
-
-
-def are_connected(land: Geometries, extent: Polygon, endpoints: FloatArray) -> bool:
-    """Say whether one body of water outside the land holds all endpoints (n, 2)."""
-    water = shapely.difference(extent, shapely.multipolygons(land))
-    bodies = shapely.get_parts(water)
-    holds = shapely.intersects(bodies[:, None], shapely.points(endpoints))
-    return bool(holds.all(axis=1).any())
+    land, width_m = _without(water.land, cleared), 2 * float(room_m[narrowest])
+    if width_m >= water.width_m:
+        return OpenWater(land, water.narrowest, water.width_m)
+    x, y = shapely.get_coordinates(shapely.centroid(blocked[narrowest]))[0].tolist()
+    return OpenWater(land, (x, y), width_m)
 
 
 def _drawn_back(
     land: Geometries, original: Geometries, endpoints: FloatArray, added_m: float
 ) -> Geometries:
     """Draw the coast back around the endpoints that it covers: to half of their distance."""
-    tree = shapely.STRtree(original)
-    for point in shapely.points(endpoints):
-        if not shapely.intersects(land, point).any() or len(tree.query(point, "intersects")):
+    tree, points = shapely.STRtree(original), shapely.points(endpoints)
+    on_land, covered = (
+        set(of.query(points, predicate="intersects")[0].tolist())
+        for of in (tree, shapely.STRtree(land))
+    )
+    for point in points[sorted(covered - on_land)]:
+        if not shapely.intersects(land, point).any():
             continue
         around = shapely.buffer(point, _AROUND * added_m)
         near = original[tree.query(around, predicate="intersects")]

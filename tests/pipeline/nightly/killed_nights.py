@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Victim = Literal["main", "worker", "scheduler"]
 # Time within which any night ends, s.
-_LONG_S = 600.0
+_LONG_S = 1800.0
 # Time between two looks of the reader, s: twenty a second.
 _READER_S = 0.05
 
@@ -93,15 +93,15 @@ class External:
 
     @classmethod
     @contextlib.contextmanager
-    def started(cls, folder: Path, workers: int = 2) -> Iterator[External]:
-        """Start them."""
+    def started(cls, folder: Path, workers: int = 2, port: int = 0) -> Iterator[External]:
+        """Start them; at any free port if it is 0."""
         file = folder / f"scheduler-{random.getrandbits(32):x}.json"
         dask = (sys.executable, "-m", "dask")
         with contextlib.ExitStack() as held:
             scheduler = held.enter_context(
                 started(
-                    *(*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"),
-                    *("--scheduler-file", str(file)),
+                    *(*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port)),
+                    *("--no-dashboard", "--scheduler-file", str(file)),
                 )
             )
             wait_until(lambda: file.exists() and file.read_text(), 120)
@@ -154,9 +154,9 @@ def killed(
         if victim == "main":
             process.kill()
         elif victim == "worker":
-            pool = sorted(_workers_of(process.pid))
+            pool = sorted(workers_of(process.pid))
             if external is not None:
-                pool = sorted(_workers_of(external.processes["worker"][0].pid))
+                pool = sorted(workers_of(external.processes["worker"][0].pid))
             if pool:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(random.choice(pool), signal.SIGKILL)  # noqa: S311 - a test's choice
@@ -165,7 +165,7 @@ def killed(
         return process.wait(_LONG_S)
 
 
-def _workers_of(pid: int) -> set[int]:
+def workers_of(pid: int) -> set[int]:
     """Return the worker processes below a process: those that multiprocessing has spawned."""
     found = set()
     for child in descendants(pid):
@@ -176,6 +176,21 @@ def _workers_of(pid: int) -> set[int]:
             if b"spawn_main" in line:
                 found.add(child)
     return found
+
+
+def cases_done(output: Path) -> int:
+    """Return the number of cases in the parts of a cycle under way."""
+    return _cases([path.stem for path in output.glob("*.partial/parts/*.parquet")])
+
+
+def cases_at_work(output: Path) -> int:
+    """Return the number of cases in the batches that workers have begun."""
+    return _cases([path.name for path in output.glob("*.partial/marks/*")])
+
+
+def _cases(names: list[str]) -> int:
+    """Return the number of cases in batches, whose names begin with the first and the end."""
+    return sum(int(end) - int(first) for first, end, *_ in (name.split("-") for name in names))
 
 
 def leftovers(output: Path) -> list[str]:

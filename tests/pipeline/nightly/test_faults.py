@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,11 +12,23 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
-from tests.pipeline.nightly.killed_nights import night, run_to_the_end
-from tests.pipeline.nightly.nights import contents, plane_night, rows
+from pipeline.nightly.request.config import load_config
+from tests.pipeline.nightly.killed_nights import (
+    cases_at_work,
+    cases_done,
+    night,
+    run_to_the_end,
+    workers_of,
+)
+from tests.pipeline.nightly.nights import (
+    contents,
+    plane_night,
+    region_night,
+    rows,
+    write_forecast,
+)
 from tests.pipeline.processes import started, wait_until
 
 _DEADLY = Path(__file__).parent / "deadly"
@@ -99,6 +111,18 @@ def test_a_limit_that_is_reached_keeps_what_is_done(tmp_path: Path, cluster: str
 
 
 @pytest.mark.slow
+def test_a_worker_that_dies_as_it_starts(tmp_path: Path) -> None:
+    file, output = plane_night(tmp_path, pairs=2, workers=1), tmp_path / "out"
+    with started(*night(file, output)) as process:
+        wait_until(lambda: workers_of(process.pid))
+        (worker,) = workers_of(process.pid)
+        os.kill(worker, signal.SIGKILL)
+        _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0, errors
+    assert [row["status"] for row in rows(output)] == ["planned"] * 2
+
+
+@pytest.mark.slow
 def test_two_jobs_at_once(tmp_path: Path) -> None:
     file, output = plane_night(tmp_path, pairs=40, workers=1), tmp_path / "out"
     with started(*night(file, output)) as first:
@@ -140,7 +164,7 @@ def test_a_clock_that_is_elsewhere_changes_no_result(
     from datetime import UTC, datetime
 
     from pipeline.nightly import night as night_module
-    from pipeline.nightly import partial as partial_module
+    from pipeline.nightly.cycle import partial as partial_module
 
     config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
     cycle = run_night(config, scheduler=cluster).cycle
@@ -162,14 +186,35 @@ def test_a_clock_that_is_elsewhere_changes_no_result(
 
 @pytest.mark.slow
 def test_a_night_killed_half_way_does_the_other_half_only(tmp_path: Path) -> None:
-    file, output = plane_night(tmp_path, pairs=40, workers=1), tmp_path / "out"
+    file, output = plane_night(tmp_path, pairs=120, workers=1), tmp_path / "out"
     with started(*night(file, output)) as process:
-        wait_until(lambda: len(list(output.glob("*.partial/parts/*.parquet"))) >= 2, 300)
+        wait_until(lambda: cases_done(output) >= 60, 300)
         process.kill()
         process.wait()
-    parts = {path: path.stat().st_mtime_ns for path in output.glob("*.partial/parts/*.parquet")}
-    with contextlib.suppress(FileNotFoundError):
-        assert {path: path.stat().st_mtime_ns for path in parts} == parts
-    said = run_to_the_end(file, output)
-    assert '"event": "done"' in said
-    assert len(rows(output)) == 40
+    at_work = cases_at_work(output)
+    done = {path: path.stat().st_mtime_ns for path in output.glob("*.partial/parts/*.parquet")}
+    count = cases_done(output)
+    again = started(*night(file, output))
+    with again as process:
+        wait_until(lambda: cases_done(output) > count or process.poll() is not None, 300)
+        kept = {path: path.stat().st_mtime_ns for path in done if path.exists()}
+        assert kept in (done, {})  # none once they are merged
+        process.communicate(timeout=300)
+    assert process.returncode == 0
+    assert len(rows(output)) == 120
+    # What it was at is all that is planned twice.
+    assert at_work <= 0.05 * 120
+
+
+@pytest.mark.slow
+def test_a_rerun_with_fifty_files_touches_none(tmp_path: Path) -> None:
+    for member in range(50):
+        write_forecast(tmp_path / "currents" / f"m{member:02}.nc", seed=member)
+    file, output = region_night(tmp_path, departures=1, workers=1), tmp_path / "out"
+    run_to_the_end(file, output)
+    assert len(rows(output)) == 50
+    held = [*output.rglob("*"), *(tmp_path / "currents").iterdir()]
+    before = {path: path.stat().st_mtime_ns for path in held}
+    assert "nothing to do" in run_to_the_end(file, output)
+    assert {path: path.stat().st_mtime_ns for path in output.rglob("*")}.items() <= before.items()
+    assert {path: path.stat().st_mtime_ns for path in held} == before

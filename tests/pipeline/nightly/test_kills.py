@@ -15,11 +15,14 @@ from tests.pipeline.nightly.killed_nights import (
     Reader,
     Undisturbed,
     Victim,
+    cases_at_work,
     killed,
     leftovers,
+    night,
     run_to_the_end,
 )
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
+from tests.pipeline.processes import started, wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -80,9 +83,40 @@ def test_a_killed_night_continues(
 
 
 @pytest.mark.slow
+def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: Path) -> None:
+    """The night ends with a plain reason; started again at the same address, it goes on."""
+    output = second_night.again()
+    with Reader(output).reading() as reader:
+        with External.started(tmp_path) as external:
+            address = external.address
+            command = night(second_night.file, output, "--scheduler", address)
+            with started(*command) as process:
+                wait_until(lambda: cases_at_work(output))
+                external.processes["scheduler"][0].kill()
+                _, errors = process.communicate(timeout=300)
+            assert process.returncode == 1
+            assert "no longer answers; all that was done is kept" in errors
+            assert list(output.glob("*.partial"))
+        with External.started(tmp_path, port=int(address.rpartition(":")[2])) as external:
+            assert external.address == address
+            run_to_the_end(second_night.file, output, "--scheduler", address)
+    assert reader.faults == []
+    assert len(reader.cycles) == 2
+    assert contents(output) == second_night.held
+    assert leftovers(output) == []
+
+
+@pytest.mark.slow
 def test_many_killed_nights_continue(second_night: Undisturbed, tmp_path: Path) -> None:
     rng = random.Random(SEED)  # noqa: S311 - a test's seed
     met: collections.Counter[str] = collections.Counter()
+    faults = []
     for i in range(KILLS):
-        met[kill_and_continue(second_night, _VICTIMS[i % 10], rng.random(), tmp_path)] += 1
-    print(f"{KILLS} kills: {dict(met)}")  # noqa: T201
+        try:
+            ended = kill_and_continue(second_night, _VICTIMS[i % 10], rng.random(), tmp_path)
+        except AssertionError as error:
+            faults.append(f"kill {i + 1}: {error}")
+            ended = "fault"
+        met[ended] += 1
+        print(f"kill {i + 1} of {KILLS}: {ended}", flush=True)  # noqa: T201 - hours go by
+    assert faults == [], dict(met)

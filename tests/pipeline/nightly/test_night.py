@@ -14,9 +14,9 @@ import pystac
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.request.config import load_config
 from pipeline.nightly.status import case_lines, status_lines
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -139,6 +139,26 @@ def test_no_case_at_all_could_be_planned(tmp_path: Path, cluster: str) -> None:
     assert not (tmp_path / "out" / "latest").exists()
 
 
+def test_a_pair_within_the_charts_margin_is_planned(tmp_path: Path, cluster: str) -> None:
+    """Its goal lies 22 m off the island, and the chart is accurate to 50 m."""
+    write_forecast(tmp_path / "currents" / "m1.nc")
+    file = region_night(tmp_path, departures=1)
+    region = (tmp_path / "region.toml").read_text().replace("paper-asv", "usv-7m")
+    region = region.replace("scale = 1000", "scale = 1").replace("tolerance_m = 500\n", "")
+    (tmp_path / "region.toml").write_text(region)
+    file.write_text(file.read_text() + 'pairs = "pairs.csv"\n')
+    (tmp_path / "pairs.csv").write_text(
+        "start_lon,start_lat,goal_lon,goal_lat,name\n"
+        "118.40,10.20,118.60,10.30,open\n118.40,10.20,118.50,10.3102,close\n"
+    )
+    run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
+    away, close = rows(tmp_path / "out")
+    assert [away["status"], close["status"]] == ["planned"] * 2, close["reason"]
+    assert 0 < close["clearance_m"] < 25
+    assert away["clearance_m"] > 50
+    assert away["collisions"] == 0
+
+
 def test_the_oldest_cycles_go_and_latest_stays(tmp_path: Path, cluster: str) -> None:
     output = tmp_path / "out"
     file = region_night(tmp_path, departures=1, keep=2, workers=1)
@@ -195,7 +215,7 @@ def test_status_and_show(tmp_path: Path, cluster: str) -> None:
 
 
 def test_damage_is_found_before_anything_is_published(tmp_path: Path, cluster: str) -> None:
-    from pipeline.nightly.publishing import Publishing
+    from pipeline.nightly.publishing.publishing import Publishing
 
     config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
     run_night(config, scheduler=cluster)
@@ -224,8 +244,8 @@ def test_the_file_of_a_night_says_when_it_was_made(tmp_path: Path, cluster: str)
 
 @pytest.mark.parametrize("says_reference", [True, False])
 def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
-    from pipeline.nightly.expansion import expand
-    from pipeline.nightly.newest_currents import newest_currents
+    from pipeline.nightly.request.expansion import expand
+    from pipeline.nightly.request.newest_currents import newest_currents
 
     file = region_night(tmp_path)
     write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)

@@ -11,7 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.nightly.lock import LOCK
+from pipeline.nightly.cycle.lock import LOCK
 from pipeline.storage.locks import file_lock
 from tests.pipeline.nightly.nights import plane_night
 

@@ -358,7 +358,7 @@ def test_check_names_every_fault() -> None:
     assert f"uncovered, at {lon:.4f} E {lat:.4f} N" in str(caught.value)
     lon, lat = PLANE.to_lonlat((200.0, 100.0))
     place = f"at {lon:.4f} E {lat:.4f} N"
-    with pytest.raises(StageError, match=f"1 of start and goal are covered by land, {place}"):
+    with pytest.raises(StageError, match=f"1 of starts and goals are covered by land, {place}"):
         check(shapely.buffer(good, 200), none, land, np.array([[200.0, 100.0]]), PLANE)
 
 

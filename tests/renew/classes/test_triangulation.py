@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import math
 import sys
+import weakref
 from collections import defaultdict
 from functools import partial
 from importlib.util import find_spec
@@ -20,7 +22,7 @@ from shapely.affinity import affine_transform
 
 import renew
 from renew.classes.dual_graph import dual_graph
-from renew.classes.triangulation import Backend, Triangulation, triangulate
+from renew.classes.triangulation import Backend, Triangulation, triangulate, triangulation_of
 from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, single_gyre
 
 if TYPE_CHECKING:
@@ -264,7 +266,8 @@ def test_plans_find_the_same_classes_for_the_same_fuel(
     chart, current, start, goal = scene()
 
     def plan() -> renew.Plan:
-        return renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=6)
+        fresh = renew.Chart(chart.extent, chart.no_go)  # plans on one chart share its triangles
+        return renew.plan(fresh, current, PAPER_VESSEL, start, goal, classes=6)
 
     by_triangle = plan()
     monkeypatch.setitem(sys.modules, "triangle", None)
@@ -272,6 +275,28 @@ def test_plans_find_the_same_classes_for_the_same_fuel(
     assert {r.homotopy for r in by_geos.routes} == {r.homotopy for r in by_triangle.routes}
     assert {r.homotopy for r in by_geos.rejected} == {r.homotopy for r in by_triangle.rejected}
     assert by_geos.best.fuel == pytest.approx(by_triangle.best.fuel, rel=1e-3)
+
+
+def test_plans_on_one_chart_share_its_triangles_as_long_as_it_lives() -> None:
+    chart, current, start, goal = gyre_scene()
+    once = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=3)
+    kept = triangulation_of(chart)
+    assert (kept.corners == triangulate(chart).corners).all()
+    again = renew.plan(chart, current, PAPER_VESSEL, goal, start, classes=3)
+    assert triangulation_of(chart) is kept
+    other = renew.Chart(chart.extent, chart.no_go)
+    assert triangulation_of(other) is not kept
+    # The same to the last bit as on a chart that nobody has planned on.
+    for plan, ends in ((once, (start, goal)), (again, (goal, start))):
+        fresh = renew.Chart(chart.extent, chart.no_go)
+        alone = renew.plan(fresh, current, PAPER_VESSEL, *ends, classes=3)
+        for one, two in zip(plan.routes, alone.routes, strict=True):
+            assert (one.path == two.path).all()
+            assert (one.padding_used == two.padding_used).all()
+    forgotten = weakref.ref(kept)
+    del kept, chart, once, again, plan, alone, one, two, fresh
+    gc.collect()
+    assert forgotten() is None
 
 
 # --- which of them ----------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.geo.coast.covering_land import covering_land
-from pipeline.geo.coast.open_water import are_connected, opened
+from pipeline.geo.coast.open_water import opened, parted
 from tests.pipeline.archipelagos import EXTENT, PLANE, archipelagos
 from tests.pipeline.geo.coast.shapes import planar
 
@@ -42,9 +42,9 @@ def test_the_widest_strait_is_opened_where_the_margin_shuts_all(width: float) ->
     wall = shapely.get_parts(WALL.difference(wide).difference(narrow))
     endpoints = np.array([WEST, EAST])
     grown = covering_land(wall, 100.0, 300.0, endpoints)
-    assert not are_connected(grown, EXTENT, endpoints)
+    assert parted(grown, EXTENT, endpoints[None]) == {0}
     free = opened(grown, wall, EXTENT, endpoints, 400.0)
-    assert are_connected(free.land, EXTENT, endpoints)
+    assert parted(free.land, EXTENT, endpoints[None]) == set()
     assert shapely.union_all(wall).difference(shapely.union_all(free.land)).area < 1e-3
     assert free.width_m == pytest.approx(width, rel=0.02)
     assert free.narrowest is not None
@@ -60,13 +60,29 @@ def test_what_land_parts_stays_apart() -> None:
     grown = covering_land(wall, 100.0, 300.0, endpoints)
     free = opened(grown, wall, EXTENT, endpoints, 400.0)
     assert free.narrowest is None
-    assert not are_connected(free.land, EXTENT, endpoints)
+    assert parted(free.land, EXTENT, endpoints[None]) == {0}
 
 
 def test_bodies_of_water_are_distinguished() -> None:
     wall = np.array([WALL])
-    assert not are_connected(wall, EXTENT, np.array([WEST, EAST]))
-    assert are_connected(wall, EXTENT, np.array([WEST, (-20e3, 100.0)]))
-    assert are_connected(wall, EXTENT, np.array([WEST]))
+    voyages = np.array([(WEST, EAST), (WEST, (-20e3, 100.0)), (EAST, WEST)])
+    assert parted(wall, EXTENT, voyages) == {0, 2}
     gate = shapely.get_parts(WALL.difference(shapely.box(-2e3, -5, 2e3, 5)))
-    assert are_connected(gate, EXTENT, np.array([WEST, EAST]))
+    assert parted(gate, EXTENT, voyages) == set()
+
+
+def test_each_of_many_voyages_gets_its_strait() -> None:
+    """A lagoon with a narrow mouth, the wall's strait, an end within the margin, one on land."""
+    ring = shapely.box(20e3, -30e3, 30e3, -20e3).difference(shapely.box(22e3, -28e3, 28e3, -22e3))
+    lagoon = ring.difference(shapely.box(24.9e3, -23e3, 25.1e3, -19e3))
+    wall = WALL.difference(shapely.box(-2e3, 10e3, 2e3, 10.1e3))
+    land = shapely.get_parts([wall, lagoon])
+    inside, close = (25e3, -25e3), (20e3 - 50.0, -25e3)
+    endpoints = np.array([EAST, inside, WEST, EAST, close, EAST, (21e3, -25e3), EAST])
+    grown = covering_land(land, 100.0, 300.0, endpoints)
+    voyages = endpoints.reshape(-1, 2, 2)
+    assert parted(grown, EXTENT, voyages) == {0, 1, 2, 3}
+    free = opened(grown, land, EXTENT, endpoints, 400.0)
+    assert parted(free.land, EXTENT, voyages) == {3}
+    assert shapely.union_all(land).difference(shapely.union_all(free.land)).area < 1e-3
+    assert free.width_m == pytest.approx(100.0, rel=0.02)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-_MODULE = "pipeline.nightly.worker"
+_MODULE = "pipeline.nightly.planning.worker"
 
 
 class _Deadly(importlib.abc.MetaPathFinder):

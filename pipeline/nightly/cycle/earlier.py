@@ -1,0 +1,93 @@
+"""Yesterday's routes: the best of each case of the cycle that `latest` names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pyarrow.parquet as pq
+import shapely
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    import numpy as np
+    import numpy.typing as npt
+
+    from pipeline.nightly.cycle.part import Row
+
+CASES_FILE = "cases.parquet"
+_COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]
+
+
+@dataclass(frozen=True)
+class EarlierRoute:
+    """The best route that a case had yesterday; its path (n, 2) is lon/lat."""
+
+    cycle: str
+    side: str
+    homotopy: str
+    fuel: float
+    arrival: datetime | None
+    path: npt.NDArray[np.float64]
+
+    def columns(self) -> Row:
+        """Return the columns that name it."""
+        return {
+            "earlier_cycle": self.cycle,
+            "earlier_side": self.side,
+            "earlier_class": self.homotopy,
+            "earlier_arrival": self.arrival,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierRoutes:
+    """Where yesterday's cases are, in the cycle of that name."""
+
+    cycle: str
+    path: Path
+
+    def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
+        """Read the routes of some rows; those without a route, and -1, are left out."""
+        wanted = sorted({row for row in rows if row >= 0})
+        found: dict[int, EarlierRoute] = {}
+        if not wanted:
+            return found
+        file = pq.ParquetFile(self.path)
+        begin = 0
+        for group in range(file.num_row_groups):
+            end = begin + file.metadata.row_group(group).num_rows
+            here = [row for row in wanted if begin <= row < end]
+            if here:
+                table = file.read_row_group(group, _COLUMNS).take([row - begin for row in here])
+                for row, one in zip(here, table.to_pylist(), strict=True):
+                    if one["geometry"] is not None:
+                        found[row] = self._route(one)
+            begin = end
+        return found
+
+    def _route(self, one: Row) -> EarlierRoute:
+        """Return the route of one row."""
+        return EarlierRoute(
+            self.cycle,
+            one["side"],
+            one["class"],
+            one["fuel"],
+            one["arrival"],
+            shapely.get_coordinates(shapely.from_wkb(one["geometry"])),
+        )
+
+
+class EarlierIndex:
+    """The rows of yesterday's cases by their names."""
+
+    def __init__(self, path: Path) -> None:
+        names = pq.read_table(path, columns=["case"])["case"].to_pylist()
+        self._row = {name: row for row, name in enumerate(names)}
+
+    def rows(self, names: Sequence[str]) -> list[int]:
+        """Return the row of each name; -1 for a case that is new."""
+        return [self._row.get(name, -1) for name in names]

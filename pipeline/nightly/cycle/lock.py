@@ -1,0 +1,79 @@
+"""One job at a time in an output folder; a second one is told who is at work, and since when."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from pipeline.nightly.cycle.folders import writing
+from pipeline.nightly.outcome import BusyError
+from pipeline.storage.locks import file_lock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+LOCK = ".nightly.lock"
+# Time for `renew nightly status` to let go of the lock, which it tries, s.
+_WAIT_S = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds the lock: its process, its machine, and since when (UTC)."""
+
+    pid: int
+    host: str
+    since: str
+
+    def __str__(self) -> str:
+        """Name the holder for a message."""
+        return f"process {self.pid} on {self.host}, since {self.since}"
+
+
+@contextlib.contextmanager
+def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
+    """Hold the lock of an output folder, alone or with the other parts of a night.
+
+    Raises
+    ------
+    BusyError
+        Another job holds it.
+    StageError
+        Nothing can be written there.
+    """
+    path = output / LOCK
+    with contextlib.ExitStack() as held:
+        with writing(output):
+            is_held = held.enter_context(file_lock(path, shared=shared, wait_s=_WAIT_S))
+            if is_held:
+                now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+                holder = {"pid": os.getpid(), "host": socket.gethostname(), "since": now}
+                path.write_text(json.dumps(holder) + "\n", encoding="utf-8")
+        if not is_held:
+            raise BusyError(f"another job is at work in {output}: {holder_of(output)}")
+        yield
+
+
+def holder_of(output: Path) -> str:
+    """Name the holder of a lock, as far as it has said so."""
+    try:
+        said = json.loads((output / LOCK).read_text(encoding="utf-8"))
+        return str(Holder(int(said["pid"]), str(said["host"]), str(said["since"])))
+    except (OSError, ValueError, KeyError, TypeError):
+        return "a process that is just beginning"
+
+
+def is_busy(output: Path) -> bool:
+    """Whether a job is at work; touches nothing."""
+    path = output / LOCK
+    if not path.is_file():
+        return False
+    with contextlib.suppress(OSError), file_lock(path) as is_free:
+        return not is_free
+    return True

@@ -1,0 +1,141 @@
+"""A cycle that is under way: what was asked, yesterday's cycle, and the parts done so far."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import shutil
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from pipeline.errors import StageError
+from pipeline.nightly.cycle.folders import writing
+from pipeline.nightly.cycle.part import parts_in, remove_unfinished
+from pipeline.storage.locks import file_lock
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.part import Part
+
+_REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
+# Time for another part of the same night to set the folder up, s.
+_SETUP_S = 60.0
+
+
+@dataclass(frozen=True)
+class Partial:
+    """The folder of a cycle under way; `started` is when its first run began (UTC)."""
+
+    folder: Path
+    started: datetime
+    earlier: str
+
+    @classmethod
+    def opened(cls, folder: Path, request: str, earlier: str, *, is_alone: bool) -> Partial:
+        """Make the folder, or open it where an earlier run left it.
+
+        Parameters
+        ----------
+        request
+            Hash of all that results depend on: parts of another one are removed.
+        earlier
+            Yesterday's cycle, as it is named when the first run begins.
+        is_alone
+            Whether no other job is at work in the folder.
+
+        Raises
+        ------
+        StageError
+            Nothing can be written, or another request is at work here.
+        """
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            with file_lock(folder / _LOCK, wait_s=_SETUP_S):
+                said = _said(folder / _REQUEST)
+                if said.get("request") != request:
+                    if said and not is_alone:
+                        raise StageError(
+                            f"{folder.name} was begun by another request; run once without --part, "
+                            "or remove it"
+                        )
+                    _empty(folder)
+                    now = datetime.now(UTC).isoformat(timespec="seconds")
+                    said = {"request": request, "earlier": earlier, "started": now}
+                    write_whole(folder / _REQUEST, json.dumps(said) + "\n")
+                for name in (_PARTS, _MARKS):
+                    (folder / name).mkdir(exist_ok=True)
+                if is_alone:
+                    remove_unfinished(folder / _PARTS)
+                    for path in (folder / _MARKS).iterdir():
+                        path.unlink(missing_ok=True)
+        return cls(folder, datetime.fromisoformat(said["started"]), said["earlier"])
+
+    @property
+    def request_file(self) -> Path:
+        """A file that all workers must be able to read."""
+        return self.folder / _REQUEST
+
+    @property
+    def parts_folder(self) -> Path:
+        """Where the parts are."""
+        return self.folder / _PARTS
+
+    @property
+    def marks_folder(self) -> Path:
+        """Where batches that are at work leave their marks."""
+        return self.folder / _MARKS
+
+    def parts(self) -> list[Part]:
+        """Return the whole parts, by their first case."""
+        return parts_in(self.parts_folder)
+
+    def forget_parts(self) -> None:
+        """Remove all parts, so that the next run plans them anew."""
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self.parts_folder)
+
+    def clear(self) -> None:
+        """Remove all but the results."""
+        with writing(self.folder):
+            for name in (_PARTS, _MARKS):
+                shutil.rmtree(self.folder / name, ignore_errors=True)
+            for name in (_REQUEST, _LOCK):
+                (self.folder / name).unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file under a temporary name, wait until it is on the disk, and rename it."""
+    fresh = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        with fresh.open("x", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _said(path: Path) -> dict[str, str]:
+    """Read what was asked; empty where nothing was, or the file is damaged."""
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        datetime.fromisoformat(said["started"])
+        return {key: str(said[key]) for key in ("request", "earlier", "started")}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _empty(folder: Path) -> None:
+    """Remove what another request left."""
+    for path in folder.iterdir():
+        if path.name == _LOCK:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()

@@ -1,0 +1,1 @@
+"""The work: charts and currents, and batches of cases for the workers."""

@@ -1,0 +1,115 @@
+"""Cuts a night's cases into batches of 20 to 60 seconds, and halves those that kill their worker.
+
+How long a case takes is measured on the first ones of its chart. Results do not depend on how the
+cases were cut.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from pipeline.nightly.planning.worker import BatchReport, PlanBatch
+
+# Work in a batch, s. It is at most this share of what is left to each worker: what a killed job was
+# at is lost, and towards the end no worker waits long for the last.
+_TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
+# Number of cases in a batch as long as nobody knows how long one takes.
+_FIRST_CASES = 1
+# Number of times that a single case may see its worker die before it is called broken.
+_DEATHS = 2
+
+
+@dataclass
+class _Waiting:
+    """Cases of one chart that wait, as ranges, and how long one takes, s (None: unknown)."""
+
+    ranges: deque[tuple[int, int]]
+    seconds: float | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of cases that wait."""
+        return sum(end - first for first, end in self.ranges)
+
+
+@dataclass
+class BatchWork:
+    """The batches of a night, as the fleet's `Work`.
+
+    Parameters
+    ----------
+    charts
+        For each chart the ranges of cases to plan.
+    batch
+        Makes the batch of a range of cases.
+    on_broken
+        Called with the index of a case that kills its worker.
+    on_done
+        Called with each batch's report.
+    """
+
+    charts: Sequence[Sequence[tuple[int, int]]]
+    batch: Callable[[int, int], PlanBatch]
+    on_broken: Callable[[int], None]
+    on_done: Callable[[BatchReport], None]
+    _waiting: list[_Waiting] = field(init=False)
+    _deaths: dict[int, int] = field(default_factory=dict)
+    # Halves of batches whose worker died.
+    _suspects: deque[tuple[int, int]] = field(default_factory=deque)
+
+    def __post_init__(self) -> None:
+        """Queue everything."""
+        self._waiting = [_Waiting(deque(ranges)) for ranges in self.charts]
+
+    def next_task(self, workers: int) -> PlanBatch | None:
+        """Cut the next batch."""
+        if self._suspects:
+            return self.batch(*self._suspects.popleft())
+        for waiting in self._waiting:
+            if waiting.ranges:
+                return self.batch(*_cut(waiting, workers))
+        return None
+
+    def done(self, task: PlanBatch, result: BatchReport) -> None:
+        """Learn how long a case takes."""
+        count = task.end - task.first
+        if result.seconds > 0:
+            for waiting, ranges in zip(self._waiting, self.charts, strict=True):
+                if any(first <= task.first < end for first, end in ranges):
+                    waiting.seconds = result.seconds / count
+        self.on_done(result)
+
+    def died(self, task: PlanBatch) -> None:
+        """Halve a batch, or give up its only case once that has been tried again."""
+        if task.end - task.first > 1:
+            middle = (task.first + task.end) // 2
+            self._suspects.extend([(task.first, middle), (middle, task.end)])
+            return
+        self._deaths[task.first] = self._deaths.get(task.first, 0) + 1
+        if self._deaths[task.first] < _DEATHS:
+            self._suspects.append((task.first, task.end))
+        else:
+            self.on_broken(task.first)
+
+    def failed(self, task: PlanBatch, error: Exception) -> None:
+        """End the night: a case that can't be planned fails no batch, a full disk does."""
+        del task
+        raise error
+
+
+def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
+    """Cut a range off the cases that wait."""
+    count = _FIRST_CASES
+    if waiting.seconds is not None:
+        share_s = _SHARE * waiting.count * waiting.seconds / max(workers, 1)
+        count = max(1, round(max(_LEAST_S, min(_TARGET_S, share_s)) / max(waiting.seconds, 1e-6)))
+    first, end = waiting.ranges.popleft()
+    middle = min(end, first + count)
+    if middle < end:
+        waiting.ranges.appendleft((middle, end))
+    return first, middle

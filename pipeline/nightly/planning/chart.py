@@ -1,0 +1,223 @@
+"""What the cases of a night share: a chart, and each of its currents, made once and stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
+
+from pipeline.choices.offing import Offing
+from pipeline.choices.region import chosen_region
+from pipeline.errors import StageError
+from pipeline.geo.projection import Projection
+from pipeline.model import CurrentGrid, Fetched, Scene
+from pipeline.nightly.planning.small_map import SmallMap
+from pipeline.sources.registry import land_source
+from pipeline.stages import planar
+from pipeline.stages.fetch import Fetcher
+from pipeline.stages.project import planar_current, project
+from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.storage.store import Store, artefact_key, load_artefact, save_artefact
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy as np
+    import numpy.typing as npt
+
+    from pipeline.model import Current
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
+    from pipeline.scenario.strict import Point
+
+    FloatArray = npt.NDArray[np.float64]
+
+STAGE = "night-chart"
+_Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
+
+
+@dataclass(frozen=True)
+class NightChart:
+    """A scenario's chart for one vessel, in the planner's plane, without currents.
+
+    `scenario` is complete; `land_key` is the land's key in the store.
+    """
+
+    scenario: Scenario
+    scene: Scene
+    land_key: str
+    accuracy_m: float
+    notes: tuple[str, ...]
+    small_map: SmallMap
+
+
+@dataclass(frozen=True)
+class NightCurrent:
+    """A current in the planner's plane; `stand_in` says what it is planned on instead, or ""."""
+
+    current: Current
+    valid: str
+    source: str
+    stand_in: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChartTask:
+    """All that is needed to make a chart; `ends` are those of all pairs that are planned on it."""
+
+    scenario: Scenario
+    ends: tuple[Point, ...]
+    store_root: Path
+    path: Path
+    identity: str
+
+    def make(self) -> None:
+        """Make the chart and store it, unless it is there."""
+        if load_artefact(self.path, NightChart) is None:
+            store = Store(self.store_root, "nightly")
+            save_artefact(self.path, _chart(self.scenario, self.ends, store))
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentTask:
+    """All that is needed to make one current of a chart; `label` names it in messages."""
+
+    label: str
+    season: Season
+    chart_path: Path
+    store_root: Path
+    path: Path
+    identity: str
+
+    def make(self) -> None:
+        """Fetch the current, lay it on the chart's plane, and store it, unless it is there.
+
+        Raises
+        ------
+        StageError
+            None of its sources has it, or the chart is missing.
+        """
+        if load_artefact(self.path, NightCurrent) is not None:
+            return
+        chart = loaded_chart(self.chart_path)
+        save_artefact(self.path, _current(self, chart))
+
+
+@lru_cache(maxsize=2)
+def loaded_chart(path: Path) -> NightChart:
+    """Load a chart, as `_loaded` does; a worker keeps the last two."""
+    return _loaded(path, NightChart)
+
+
+@lru_cache(maxsize=4)
+def loaded_current(path: Path) -> NightCurrent:
+    """Load a current, as `_loaded` does; a worker keeps the last four."""
+    return _loaded(path, NightCurrent)
+
+
+def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
+    """Load what a task has stored.
+
+    Raises
+    ------
+    StageError
+        It can't be read.
+    """
+    found = load_artefact(path, kind)
+    if found is None:
+        raise StageError(f"can't read {path}; give all workers access to the same output folder")
+    return found
+
+
+def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
+    """Return the key of a scenario's chart in the store, drawn for the ends of some pairs."""
+    names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
+    inputs = scenario.model_dump(mode="json", include=names)
+    if scenario.is_planar:
+        return artefact_key(STAGE, inputs)
+    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    planner = scenario.planner.model_dump(mode="json")
+    return artefact_key(STAGE, land.identity, inputs, planner, list(ends))
+
+
+def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
+    """Return the clearance for a pair of places (2,) in the plane, planar metres."""
+    chosen = chart.scenario.planner.clearance
+    if chosen is not None or chart.scenario.is_planar:
+        return chosen or 0.0
+    scene = replace(chart.scene, start=start, goal=goal)
+    return Offing.of(scene, chart.scenario, chart.accuracy_m).planar_m
+
+
+def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
+    """Fetch, simplify and project a scenario's chart, on which the ends of pairs lie in water."""
+    if scenario.is_planar:
+        scene = replace(planar.plane_scene(scenario), currents={})
+        return NightChart(scenario, scene, "", 0.0, (), SmallMap.of(scene))
+    if scenario.region is None:
+        region = chosen_region(scenario, store, offline=False)
+        scenario = region.complete(scenario)
+    fetcher = _fetcher(scenario, store)
+    land, region_spec, chart = fetcher.land, fetcher.region, scenario.chart
+    endpoints = (scenario.start, scenario.goal, *ends)
+    key = artefact_key(
+        "simplify", fetcher.land_key, scenario.model_dump(mode="json"), list(endpoints)
+    )
+    simplified = store.load_or_make(
+        "simplify",
+        key,
+        SimplifiedLand,
+        lambda: simplify_land(
+            land.polygons,
+            region_spec.shape,
+            margin_m=chart.margin_m,
+            accuracy_m=land.accuracy_m,
+            tolerance_m=chart.tolerance_m,
+            turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
+            endpoints=endpoints,
+            projection=Projection.for_region(region_spec.shape, 1.0, region_spec.crs),
+        ),
+    )
+    scene = project(scenario, Fetched(land, ()), simplified.simplified)
+    notes = (*land.notes, *simplified.notes)
+    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, notes, SmallMap.of(scene))
+
+
+def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
+    """Return what fetches land and currents of a scenario's region."""
+    if scenario.region is None:
+        raise StageError("the chart's region is yet to be chosen")
+    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    return Fetcher(scenario.region, land, store, offline=False)
+
+
+@lru_cache(maxsize=1)
+def _chart_fetcher(chart_path: Path, store_root: Path) -> Fetcher:
+    """Return a chart's fetcher, which keeps its land."""
+    return _fetcher(loaded_chart(chart_path).scenario, Store(store_root, "nightly"))
+
+
+def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
+    """Fetch a current and lay it on the chart's plane."""
+    season = task.season
+    if chart.scenario.is_planar:
+        alone = chart.scenario.model_copy(update={"seasons": (season,)})
+        current = planar.plane_scene(alone).currents[season.name]
+        return NightCurrent(current, season.title or season.name, "numbers", "")
+    found = _chart_fetcher(task.chart_path, task.store_root).current(season)
+    if found.grid is None:
+        reasons = "; ".join(passed.reason for passed in found.passed_over)
+        raise StageError(f"no source of currents could be used: {reasons}")
+    return NightCurrent(
+        planar_current(found.grid, chart.scene.projection, chart.scene.chart.bounds),
+        found.grid.valid,
+        found.grid.credit.name,
+        _stand_in(found.grid),
+    )
+
+
+def _stand_in(grid: CurrentGrid) -> str:
+    """Say what stands in for a first choice, and why; empty where it is that."""
+    reasons = [passed.reason for passed in grid.passed_over]
+    return "; ".join((*grid.stand_in_notes, *reasons)) if grid.is_stand_in else ""

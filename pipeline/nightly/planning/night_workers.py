@@ -1,0 +1,52 @@
+"""The workers of a night: those of a scheduler, or of a cluster of this machine."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from pipeline.stages.workers.fleet import fleet
+from pipeline.stages.workers.local_cluster import local_cluster
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pipeline.stages.workers.fleet import Fleet
+
+# Number of times that local workers, which run this very code, are looked at.
+_ATTEMPTS = 3
+
+
+@contextlib.contextmanager
+def night_workers(
+    scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
+) -> Iterator[Fleet]:
+    """Provide workers.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, else a cluster of this
+        machine.
+    workers
+        Number of local workers; None for one a core.
+    memory_gb
+        Memory of a local worker, GB.
+    shared
+        A file in the output folder that all workers must be able to read.
+
+    Raises
+    ------
+    StageError
+        There are none, or some can't do the work.
+    """
+    import dask
+
+    address = scheduler or dask.config.get("scheduler-address", None)
+    with contextlib.ExitStack() as held:
+        if address is not None:
+            yield held.enter_context(fleet(address, shared))
+        else:
+            address = held.enter_context(local_cluster(workers, memory_gb))
+            yield held.enter_context(fleet(address, shared, attempts=_ATTEMPTS))

@@ -1,0 +1,305 @@
+"""The planning of a night: charts and currents are prepared, then batches of cases are planned."""
+
+from __future__ import annotations
+
+import secrets
+from collections import deque
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from pipeline.errors import PipelineError
+from pipeline.nightly.cycle.earlier import EarlierIndex
+from pipeline.nightly.cycle.part import gaps, part_path, write_part
+from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.planning.batches import BatchWork
+from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
+from pipeline.nightly.planning.worker import BROKEN, CaseTask, PlanBatch, failed_row
+from pipeline.nightly.request.newest_currents import named_currents
+from pipeline.storage.store import artefact_key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from datetime import datetime
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.earlier import EarlierRoutes
+    from pipeline.nightly.cycle.partial import Partial
+    from pipeline.nightly.planning.comparison import Rules
+    from pipeline.nightly.planning.worker import BatchReport
+    from pipeline.nightly.request.cases import Case, Cases
+    from pipeline.nightly.request.newest_currents import Newest
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
+    from pipeline.scenario.strict import Point
+    from pipeline.stages.workers.fleet import Fleet
+    from pipeline.storage.store import Store
+
+# Number of cases in a slice of a share at most: neighbours share a current.
+_LARGEST_SLICE = 64
+_DIED = "its worker died of it (out of memory, or a crash of the interpreter)"
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """One job's share of a night: slice after slice of `slice` cases, each `of`-th from `part`."""
+
+    part: int
+    of: int
+    slice: int
+
+    @classmethod
+    def of_night(cls, count: int, part: int = 1, of: int = 1) -> Share:
+        """Return a share of `count` cases: slices so small that all jobs have much the same."""
+        return cls(part, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
+
+    def has(self, index: int) -> bool:
+        """Whether a case belongs to it."""
+        return index // self.slice % self.of == self.part - 1
+
+
+@dataclass
+class Preparation:
+    """Charts or currents to make, as the fleet's `Work`; `failures` by their paths."""
+
+    tasks: Iterable[ChartTask | CurrentTask]
+    on_done: Callable[[], None]
+    failures: dict[Path, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Queue everything."""
+        self._waiting = deque(self.tasks)
+
+    def next_task(self, workers: int) -> ChartTask | CurrentTask | None:
+        """Return the next one."""
+        del workers
+        return self._waiting.popleft() if self._waiting else None
+
+    def done(self, task: ChartTask | CurrentTask, result: None) -> None:
+        """Take note."""
+        del task, result
+        self.on_done()
+
+    def died(self, task: ChartTask | CurrentTask) -> None:
+        """Take note that a worker died of it."""
+        self.failures[task.path] = f"preparing its {_kind(task)} failed: {_DIED}"
+        self.on_done()
+
+    def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
+        """Take note why it can't be made."""
+        kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
+        self.failures[task.path] = kind + " ".join(str(error).split())
+        self.on_done()
+
+
+def _kind(task: ChartTask | CurrentTask) -> str:
+    return "chart" if isinstance(task, ChartTask) else "current"
+
+
+@dataclass
+class Planning:
+    """All that is needed to plan a night's cases."""
+
+    cases: Cases
+    newest: Newest
+    store: Store
+    partial: Partial
+    rules: Rules
+    earlier: EarlierRoutes | None
+    identity: str
+    on_progress: Callable[[int, int], None]
+    check: Callable[[], None]
+    failures: dict[Path, str] = field(default_factory=dict)
+    planning_s: float = 0.0
+    batches_s: float = 0.0
+    _chart_paths: dict[tuple[int, str], Path] = field(default_factory=dict)
+    _current_paths: dict[tuple[Path, object], Path] = field(default_factory=dict)
+
+    def prepare(self, workers: Fleet) -> None:
+        """Make all charts and currents that are not there yet.
+
+        Raises
+        ------
+        ComeAgainError
+            None of the currents is there.
+        """
+        examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
+        charts = [
+            ChartTask(
+                _scenario(one), _ends(one), self.store.root, self.chart_path(one), self.identity
+            )
+            for one in examples
+        ]
+        currents = [
+            CurrentTask(
+                one.name,
+                self.season(one),
+                self.chart_path(one),
+                self.store.root,
+                self.current_path(one),
+                self.identity,
+            )
+            for one in self._current_examples()
+        ]
+        total, done = len(charts) + len(currents), 0
+
+        def progress() -> None:
+            nonlocal done
+            done += 1
+            self.on_progress(done, total)
+
+        preparation = Preparation([one for one in charts if not one.path.exists()], progress)
+        workers.run(preparation, self.check)
+        self.failures |= preparation.failures
+        wanted = [
+            one for one in currents if not one.path.exists() and one.chart_path not in self.failures
+        ]
+        preparation = Preparation(wanted, progress)
+        workers.run(preparation, self.check)
+        self.failures |= preparation.failures
+        if currents and all(one.path in self.failures for one in currents):
+            reasons = dict.fromkeys(preparation.failures.values())
+            raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")
+
+    def plan(self, workers: Fleet, share: Share) -> None:
+        """Plan all cases of a share that no part holds."""
+        parts = self.partial.parts()
+        charts = [
+            [piece for gap in gaps(parts, first, end) for piece in _pieces(*gap, share)]
+            for first, end in self.cases.chart_ranges()
+        ]
+        total = sum(end - first for ranges in charts for first, end in ranges)
+        done = 0
+
+        def progress(report: BatchReport) -> None:
+            nonlocal done
+            done += report.end - report.first
+            self.planning_s += report.planning_s
+            self.batches_s += report.seconds
+            self.on_progress(done, total)
+
+        workers.run(BatchWork(charts, self._batch, self._write_broken, progress), self.check)
+
+    def chart_path(self, case: Case) -> Path:
+        """Return where a case's chart is."""
+        if case.chart not in self._chart_paths:
+            path = self.store.path("night-chart", chart_key(_scenario(case), _ends(case)))
+            self._chart_paths[case.chart] = path
+        return self._chart_paths[case.chart]
+
+    def current_path(self, case: Case) -> Path:
+        """Return where a case's current is; it is kept for all runs of a cycle."""
+        chart = self.chart_path(case)
+        key = (chart, case.current)
+        if key not in self._current_paths:
+            made_from = (self.newest.cycle, chart.name, self.season(case).model_dump(mode="json"))
+            self._current_paths[key] = self.store.path(
+                "night-current", artefact_key(STAGE, *made_from)
+            )
+        return self._current_paths[key]
+
+    def season(self, case: Case) -> Season:
+        """Return a case's season, with its own time and its own currents."""
+        update: dict[str, object] = {}
+        if case.member is not None:
+            update["currents"] = named_currents(case.season, case.member)
+        leaves = self.leaves(case)
+        if case.departure is not None and leaves is not None and not case.block.scenario.is_planar:
+            update["valid"] = leaves.strftime("%Y-%m-%dT%H:%MZ")
+            update["departure"] = leaves
+            if case.season.time_method == "mean":
+                update["time_method"] = None
+        return case.season.model_copy(update=update)
+
+    def leaves(self, case: Case) -> datetime | None:
+        """Return when a case's vessel leaves; None where nobody says it."""
+        if case.departure is None:
+            return case.season.departure
+        start = self.newest.departures_from
+        return None if start is None else case.departure.after(start)
+
+    def _current_examples(self) -> list[Case]:
+        """Return one case of each current of each chart."""
+        found: dict[Path, Case] = {}
+        for first, end in self.cases.chart_ranges():
+            pairs = len(self.cases[first].block.pairs)
+            for index in range(first, end, pairs):
+                found.setdefault(self.current_path(self.cases[index]), self.cases[index])
+        return list(found.values())
+
+    @cached_property
+    def _earlier_index(self) -> EarlierIndex | None:
+        """Yesterday's cases by their names."""
+        return None if self.earlier is None else EarlierIndex(self.earlier.path)
+
+    def _batch(self, first: int, end: int) -> PlanBatch:
+        """Return the batch of a range of cases."""
+        cases = [self.cases[index] for index in range(first, end)]
+        tasks = [self._case_task(case) for case in cases]
+        if self._earlier_index is not None:
+            rows = self._earlier_index.rows([task.name for task in tasks])
+            tasks = [replace(t, earlier_row=row) for t, row in zip(tasks, rows, strict=True)]
+        return PlanBatch(
+            tuple(tasks),
+            self.chart_path(cases[0]),
+            part_path(self.partial.parts_folder, first, end),
+            self.partial.marks_folder / f"{first}-{end}-{secrets.token_hex(4)}",
+            self.identity,
+            self.rules,
+            self.earlier,
+        )
+
+    def _case_task(self, case: Case) -> CaseTask:
+        """Return the task of a case."""
+        pair, current, chart = case.pair, self.current_path(case), self.chart_path(case)
+        return CaseTask(
+            case.index,
+            case.name,
+            case.parts,
+            current,
+            None if pair is None else pair.start,
+            None if pair is None else pair.goal,
+            self.leaves(case),
+            failure=self.failures.get(chart) or self.failures.get(current) or "",
+        )
+
+    def _write_broken(self, index: int) -> None:
+        """Write the part of a case that kills its worker."""
+        batch = self._batch(index, index + 1)
+        earlier = {} if self.earlier is None else self.earlier.read([batch.cases[0].earlier_row])
+        row = failed_row(
+            batch.cases[0],
+            f"broken: {_DIED}, twice",
+            self.rules,
+            earlier.get(batch.cases[0].earlier_row),
+            status=BROKEN,
+        )
+        write_part(batch.part_path, [row])
+        self.on_progress(0, 0)
+
+
+def _scenario(case: Case) -> Scenario:
+    """Return a case's scenario, with its own vessel."""
+    scenario = case.block.scenario
+    return scenario if case.vessel is None else scenario.model_copy(update={"vessel": case.vessel})
+
+
+def _ends(case: Case) -> tuple[Point, ...]:
+    """Return start and goal of all pairs on a case's chart; they stay in water there."""
+    pairs = (pair for pair in case.block.pairs if pair is not None)
+    return tuple(end for pair in pairs for end in (pair.start, pair.goal))
+
+
+def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:
+    """Cut a range at the slices' borders; keep what the share has, joined where it adjoins."""
+    begin: int | None = None
+    at = first
+    while at < end:
+        if share.has(at):
+            begin = at if begin is None else begin
+        elif begin is not None:
+            yield begin, at
+            begin = None
+        at = min(end, (at // share.slice + 1) * share.slice)
+    if begin is not None:
+        yield begin, end

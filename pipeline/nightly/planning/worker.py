@@ -1,0 +1,288 @@
+"""A batch of cases on one chart, planned by a worker: given by paths, it leaves one Parquet part.
+
+Chart and current are loaded once. Before it begins, a batch leaves a mark; where it finds that mark
+of its own, the worker that had it before has died of it, and the batch is not tried again as it is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import time
+import traceback
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.errors import PipelineError, StageError
+from pipeline.nightly.cycle.part import write_part
+from pipeline.nightly.planning.chart import clearance, loaded_chart, loaded_current
+from pipeline.nightly.planning.comparison import Rules, compared, judged
+from pipeline.stages.evaluate import combine_seasons, evaluate_season
+from pipeline.stages.plan import plan_season
+from pipeline.stages.way_names import with_way_names
+from pipeline.stages.workers.fleet import DiedBeforeError
+
+if TYPE_CHECKING:
+    from pipeline.model import RouteMetrics, Scene
+    from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
+    from pipeline.nightly.cycle.part import Row
+    from pipeline.nightly.planning.chart import NightChart, NightCurrent
+    from pipeline.scenario.strict import Point
+    from renew import Route
+
+PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
+
+
+@dataclass(frozen=True, slots=True)
+class CaseTask:
+    """One case for a worker.
+
+    `parts` are the six parts of its name, `leaves` is its departure; start and goal are None where
+    they are the scenario's own; `earlier_row` is its row among yesterday's cases, or -1; `failure`
+    says why it can't even be tried.
+    """
+
+    index: int
+    name: str
+    parts: tuple[str, ...]
+    current_path: Path
+    start: Point | None
+    goal: Point | None
+    leaves: datetime | None
+    earlier_row: int = -1
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanBatch:
+    """Neighbouring cases on one chart, and where their part is to be."""
+
+    cases: tuple[CaseTask, ...]
+    chart_path: Path
+    part_path: Path
+    mark_path: Path
+    identity: str
+    rules: Rules
+    earlier: EarlierRoutes | None
+
+    @property
+    def first(self) -> int:
+        """Index of the first case."""
+        return self.cases[0].index
+
+    @property
+    def end(self) -> int:
+        """Index beyond the last case."""
+        return self.cases[-1].index + 1
+
+    def make(self) -> BatchReport:
+        """Plan the cases; return how long that took.
+
+        Raises
+        ------
+        DiedBeforeError
+            A worker has died of it.
+        StageError
+            The part can't be written, or the chart can't be read.
+        """
+        return plan_batch(self)
+
+
+@dataclass(frozen=True, slots=True)
+class BatchReport:
+    """How a batch ended: seconds of planning, and of all, reading and writing included."""
+
+    first: int
+    end: int
+    planning_s: float
+    seconds: float
+
+
+def plan_batch(batch: PlanBatch) -> BatchReport:
+    """Plan a batch; see `PlanBatch.make`."""
+    begun = time.perf_counter()
+    if batch.part_path.exists():  # done before, and its report was lost with the worker
+        return BatchReport(batch.first, batch.end, 0.0, 0.0)
+    _mark(batch.mark_path)
+    try:
+        earlier: dict[int, EarlierRoute] = {}
+        if batch.earlier is not None:
+            earlier = batch.earlier.read([case.earlier_row for case in batch.cases])
+        rows: list[Row] = []
+        planning_s = 0.0
+        for case in batch.cases:
+            case_begun = time.perf_counter()
+            rows += plan_case(case, batch.chart_path, batch.rules, earlier.get(case.earlier_row))
+            seconds = time.perf_counter() - case_begun
+            rows[-1]["seconds"] = seconds
+            planning_s += seconds
+        write_part(batch.part_path, rows)
+    finally:
+        with contextlib.suppress(OSError):
+            batch.mark_path.unlink(missing_ok=True)
+    return BatchReport(batch.first, batch.end, planning_s, time.perf_counter() - begun)
+
+
+def _mark(path: Path) -> None:
+    """Leave a batch's mark; refuse a batch that has left it before, and never ended."""
+    try:
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+    except FileExistsError:
+        path.unlink(missing_ok=True)
+        raise DiedBeforeError(path.name) from None
+    except OSError as error:
+        raise StageError(
+            f"can't write in {path.parent}: {error.strerror}; free some space and run again"
+        ) from error
+
+
+def plan_case(
+    case: CaseTask, chart_path: Path, rules: Rules, earlier: EarlierRoute | None
+) -> list[Row]:
+    """Plan a case; return the rows of its routes, and its own as the last one."""
+    if case.failure:
+        return [failed_row(case, case.failure, rules, earlier)]
+    try:
+        chart = loaded_chart(chart_path)
+        current = loaded_current(case.current_path)
+        scene = _scene(case, chart, current)
+        options = chart.scenario.planner.model_copy(
+            update={"clearance": _clearance(chart_path, case.start, case.goal)}
+        )
+        planned = plan_season(scene, case.parts[1], options)
+        measured = evaluate_season(scene, planned, chart.scenario.scale, options.seed)
+        figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
+    except PipelineError as error:
+        return [failed_row(case, " ".join(str(error).split()), rules, earlier)]
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
+        frames = traceback.extract_tb(error.__traceback__)
+        where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}{where}"
+        return [failed_row(case, reason, rules, earlier)]
+    if planned.plan is None:
+        row = failed_row(case, planned.failure, rules, earlier)
+        return [row | _described(current)]
+    routes = [
+        _route_row(case, scene, route, figure)
+        for route, figure in zip(planned.ranked_routes, figures, strict=True)
+    ]
+    best = routes[0]
+    row = _row_of(case, 0) | {key: best[key] for key in best if key not in {"rank", "index"}}
+    row |= _described(current) | {
+        "status": PLANNED,
+        "reason": "",
+        "leaves": case.leaves,
+        "routes": len(routes),
+        "rejected": len(planned.plan.rejected),
+    }
+    if earlier is not None:
+        row |= compared(
+            earlier, scene, planned, figures[0], options, chart.scenario.scale, case.leaves
+        )
+    outcome, why = judged(row, planned, rules)
+    return [*routes, row | {"outcome": outcome, "why": why}]
+
+
+def failed_row(
+    case: CaseTask,
+    reason: str,
+    rules: Rules,
+    earlier: EarlierRoute | None = None,
+    status: str = FAILED,
+) -> Row:
+    """Return the row of a case without a route."""
+    row = _row_of(case, 0) | {
+        "status": status,
+        "reason": reason,
+        "outcome": "act",
+        "why": "no route",
+        "leaves": case.leaves,
+        "routes": 0,
+        "rejected": 0,
+        "seconds": 0.0,
+    }
+    if earlier is not None:
+        row |= earlier.columns()
+    if rules.stale:
+        row["why"] += f"; {rules.stale}"
+    return row
+
+
+def _row_of(case: CaseTask, rank: int) -> Row:
+    """Return the columns by which a row is found."""
+    scenario, season, pair, departure, vessel, member = case.parts
+    return {
+        "index": case.index,
+        "case": case.name,
+        "scenario": scenario,
+        "season": season,
+        "pair": pair,
+        "departure": departure,
+        "vessel": vessel,
+        "member": member,
+        "rank": rank,
+    }
+
+
+def _described(current: NightCurrent) -> Row:
+    """Return the columns that say which current it was."""
+    return {"currents": current.valid, "source": current.source, "stand_in": current.stand_in}
+
+
+def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics) -> Row:
+    """Return a route's row."""
+    lonlat = scene.projection.to_lonlat(np.asarray(route.path))
+    return _row_of(case, figure.rank) | {
+        "side": figure.main_passage,
+        "class": figure.homotopy,
+        "fuel": figure.fuel,
+        "fuel_per_distance": figure.fuel_per_distance,
+        "length_m": figure.length_m,
+        "duration_s": figure.duration_s,
+        "clearance_m": figure.clearance_m if math.isfinite(figure.clearance_m) else None,
+        "optimality_gap": figure.optimality_gap if math.isfinite(figure.optimality_gap) else None,
+        "trials": figure.trials,
+        "collisions": figure.collisions,
+        "arrival": _arrival(case.leaves, figure.duration_s),
+        "geometry": shapely.to_wkb(shapely.LineString(lonlat)),
+    }
+
+
+def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
+    """Return when a vessel arrives, to the second; None without a departure."""
+    return None if leaves is None else leaves + timedelta(seconds=round(duration_s))
+
+
+def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
+    """Return a case's own scene."""
+    start, goal = (
+        chart.scene.start if case.start is None else _placed(chart, case.start),
+        chart.scene.goal if case.goal is None else _placed(chart, case.goal),
+    )
+    currents = {case.parts[1]: current.current}
+    return replace(chart.scene, start=start, goal=goal, currents=currents)
+
+
+def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return a place (2,) in the chart's plane."""
+    if chart.scenario.is_planar:
+        return np.asarray(place, dtype=float)
+    return chart.scene.projection.to_plane(place)
+
+
+@lru_cache(maxsize=4096)
+def _clearance(chart_path: Path, start: Point | None, goal: Point | None) -> float:
+    """Return the clearance of a pair, which takes as long as a small plan: kept for the next."""
+    chart = loaded_chart(chart_path)
+    return clearance(
+        chart,
+        chart.scene.start if start is None else _placed(chart, start),
+        chart.scene.goal if goal is None else _placed(chart, goal),
+    )

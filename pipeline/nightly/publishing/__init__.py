@@ -1,0 +1,1 @@
+"""What is told: tables, map layers, the page, what changed, and how it was made."""

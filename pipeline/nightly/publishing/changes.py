@@ -1,0 +1,63 @@
+"""`changes.csv`: each case that had a route yesterday, and what became of it."""
+
+from __future__ import annotations
+
+import csv
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import pyarrow.parquet as pq
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.part import Row
+
+CHANGES_FILE = "changes.csv"
+COLUMNS = (
+    "case",
+    "outcome",
+    "why",
+    "earlier_cycle",
+    "earlier_side",
+    "side",
+    "earlier_class",
+    "class",
+    "earlier_arrival",
+    "keep_arrival",
+    "arrival",
+    "keep_fuel",
+    "fuel",
+    "saving_percent",
+    "apart_m",
+    "status",
+    "reason",
+)
+"""Columns: yesterday's route and tonight's, and the former *kept*: sailed in tonight's current."""
+
+
+def write_changes(cases_path: Path, path: Path) -> None:
+    """Write the changes of a cycle; without a yesterday, the header only."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for row in rows_of(cases_path, COLUMNS):
+            if row["earlier_cycle"]:
+                writer.writerow([_spelled(row[column]) for column in COLUMNS])
+
+
+def rows_of(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
+    """Give the rows of a table one by one, without reading all of it."""
+    file = pq.ParquetFile(path)
+    for group in range(file.num_row_groups):
+        yield from file.read_row_group(group, list(columns)).to_pylist()
+
+
+def _spelled(value: object) -> object:
+    """Spell a value: times by ISO 8601, figures to nine digits, nothing for none."""
+    if isinstance(value, datetime):
+        return value.strftime("%Y-%m-%dT%H:%M:%SZ")
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    return "" if value is None else value

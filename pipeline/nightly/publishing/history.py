@@ -1,0 +1,51 @@
+"""`history.parquet`: a row for each case of each cycle; every cycle carries it on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.nightly.publishing.merging import table_writer
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+HISTORY_FILE = "history.parquet"
+_COLUMNS = ("case", "status", "outcome", "side", "class", "fuel", "arrival", "saving_percent")
+SCHEMA = pa.schema(
+    [
+        ("cycle", pa.string()),
+        ("reference_time", pa.timestamp("ms", tz="UTC")),
+        ("case", pa.string()),
+        ("status", pa.string()),
+        ("outcome", pa.string()),
+        ("side", pa.string()),
+        ("class", pa.string()),
+        ("fuel", pa.float64()),
+        ("arrival", pa.timestamp("ms", tz="UTC")),
+        ("saving_percent", pa.float64()),
+    ]
+)
+
+
+def write_history(
+    earlier: Path | None, cases_path: Path, path: Path, cycle: str, reference: datetime | None
+) -> None:
+    """Write yesterday's history, if there is one, and after it tonight's cases."""
+    with table_writer(path, SCHEMA) as write:
+        if earlier is not None and earlier.is_file():
+            before = pq.ParquetFile(earlier)
+            for group in range(before.num_row_groups):
+                write(before.read_row_group(group))
+        cases = pq.ParquetFile(cases_path)
+        for group in range(cases.num_row_groups):
+            table = cases.read_row_group(group, list(_COLUMNS))
+            count = table.num_rows
+            table = table.append_column("cycle", pa.array([cycle] * count, pa.string()))
+            table = table.append_column(
+                "reference_time", pa.array([reference] * count, SCHEMA.field("reference_time").type)
+            )
+            write(table.select(SCHEMA.names))

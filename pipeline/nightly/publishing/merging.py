@@ -1,0 +1,75 @@
+"""From parts to a cycle's tables: `cases.parquet`, a row a case, and `routes.parquet`.
+
+Rows are in the order of the cases, whatever the order of the work, and written as they are read: a
+million of them need little memory. Both are GeoParquet.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, covering
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.part import Part
+
+ROUTES_FILE = "routes.parquet"
+# Rows of a group: few are read again when one case is looked up.
+_GROUP_ROWS = 4096
+# https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
+_GEO = {
+    "version": "1.1.0",
+    "primary_column": "geometry",
+    "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["LineString"]}},
+}
+
+
+def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
+    """Write both tables from parts that hold every case; return the seconds of planning in them."""
+    seconds = 0.0
+    with (
+        table_writer(cases_path, _geographic(CASE_SCHEMA)) as write_cases,
+        table_writer(routes_path, _geographic(ROUTE_SCHEMA)) as write_routes,
+    ):
+        for part, first, end in covering(parts):
+            table = pq.read_table(part.path)
+            index = table["index"]
+            taken = table.filter(pc.and_(pc.greater_equal(index, first), pc.less(index, end)))
+            seconds += pc.sum(taken["seconds"]).as_py() or 0.0
+            is_case = pc.equal(taken["rank"], 0)
+            write_cases(taken.filter(is_case).select(CASE_SCHEMA.names))
+            write_routes(taken.filter(pc.invert(is_case)).select(ROUTE_SCHEMA.names))
+    return float(seconds)
+
+
+@contextlib.contextmanager
+def table_writer(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table], None]]:
+    """Give a function that adds rows to a new file, in groups of some thousands."""
+    waiting: list[pa.Table] = []
+    with path.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
+
+        def flush(least: int) -> None:
+            if waiting and sum(table.num_rows for table in waiting) >= least:
+                writer.write_table(pa.concat_tables(waiting).cast(schema), _GROUP_ROWS)
+                waiting.clear()
+
+        def write(table: pa.Table) -> None:
+            waiting.append(table)
+            flush(_GROUP_ROWS)
+
+        yield write
+        flush(1)
+
+
+def _geographic(schema: pa.Schema) -> pa.Schema:
+    """Add what makes a table GeoParquet."""
+    return schema.with_metadata({b"geo": json.dumps(_GEO).encode()})

@@ -1,0 +1,203 @@
+"""`index.html` of a cycle: what to look at, one file that works offline and loads nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.formats.shared import text
+from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
+from pipeline.nightly.publishing.changes import rows_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from datetime import datetime
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.earlier import EarlierRoute
+    from pipeline.nightly.cycle.part import Row
+    from pipeline.nightly.planning.chart import NightChart
+
+PAGE_FILE = "index.html"
+# Largest numbers of cases in the table, and of routes on a map.
+_MAX_ROWS, _MAX_LINES = 200, 40
+_COLUMNS = (
+    "index",
+    "case",
+    "scenario",
+    "season",
+    "vessel",
+    "outcome",
+    "why",
+    "status",
+    "reason",
+    "side",
+    "class",
+    "earlier_class",
+    "fuel",
+    "keep_fuel",
+    "saving_percent",
+    "arrival",
+    "earlier_arrival",
+    "apart_m",
+    "earlier_cycle",
+    "source",
+    "currents",
+    "geometry",
+)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A route on a map: its path in SVG, the case, and whether it is yesterday's."""
+
+    path: str
+    case: str
+    outcome: str
+    is_earlier: bool = False
+
+
+@dataclass
+class MapPart:
+    """One chart with its routes."""
+
+    title: str
+    width: float
+    height: float
+    land: str
+    lines: list[Line] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    currents: dict[str, None] = field(default_factory=dict)
+
+    @property
+    def drawn(self) -> list[Line]:
+        """The lines in the order of drawing: what to look at on top."""
+        return sorted(self.lines, key=lambda line: (OUTCOMES.index(line.outcome), line.is_earlier))
+
+
+@dataclass(frozen=True)
+class NightPage:
+    """Everything that the page shows."""
+
+    cycle: str
+    reference: str
+    earlier: str
+    counts: Mapping[str, int]
+    total: int
+    rows: list[Row]
+    hidden: int
+    maps: list[MapPart]
+
+
+def write_page(
+    cases_path: Path,
+    path: Path,
+    cycle: str,
+    reference: datetime | None,
+    chart_of: Callable[[int], NightChart | None],
+    earlier_of: Callable[[Row], EarlierRoute | None],
+) -> None:
+    """Write the page of a cycle.
+
+    Parameters
+    ----------
+    cases_path
+        The cycle's table of cases.
+    reference
+        Reference time of its currents.
+    chart_of
+        Gives the chart of a case by its index; None where it could not be made.
+    earlier_of
+        Gives the route that a case had yesterday.
+    """
+    path.write_text(
+        _rendered(_gathered(cases_path, cycle, reference, chart_of, earlier_of)), "utf-8"
+    )
+
+
+def _gathered(
+    cases_path: Path,
+    cycle: str,
+    reference: datetime | None,
+    chart_of: Callable[[int], NightChart | None],
+    earlier_of: Callable[[Row], EarlierRoute | None],
+) -> NightPage:
+    """Gather the page's content from the table of cases."""
+    counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
+    maps: dict[tuple[str, str], MapPart] = {}
+    rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
+    earlier_cycle = ""
+    for row in rows_of(cases_path, _COLUMNS):
+        outcome = row["outcome"]
+        counts[outcome] += 1
+        earlier_cycle = row["earlier_cycle"] or earlier_cycle
+        if len(rows[outcome]) < _MAX_ROWS:
+            rows[outcome].append({key: row[key] for key in row if key != "geometry"})
+        key = row["scenario"], row["vessel"]
+        if key not in maps:
+            maps[key] = _map(row, chart_of(row["index"]))
+        part = maps[key]
+        part.counts[outcome] += 1
+        if row["source"] and len(part.currents) < 4:
+            part.currents[f"{row['source']}, {row['currents']}"] = None
+        if len(part.lines) < _MAX_LINES and part.land is not None:
+            chart = chart_of(row["index"])
+            if chart is not None:
+                _add_lines(part, row, chart, earlier_of(row) if outcome != SAME else None)
+    shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
+    return NightPage(
+        cycle=cycle,
+        reference=reference.strftime("%Y-%m-%d %H:%M UTC") if reference else "no time",
+        earlier=earlier_cycle,
+        counts=counts,
+        total=counts.total(),
+        rows=shown,
+        hidden=counts[ACT] + counts[LOOK] - len(shown),
+        maps=list(maps.values()),
+    )
+
+
+def _map(row: Row, chart: NightChart | None) -> MapPart:
+    """Return a chart's map, without routes as yet."""
+    vessel = "" if row["vessel"] == "-" else f", {row['vessel']}"
+    if chart is None:
+        return MapPart(f"{row['scenario']}{vessel}", 480.0, 1.0, "")
+    title = chart.scenario.title or chart.scenario.name
+    small = chart.small_map
+    return MapPart(f"{title}{vessel}", small.width, small.height, small.land)
+
+
+def _add_lines(part: MapPart, row: Row, chart: NightChart, earlier: EarlierRoute | None) -> None:
+    """Add a case's best route and, where it changed, yesterday's."""
+    if row["geometry"] is not None:
+        lonlat = shapely.get_coordinates(shapely.from_wkb(row["geometry"]))
+        path = chart.small_map.path(chart.scene.projection.to_plane(lonlat))
+        part.lines.append(Line(path, row["case"], row["outcome"]))
+    if earlier is not None:
+        path = chart.small_map.path(chart.scene.projection.to_plane(earlier.path))
+        part.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))
+
+
+def _rendered(page: NightPage) -> str:
+    """Fill in the template; everything but our own styles is escaped."""
+    from jinja2 import Environment, PackageLoader, PrefixLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PrefixLoader(
+            {
+                "night": PackageLoader("pipeline.nightly.publishing"),
+                "report": PackageLoader("pipeline.formats.report"),
+            }
+        ),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update({"number": text.number, "distance": text.distance})
+    template = environment.get_template("night/night.html.jinja")
+    return template.render(page=page, light=COLOURS, dark=DARK)

@@ -1,0 +1,175 @@
+"""The files of a cycle, made from its parts, and the check that they are whole."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections import Counter
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from pipeline.errors import StageError
+from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex
+from pipeline.nightly.cycle.folders import writing
+from pipeline.nightly.outcome import OUTCOMES
+from pipeline.nightly.planning.chart import NightChart
+from pipeline.nightly.planning.worker import PLANNED
+from pipeline.nightly.publishing.changes import CHANGES_FILE, write_changes
+from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE, LAYER, write_geopackage
+from pipeline.nightly.publishing.history import HISTORY_FILE, write_history
+from pipeline.nightly.publishing.merging import ROUTES_FILE, merge
+from pipeline.nightly.publishing.page import PAGE_FILE, write_page
+from pipeline.nightly.publishing.stac import ITEM_FILE, item_text
+from pipeline.storage.store import load_artefact
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.earlier import EarlierRoute
+    from pipeline.nightly.cycle.part import Row
+    from pipeline.nightly.planning.planning import Planning
+
+RESULTS = (
+    CASES_FILE,
+    ROUTES_FILE,
+    GEOPACKAGE_FILE,
+    CHANGES_FILE,
+    HISTORY_FILE,
+    PAGE_FILE,
+    ITEM_FILE,
+)
+"""The files of a cycle, but for `night.json`, which is written once the others are checked."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the files hold: the number of cases by outcome and by status, and planning time, s."""
+
+    by_outcome: dict[str, int]
+    by_status: dict[str, int]
+    planning_s: float
+
+
+@dataclass(frozen=True)
+class Publishing:
+    """Makes the files of a cycle in the folder where it is under way."""
+
+    planning: Planning
+    folder: Path
+    earlier_folder: Path | None
+
+    def write(self) -> Published:
+        """Write all files, and check them.
+
+        Raises
+        ------
+        StageError
+            No case could be planned, the disk refuses, or the check failed.
+        """
+        newest = self.planning.newest
+        cases, routes = self.folder / CASES_FILE, self.folder / ROUTES_FILE
+        with writing(self.folder):
+            try:
+                seconds = merge(self.planning.partial.parts(), cases, routes)
+                published = self._counted(cases, seconds)
+                write_changes(cases, self.folder / CHANGES_FILE)
+                earlier = self.earlier_folder and self.earlier_folder / HISTORY_FILE
+                write_history(earlier, cases, self.folder / HISTORY_FILE, newest.cycle, newest.time)
+                write_geopackage(routes, self.folder / GEOPACKAGE_FILE, newest.time)
+                write_page(
+                    cases,
+                    self.folder / PAGE_FILE,
+                    newest.cycle,
+                    newest.time,
+                    self._chart,
+                    self._earlier,
+                )
+                moment = newest.time or self.planning.partial.started
+                text = item_text(newest.cycle, moment, routes, published.by_outcome)
+                (self.folder / ITEM_FILE).write_text(text, encoding="utf-8")
+            except pa.ArrowException as error:
+                raise OSError(str(error)) from error
+        return published
+
+    def check(self) -> None:
+        """Check that every case has a row, every file opens, and counts agree.
+
+        Raises
+        ------
+        StageError
+            They do not: one line for each fault.
+        """
+        faults = list(self._faults())
+        if faults:
+            raise StageError(f"{self.folder.name} is not whole: {'; '.join(faults)}; run again")
+
+    def _faults(self) -> list[str]:
+        """Find what is not whole."""
+        faults, count = [], len(self.planning.cases)
+        try:
+            index = pq.read_table(self.folder / CASES_FILE, columns=["index", "routes"])
+            if not index["index"].equals(pa.chunked_array([pa.array(range(count), pa.int64())])):
+                faults.append(f"{CASES_FILE} has {index.num_rows:,} rows for {count:,} cases")
+            routes = pq.ParquetFile(self.folder / ROUTES_FILE)
+            rows = sum(
+                routes.read_row_group(group, ["rank", "geometry"]).num_rows
+                for group in range(routes.num_row_groups)
+            )
+            if rows != (pc.sum(index["routes"]).as_py() or 0):
+                faults.append(f"{ROUTES_FILE} has {rows:,} rows, not those that the cases count")
+            pq.read_table(self.folder / HISTORY_FILE, columns=["cycle"])
+            uri = f"{(self.folder / GEOPACKAGE_FILE).as_uri()}?mode=ro"
+            with closing(sqlite3.connect(uri, uri=True)) as database:
+                if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
+                    faults.append(f"{GEOPACKAGE_FILE} is damaged")
+                database.execute(f'SELECT count(*) FROM "{LAYER}"').fetchone()  # noqa: S608 - our own name
+            json.loads((self.folder / ITEM_FILE).read_text(encoding="utf-8"))
+            if "</html>" not in (self.folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
+                faults.append(f"{PAGE_FILE} has no end")
+            (self.folder / CHANGES_FILE).read_text(encoding="utf-8")
+        except (OSError, ValueError, pa.ArrowException, sqlite3.Error) as error:
+            faults.append(f"a file does not open: {' '.join(str(error).split())}")
+        return faults
+
+    def _counted(self, cases: Path, seconds: float) -> Published:
+        """Count the cases; refuse a night in which none could be planned."""
+        table = pq.read_table(cases, columns=["status", "outcome", "reason"])
+        status = Counter(table["status"].to_pylist())
+        if not status[PLANNED]:
+            reasons = list(dict.fromkeys(table["reason"].to_pylist()))
+            more = f" (and {len(reasons) - 3} other reasons)" if len(reasons) > 3 else ""
+            self.planning.partial.forget_parts()
+            raise StageError(f"no case could be planned: {'; '.join(reasons[:3])}{more}")
+        outcome = Counter(table["outcome"].to_pylist())
+        return Published({name: outcome[name] for name in OUTCOMES}, dict(status), seconds)
+
+    def _chart(self, index: int) -> NightChart | None:
+        """Return the chart of a case; None where it could not be made."""
+        path = self.planning.chart_path(self.planning.cases[index])
+        if path not in self._charts:
+            self._charts[path] = load_artefact(path, NightChart)
+        return self._charts[path]
+
+    @cached_property
+    def _charts(self) -> dict[Path, NightChart | None]:
+        """Charts that were loaded."""
+        return {}
+
+    @cached_property
+    def _earlier_index(self) -> EarlierIndex | None:
+        """Yesterday's cases by their names."""
+        earlier = self.planning.earlier
+        return None if earlier is None else EarlierIndex(earlier.path)
+
+    def _earlier(self, row: Row) -> EarlierRoute | None:
+        """Return the route that a case had yesterday."""
+        if self.planning.earlier is None or self._earlier_index is None:
+            return None
+        place = self._earlier_index.rows([row["case"]])[0]
+        return self.planning.earlier.read([place]).get(place)

@@ -1,0 +1,1 @@
+"""What is asked: the configuration, and the cases that come of it."""

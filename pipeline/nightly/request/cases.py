@@ -1,0 +1,206 @@
+"""All cases of a night: products of scenario, season, pair, departure, vessel and member.
+
+There may be a million: none is made before it is asked for by its index. The order is that of the
+work, so that neighbours share chart and current: vessel, season, departure, member, pair.
+"""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from pipeline.nightly.request.departures import Departure
+    from pipeline.nightly.request.pairs import Pair
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
+    from pipeline.scenario.vessel import VesselSpec
+
+NONE = "-"
+"""A part of a case's name that was left out; at the end of the name it is dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A member of an ensemble of currents: a file, and its name."""
+
+    name: str
+    path: str
+
+
+@dataclass(frozen=True)
+class Block:
+    """The cases of one [[cases]] table; a dimension that was left out holds None."""
+
+    number: int
+    scenario: Scenario
+    vessels: tuple[VesselSpec | None, ...]
+    seasons: tuple[Season, ...]
+    departures: tuple[Departure | None, ...]
+    members: tuple[Member | None, ...]
+    pairs: tuple[Pair | None, ...]
+
+    @cached_property
+    def shape(self) -> tuple[int, int, int, int, int]:
+        """Number of vessels, seasons, departures, members and pairs."""
+        return (
+            len(self.vessels),
+            len(self.seasons),
+            len(self.departures),
+            len(self.members),
+            len(self.pairs),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of cases."""
+        return math.prod(self.shape)
+
+    def case(self, index: int, offset: int) -> Case:
+        """Return a case by its index in the block; the block begins at `offset` of all."""
+        rest, place = index, list[int]()
+        for length in reversed(self.shape):
+            rest, at = divmod(rest, length)
+            place.append(at)
+        pair, member, departure, season, vessel = place
+        return Case(
+            offset + index,
+            self,
+            self.vessels[vessel],
+            self.seasons[season],
+            self.departures[departure],
+            self.members[member],
+            self.pairs[pair],
+        )
+
+    def names(self) -> tuple[frozenset[str], ...]:
+        """Return the names in each dimension, with which two blocks' cases can be told apart."""
+        return (
+            frozenset({self.scenario.name}),
+            *(
+                frozenset(NONE if one is None else one.name for one in dimension)
+                for dimension in (
+                    self.vessels,
+                    self.seasons,
+                    self.departures,
+                    self.members,
+                    self.pairs,
+                )
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentKey:
+    """What a current depends on, of all that makes up a case."""
+
+    block: int
+    season: str
+    departure: str
+    member: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """One voyage to plan."""
+
+    index: int
+    block: Block
+    vessel: VesselSpec | None
+    season: Season
+    departure: Departure | None
+    member: Member | None
+    pair: Pair | None
+
+    @property
+    def parts(self) -> tuple[str, str, str, str, str, str]:
+        """Names of scenario, season, pair, departure, vessel and member."""
+        others = (self.pair, self.departure, self.vessel, self.member)
+        pair, departure, vessel, member = (NONE if one is None else one.name for one in others)
+        return self.block.scenario.name, self.season.name, pair, departure, vessel, member
+
+    @property
+    def name(self) -> str:
+        """The parts with slashes between; those left out at the end are dropped."""
+        parts = list(self.parts)
+        while parts[-1] == NONE:
+            parts.pop()
+        return "/".join(parts)
+
+    @property
+    def chart(self) -> tuple[int, str]:
+        """What its chart depends on: the block, and the vessel for which it is drawn."""
+        return self.block.number, self.parts[4]
+
+    @property
+    def current(self) -> CurrentKey:
+        """What its current depends on."""
+        _, season, _, departure, _, member = self.parts
+        return CurrentKey(self.block.number, season, departure, member)
+
+
+@dataclass(frozen=True)
+class Cases:
+    """All cases, by their index."""
+
+    blocks: tuple[Block, ...]
+
+    @cached_property
+    def _offsets(self) -> list[int]:
+        """Index of each block's first case, and the number of all."""
+        return [0, *itertools.accumulate(block.size for block in self.blocks)]
+
+    def __len__(self) -> int:
+        """Return the number of all cases."""
+        return self._offsets[-1]
+
+    def __getitem__(self, index: int) -> Case:
+        """Return a case."""
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        block = bisect.bisect_right(self._offsets, index) - 1
+        return self.blocks[block].case(index - self._offsets[block], self._offsets[block])
+
+    def __iter__(self) -> Iterator[Case]:
+        """Give all cases in their order."""
+        return (self[index] for index in range(len(self)))
+
+    def chart_ranges(self) -> list[tuple[int, int]]:
+        """Return the ranges (first, end) of cases that share a chart."""
+        ranges = []
+        for block, offset in zip(self.blocks, self._offsets[:-1], strict=True):
+            each = block.size // len(block.vessels)
+            ranges += [
+                (offset + i * each, offset + (i + 1) * each) for i in range(len(block.vessels))
+            ]
+        return ranges
+
+    def current_examples(self) -> Iterator[Case]:
+        """Give one case of each current."""
+        for block, offset in zip(self.blocks, self._offsets[:-1], strict=True):
+            each = len(block.pairs)
+            for index in range(0, block.size // len(block.vessels), each):
+                yield block.case(index, offset)
+
+
+def matches(name: str, asked: str) -> bool:
+    """Whether a case is asked for: by its name, or by the first parts of it."""
+    wanted = asked.strip("/").split("/")
+    parts = name.split("/")
+    parts += [NONE] * (len(wanted) - len(parts))
+    return parts[: len(wanted)] == wanted
+
+
+def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
+    """Find pairs of blocks that have cases of the same name."""
+    return [
+        (one, other)
+        for one, other in itertools.combinations(blocks, 2)
+        if all(a & b for a, b in zip(one.names(), other.names(), strict=True))
+    ]

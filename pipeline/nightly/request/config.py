@@ -1,0 +1,166 @@
+"""What a night is asked for: one strict TOML file; every fault is given with file and line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BeforeValidator, Field, ValidationError
+
+from pipeline.errors import RequestError
+from pipeline.nightly.request.departures import DepartureSpec  # noqa: TC001 - pydantic evaluates annotations
+from pipeline.nightly.request.toml_lines import TomlLines
+from pipeline.paths import expanded, folder_to_write, shown, unreadable_reason
+from pipeline.scenario import catalogue
+from pipeline.scenario.messages import model_faults
+from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+# Where results go if neither the file nor --output says it, from the working directory.
+_DEFAULT_OUTPUT = "outputs/nightly"
+_MEMBERS = Annotated[
+    tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
+]
+
+
+class CaseTable(StrictModel):
+    """One [[cases]] table: a scenario, and what it is multiplied by."""
+
+    scenario: str = Field(
+        description="The scenario: its chart, currents and planner. Give a name of the catalogue "
+        "(`renew list`), or the path of a file."
+    )
+    seasons: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Seasons of the scenario to plan; left out, all. Give a list of their names.",
+    )
+    pairs: str | None = Field(
+        default=None,
+        description="CSV file of start–goal pairs; left out, the scenario's own. Give its path.",
+    )
+    vessels: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Vessels of the catalogue; left out, the scenario's own. Give a list of their "
+        "names.",
+    )
+    departures: DepartureSpec | None = Field(
+        default=None,
+        description="Departures, each of which takes the currents at that time; left out, each "
+        "season's own time. Give a table as { first = '06:00Z', every = '6h', count = 4 }.",
+    )
+    members: Annotated[_MEMBERS, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Files of currents, each a member of an ensemble, in place of the scenario's. "
+        "Give a path or a pattern, as 'currents/*.nc'.",
+    )
+    currents: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Sources of currents in place of the scenario's, in order of preference. Give "
+        "a list of names of the catalogue, or of files.",
+    )
+
+
+class NightTable(StrictModel):
+    """The whole file."""
+
+    schema_version: Literal[1] = Field(
+        default=1, description="Version of this format. Write schema_version = 1."
+    )
+    output: str | None = Field(
+        default=None, description="Folder of all cycles. Give a path, from this file's folder."
+    )
+    keep: Integer = Field(
+        default=14,
+        ge=1,
+        le=100_000,
+        description="Number of finished cycles that are kept. Give a whole number, 1 or more.",
+    )
+    limit_hours: Positive = Field(
+        default=6.0,
+        le=1000,
+        description="Time that a night may take, hours; past it nothing is published, and the "
+        "next run continues. Give hours above 0.",
+    )
+    look_percent: NonNegative = Field(
+        default=3.0,
+        description="Saving over yesterday's route from which on somebody should look, percent. "
+        "Give a percentage, 0 or more.",
+    )
+    stale_hours: Positive = Field(
+        default=36.0,
+        description="Age of the currents from which on somebody should look, hours. Give hours "
+        "above 0.",
+    )
+    workers: Integer | None = Field(
+        default=None,
+        ge=1,
+        le=1024,
+        description="Number of worker processes of a local cluster; left out, one a core. Give a "
+        "whole number, 1 or more.",
+    )
+    memory_gb: Annotated[Number, Field(ge=0.25)] = Field(
+        default=2.0,
+        description="Memory of a local worker, GB; one that takes more is ended. Give GB, 0.25 or "
+        "more.",
+    )
+    cases: tuple[CaseTable, ...] = Field(
+        min_length=1, description="What to plan. Add a [[cases]] table for each scenario."
+    )
+
+
+@dataclass(frozen=True)
+class NightConfig:
+    """A file's table, where the file is, the lines of its keys, and the folder of all cycles."""
+
+    table: NightTable
+    path: Path
+    lines: TomlLines
+    output: Path
+
+    def located(self, fault: str) -> str:
+        """Begin a fault by the file and the line of the key that it begins with."""
+        return self.lines.located(fault, self.path.name)
+
+
+def shipped_config() -> Path:
+    """Return the path of the file that runs offline, with two scenarios of the catalogue."""
+    return catalogue.root() / "nightly.toml"
+
+
+def load_config(file: Path | None = None, output: Path | None = None) -> NightConfig:
+    """Load a night's file.
+
+    Parameters
+    ----------
+    file
+        The shipped one if left out.
+    output
+        Folder of all cycles, in place of the file's.
+
+    Raises
+    ------
+    RequestError
+        Not there, not TOML, or invalid: one line for each fault.
+    """
+    path = shipped_config() if file is None else expanded(file, "--config")
+    if reason := unreadable_reason(path):
+        raise RequestError([f"--config: {shown(path)} {reason}; give a TOML file"])
+    if path.is_dir():
+        raise RequestError([f"--config: {shown(path)} is a folder; name the TOML file in it"])
+    data = catalogue.read_toml(path)
+    lines = TomlLines(path.read_text(encoding="utf-8"))
+    try:
+        table = NightTable.model_validate(data)
+    except ValidationError as error:
+        faults = model_faults(error, NightTable, data)
+        raise RequestError([lines.located(fault, path.name) for fault in faults]) from None
+    if output is not None:
+        folder = folder_to_write(output, "--output")
+    elif table.output is not None:
+        folder = folder_to_write(path.parent / table.output, "output")
+    else:
+        folder = folder_to_write(expanded(_DEFAULT_OUTPUT, "--output"), "--output")
+    return NightConfig(table, path, lines, folder)

@@ -1,0 +1,289 @@
+"""From a night's file to its cases: scenarios, vessels, pairs and members, all faults at once."""
+
+from __future__ import annotations
+
+import glob
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import RequestError
+from pipeline.loading import parse_scenario
+from pipeline.nightly.request.cases import Block, Cases, Member, doubled, matches
+from pipeline.nightly.request.pairs import read_pairs
+from pipeline.scenario import catalogue
+from pipeline.scenario.strict import looks_like_path
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pipeline.nightly.request.config import CaseTable, NightConfig
+    from pipeline.nightly.request.departures import Departure
+    from pipeline.nightly.request.pairs import Pair
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
+    from pipeline.scenario.vessel import VesselSpec
+
+MAX_UNASKED = 100_000
+"""Number of cases from which on --yes is needed."""
+_NO_NAME = re.compile(r"[^a-z0-9]+")
+
+
+def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -> Cases:
+    """Return the cases of a night.
+
+    Parameters
+    ----------
+    only
+        A case's name, or its first parts: no others are planned.
+    yes
+        Whether more than 100,000 cases are meant.
+
+    Raises
+    ------
+    RequestError
+        Unknown scenarios, vessels, seasons or cases; faulty pairs: one line for each fault.
+    """
+    faults: list[str] = []
+    blocks = []
+    for number, table in enumerate(config.table.cases):
+        block, found = _Expansion(config, number, table).block()
+        faults += found
+        if block is not None:
+            blocks.append(block)
+    faults += [
+        config.located(
+            f"cases[{other.number}].scenario = {other.scenario.name!r}: asks for cases of "
+            f"cases[{one.number}] again; leave them out in one of the two"
+        )
+        for one, other in doubled(blocks)
+    ]
+    if faults:
+        raise RequestError(faults)
+    cases = Cases(tuple(blocks))
+    if only is not None:
+        cases = _only(cases, only)
+    if len(cases) > MAX_UNASKED and not yes:
+        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
+        fault = (
+            f"cases: {len(cases):,} of them ({sizes}), more than {MAX_UNASKED:,}; give --yes if "
+            "all are meant"
+        )
+        raise RequestError([config.located(fault)])
+    return cases
+
+
+class _Expansion:
+    """One [[cases]] table on its way to a block."""
+
+    def __init__(self, config: NightConfig, number: int, table: CaseTable) -> None:
+        self._config, self._number, self._table = config, number, table
+        self._faults: list[str] = []
+
+    def block(self) -> tuple[Block | None, list[str]]:
+        """Return the block, or None; and the faults."""
+        table = self._table
+        vessels = self._vessels()
+        members = self._members()
+        scenario = self._scenario()
+        if scenario is None:
+            return None, self._faults
+        if scenario.is_planar and (table.members or table.currents):
+            self._fault(
+                "members" if table.members else "currents", "needs a chart; a plane has none"
+            )
+        seasons = self._seasons(scenario)
+        pairs = self._pairs(scenario)
+        departures: tuple[Departure | None, ...] = (None,)
+        if table.departures is not None:
+            departures = table.departures.departures()
+        if self._faults:
+            return None, self._faults
+        return Block(
+            self._number, scenario, vessels, seasons, departures, members, pairs
+        ), self._faults
+
+    def _fault(self, key: str, text: str) -> None:
+        """Add a fault of a key."""
+        self._faults.append(self._config.located(f"cases[{self._number}].{key}: {text}"))
+
+    def _here(self, path: str) -> str:
+        """Return a path from the file's own folder."""
+        return path if path.startswith(("~", "/")) else str(self._config.path.parent / path)
+
+    def _scenario(self) -> Scenario | None:
+        """Load the scenario; its currents need not be there yet."""
+        asked = self._table.scenario
+        try:
+            is_named = asked in catalogue.names("scenarios")
+            path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
+            data = catalogue.read_toml(path)
+            scenario = _parsed_without_files(data, path.parent)
+            return self._with_own_currents(scenario)
+        except RequestError as error:
+            for fault in error.faults:
+                self._fault("scenario", f"{asked!r}: {fault}" if asked not in fault else fault)
+            return None
+
+    def _named_or_path(self, asked: str) -> str:
+        """Return a path from the file's folder if something is there, else the text itself."""
+        path = self._here(asked)
+        return path if looks_like_path(asked) or Path(path).exists() else asked
+
+    def _with_own_currents(self, scenario: Scenario) -> Scenario:
+        """Replace the scenario's currents by those of the table."""
+        if not self._table.currents or scenario.is_planar:
+            return scenario
+        named = tuple(
+            (self._here(one),) if looks_like_path(one) else one for one in self._table.currents
+        )
+        for one in named:
+            if isinstance(one, str) and one not in catalogue.names("sources"):
+                raise RequestError(
+                    [catalogue.unknown("source", "currents", one, catalogue.names("sources"))]
+                )
+        seasons = tuple(
+            season.model_copy(update={"currents": named}) for season in scenario.seasons
+        )
+        return scenario.model_copy(update={"seasons": seasons})
+
+    def _vessels(self) -> tuple[VesselSpec | None, ...]:
+        """Return the vessels."""
+        if self._table.vessels is None:
+            return (None,)
+        found = []
+        for name in self._table.vessels:
+            try:
+                found.append(catalogue.vessel(name))
+            except RequestError as error:
+                for fault in error.faults:
+                    self._fault("vessels", fault)
+        self._refuse_repeated("vessels", self._table.vessels)
+        return tuple(found)
+
+    def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
+        """Return the seasons that are asked for."""
+        known = {season.name: season for season in scenario.seasons}
+        if self._table.seasons is None:
+            return scenario.seasons
+        for name in self._table.seasons:
+            if name not in known:
+                self._fault(
+                    "seasons",
+                    f"{name!r} is no season of {scenario.name}; there are: " + ", ".join(known),
+                )
+        self._refuse_repeated("seasons", self._table.seasons)
+        return tuple(known[name] for name in self._table.seasons if name in known)
+
+    def _members(self) -> tuple[Member | None, ...]:
+        """Return a member for each file; none there yet is the currents' fault, not the file's."""
+        if self._table.members is None:
+            return (None,)
+        paths: list[str] = []
+        for pattern in map(self._here, self._table.members):
+            paths += sorted(glob.glob(str(Path(pattern).expanduser()))) or [pattern]  # noqa: PTH207 - Path.glob takes no absolute pattern
+        members = [Member(_name(Path(path).stem), path) for path in paths]
+        self._refuse_repeated("members", [member.name for member in members])
+        return tuple(members)
+
+    def _pairs(self, scenario: Scenario) -> tuple[Pair | None, ...]:
+        """Read the pairs; those outside the region are refused."""
+        if self._table.pairs is None:
+            return (None,)
+        pairs, faults = read_pairs(
+            Path(self._here(self._table.pairs)), is_planar=scenario.is_planar
+        )
+        if not scenario.is_planar and scenario.region is None:
+            self._fault(
+                "pairs", f"need a region that holds them all; add a [region] to {scenario.name}"
+            )
+        elif pairs:
+            faults = [*faults, *_outside(scenario, pairs, Path(self._table.pairs).name)]
+        for fault in faults:
+            self._fault("pairs", fault)
+        return pairs
+
+    def _refuse_repeated(self, key: str, names: Sequence[str]) -> None:
+        """Find names that come twice."""
+        for name in dict.fromkeys(name for name in names if names.count(name) > 1):
+            self._fault(key, f"{name!r} comes twice; leave one out")
+
+
+def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
+    """Find pairs that do not lie in a scenario's area."""
+    import shapely
+
+    area = scenario.area
+    shapely.prepare(area)
+    what = "plane" if scenario.is_planar else "region"
+    bounds = ", ".join(f"{bound:g}" for bound in area.bounds)
+    return [
+        f"{file}, row {pair.row}: {name} = {list(place)} lies outside the {what} of "
+        f"{scenario.name} ({bounds}); move it inside, or widen the {what}"
+        for pair in pairs
+        for name, place in (("start", pair.start), ("goal", pair.goal))
+        if not area.covers(shapely.Point(place))
+    ]
+
+
+def _parsed_without_files(data: dict[str, Any], folder: Path) -> Scenario:
+    """Check a scenario's table, but for files of currents: a forecast may come later."""
+    seasons = data.get("seasons")
+    if not isinstance(seasons, list) or "plane" in data:
+        return parse_scenario(data, folder)
+
+    def is_there(named: object) -> bool:
+        return isinstance(named, str) and not looks_like_path(named)
+
+    checked = []
+    for season in seasons:
+        currents = season.get("currents") if isinstance(season, dict) else None
+        if isinstance(currents, list) and currents:
+            named = [one for one in currents if is_there(one)]
+            season = {**season, "currents": named or ["still"]}  # noqa: PLW2901
+        checked.append(season)
+    scenario = parse_scenario({**data, "seasons": checked}, folder)
+    found = []
+    for season, given in zip(scenario.seasons, seasons, strict=True):
+        currents = tuple(
+            one if is_there(one) else _absolute(one, folder) for one in given.get("currents", ())
+        )
+        found.append(season.model_copy(update={"currents": currents}))
+    return scenario.model_copy(update={"seasons": tuple(found)})
+
+
+def _absolute(named: object, folder: Path) -> tuple[str, ...]:
+    """Return the absolute paths of a group of files."""
+    if not isinstance(named, (str, list)) or not all(isinstance(one, str) for one in named):
+        raise RequestError([f"currents = {named!r} is neither a source nor a list of files"])
+    paths = [named] if isinstance(named, str) else named
+    return tuple(one if one.startswith(("~", "/")) else str(folder / one) for one in paths)
+
+
+def _name(stem: str) -> str:
+    """Return a member's name: its file's, in lower-case letters, digits and '-'."""
+    return _NO_NAME.sub("-", stem.lower()).strip("-")[:64] or "member"
+
+
+def _only(cases: Cases, asked: str) -> Cases:
+    """Keep the cases of a name, or whose names begin with it."""
+    blocks = []
+    for block in cases.blocks:
+        kept = [case for case in Cases((block,)) if matches(case.name, asked)]
+        if not kept:
+            continue
+        blocks.append(
+            Block(
+                block.number,
+                block.scenario,
+                tuple(dict.fromkeys(case.vessel for case in kept)),
+                tuple(dict.fromkeys(case.season for case in kept)),
+                tuple(dict.fromkeys(case.departure for case in kept)),
+                tuple(dict.fromkeys(case.member for case in kept)),
+                tuple(dict.fromkeys(case.pair for case in kept)),
+            )
+        )
+    if not blocks:
+        example = cases[0].name
+        raise RequestError([f"--only: no case is called {asked!r}; names are such as {example!r}"])
+    return Cases(tuple(blocks))

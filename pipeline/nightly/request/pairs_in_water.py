@@ -1,0 +1,59 @@
+"""Start–goal pairs that lie on land are refused before anything is written, each with its row."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import shapely
+
+from pipeline.sources.land.polygons import box_around
+from pipeline.sources.registry import land_source
+from pipeline.stages.endpoint_look import endpoints_on_land
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pipeline.nightly.request.cases import Block, Cases
+    from pipeline.nightly.request.config import NightConfig
+    from pipeline.scenario.model import Scenario
+
+# Distance around all places within which land is looked at, m.
+_NEAR_M = 2_000.0
+
+
+def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
+    """Return a fault for each start and goal on land."""
+    faults = []
+    for block in cases.blocks:
+        if block.scenario.is_planar:
+            continue
+        file = config.table.cases[block.number].pairs
+        voyages = _voyages(block)
+        for suspect in _suspects([scenario for scenario, _ in voyages]):
+            scenario, row = voyages[suspect]
+            where = f"cases[{block.number}].pairs: {file}, row {row}: " if row else ""
+            faults += [config.located(f"{where}{fault}") for fault in endpoints_on_land(scenario)]
+    return faults
+
+
+def _voyages(block: Block) -> list[tuple[Scenario, int]]:
+    """Return the scenario of each pair, with the pair's row; 0 for the scenario's own ends."""
+    return [
+        (block.scenario, 0)
+        if pair is None
+        else (block.scenario.model_copy(update={"start": pair.start, "goal": pair.goal}), pair.row)
+        for pair in block.pairs
+    ]
+
+
+def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
+    """Return which of the voyages on one chart have an end on land.
+
+    All are looked at in one go; the closer look, which finds water, takes longer.
+    """
+    ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
+    around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
+    source = land_source(scenarios[0].chart, scenarios[0].vessel.draught_m)
+    land = shapely.STRtree(source.land(around).polygons)
+    found = land.query(ends, predicate="intersects")[0]
+    return sorted(set((found // 2).tolist()))

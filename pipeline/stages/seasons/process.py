@@ -1,0 +1,137 @@
+"""Seasons with a limit: each in a process of its own, which can be killed when its time is up.
+
+As a program it plans the one season whose pickled task it reads from standard input.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from pipeline.stages.seasons.task import Status, plan_and_evaluate, status_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from pipeline.stages.seasons.task import SeasonTask
+
+# Time between two looks at processes, s.
+_PAUSE_S = 0.05
+# Time between a process's looks at whether the one that started it still runs, s.
+_PARENT_S = 0.5
+_MODULE = "pipeline.stages.seasons.process"
+_ROOT = Path(__file__).resolve().parents[3]
+# Maximum length of a process's last words in a message, in characters.
+_MAX_SHOWN = 200
+
+
+class SeasonProcess:
+    """A season's task at work in a process of its own, with a deadline if the task has a limit."""
+
+    def __init__(self, task: SeasonTask) -> None:
+        self._task = task
+        self._deadline = time.monotonic() + (task.limit_s or float("inf"))
+        # Files, not pipes: nobody needs to read while the process works.
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
+        path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH", "")]))
+        self._process = subprocess.Popen(  # noqa: S603 - this very module
+            [sys.executable, "-P", "-m", _MODULE, str(os.getpid())],
+            stdin=subprocess.PIPE,
+            stdout=self._output,
+            stderr=self._errors,
+            env=os.environ | {"PYTHONPATH": path},
+            start_new_session=True,
+        )
+        with contextlib.suppress(BrokenPipeError), self._stdin() as stdin:
+            stdin.write(pickle.dumps(task))
+
+    def _stdin(self) -> IO[bytes]:
+        """Return the pipe to the process's standard input."""
+        if self._process.stdin is None:
+            raise ValueError("started without a pipe")
+        return self._process.stdin
+
+    def status(self) -> Status | None:
+        """Return how the task ended; None while it is at work. Past its deadline it is killed."""
+        if self._process.poll() is None:
+            if time.monotonic() < self._deadline:
+                return None
+            self.kill()
+            reason = f"took longer than the limit of {self._task.limit_s:g} s"
+            return Status(self._task.season, reason, crashed=True)
+        with self._output as output, self._errors as errors:
+            output.seek(0)
+            errors.seek(0)
+            words = errors.read().decode(errors="replace").split("\n")
+            try:
+                failure, crashed = json.loads(output.read())
+                return Status(self._task.season, str(failure), bool(crashed))
+            except ValueError:
+                last = next((line.strip() for line in reversed(words) if line.strip()), "")
+                reason = f"its process ended with code {self._process.returncode}"
+                return Status(
+                    self._task.season,
+                    f"{reason}: {last[:_MAX_SHOWN]}" if last else f"{reason} (out of memory?)",
+                    crashed=True,
+                )
+
+    def kill(self) -> None:
+        """End the process, and all that it started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._output.close()
+        self._errors.close()
+
+
+def run_in_processes(
+    tasks: Sequence[SeasonTask], count: int, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks, at most `count` at a time; whatever ends this function ends the processes too."""
+    waiting, working = deque(tasks), list[SeasonProcess]()
+    try:
+        while waiting or working:
+            while waiting and len(working) < count:
+                working.append(SeasonProcess(waiting.popleft()))
+            for process in tuple(working):
+                status = process.status()
+                if status is not None:
+                    working.remove(process)
+                    on_status(status)
+            time.sleep(_PAUSE_S)
+    finally:
+        for process in working:
+            process.kill()
+
+
+def _end_with(parent: int) -> None:
+    """End this process once the one that started it has ended, however that happened."""
+    while os.getppid() == parent:
+        time.sleep(_PARENT_S)
+    os._exit(1)
+
+
+def _main() -> None:
+    """Plan one season; write its failure, and whether the task crashed, to standard output."""
+    threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    task = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the process that started this
+    answer, sys.stdout = sys.stdout, sys.stderr  # what libraries print is no answer
+    status = status_of(task.season, partial(plan_and_evaluate, task))
+    answer.write(json.dumps([status.failure, status.crashed]))
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,163 @@
+"""Real Dask schedulers and workers on loopback that are absent, silent, killed, or of no use."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pipeline.errors import StageError
+from pipeline.loading import load_scenario
+from pipeline.run import run
+from pipeline.stages.workers import fitness, fleet
+from tests.pipeline.processes import QUICK, SLOW, started, wait_until
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pipeline.outcome import Event, Outcome
+
+
+@pytest.fixture(autouse=True)
+def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet, "_ANSWER_S", 6.0)
+    monkeypatch.setattr(fleet, "_WORKERS_S", 12.0)
+    monkeypatch.setattr(fleet, "_HEARTBEAT_S", 1.0)
+
+
+@contextlib.contextmanager
+def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Start a scheduler; give its process and its address."""
+    file = folder / "scheduler.json"
+    command = (sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", "0")
+    with started(*command, "--no-dashboard", "--scheduler-file", str(file)) as process:
+        wait_until(lambda: process.poll() is not None or (file.exists() and file.read_text()), 60)
+        yield process, str(json.loads(file.read_text())["address"])
+
+
+@contextlib.contextmanager
+def worker(address: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a worker of a scheduler."""
+    command = (sys.executable, "-m", "dask", "worker", address, "--nworkers", "1", "--nthreads")
+    with started(*command, "1", "--no-dashboard") as process:
+        yield process
+
+
+def run_text(folder: Path, text: str, address: str, limit_s: float | None = None) -> Outcome:
+    """Run a scenario's text on a scheduler."""
+    file = folder / "scenario.toml"
+    file.write_text(text)
+    return run(load_scenario(str(file)), folder / "outputs", scheduler=address, limit_s=limit_s)
+
+
+def refusal(folder: Path, text: str, address: str) -> str:
+    """Return the one line with which a run on a scheduler is given up, within a minute."""
+    begun = time.monotonic()
+    with pytest.raises(StageError) as caught:
+        run_text(folder, text, address)
+    assert time.monotonic() - begun < 60
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "address", ["tls://127.0.0.1:1", "nonsense", "tcp://127.0.0.1:1", "tcp://127.0.0.1:999999"]
+)
+def test_an_address_without_a_scheduler(tmp_path: Path, address: str) -> None:
+    line = refusal(tmp_path, QUICK, address)
+    assert address in line
+    assert "leave --scheduler out" in line
+
+
+def test_a_port_that_accepts_and_says_nothing(tmp_path: Path) -> None:
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        line = refusal(tmp_path, QUICK, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
+    assert "no Dask scheduler answers" in line
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers(tmp_path: Path) -> None:
+    with scheduler(tmp_path) as (_, address):
+        assert "has had no workers for 12 s; start some" in refusal(tmp_path, QUICK, address)
+
+
+@pytest.mark.slow
+def test_a_worker_plans_and_a_limit_ends_its_seasons(tmp_path: Path) -> None:
+    with scheduler(tmp_path) as (_, address), worker(address):
+        assert run_text(tmp_path, QUICK, address).exit_code == 0
+        with pytest.raises(StageError) as caught:
+            run_text(tmp_path, SLOW, address, limit_s=5)
+        line = str(caught.value)
+        assert line == "seasons 'first', 'second': took longer than the limit of 5 s"
+        # The worker is free again.
+        again = QUICK.replace("classes = 1", "classes = 2")
+        assert run_text(tmp_path, again, address).exit_code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["scheduler", "worker", "stopped scheduler"])
+def test_killed_in_the_middle_of_a_season(tmp_path: Path, killed: str) -> None:
+    with scheduler(tmp_path) as (process, address), worker(address) as working:
+        victim = working if killed == "worker" else process
+        number = signal.SIGSTOP if killed == "stopped scheduler" else signal.SIGKILL
+
+        def end_it() -> None:
+            wait_until(lambda: list((tmp_path / "outputs").glob(".artefacts/project/*.artefact")))
+            time.sleep(15)  # the worker is planning by then
+            os.killpg(victim.pid, number)
+
+        thread = threading.Thread(target=end_it)
+        thread.start()
+        line = refusal(tmp_path, SLOW, address)
+        thread.join()
+    expected = "has had no workers" if killed == "worker" else "no longer answers; all that"
+    assert expected in line
+    assert list((tmp_path / "outputs").glob(".artefacts/project/*.artefact"))
+
+
+@pytest.mark.slow
+def test_a_season_that_was_done_before_the_scheduler_died_is_written(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.toml"
+    file.write_text(QUICK + '[[seasons]]\nname = "other"\nuniform = { v = 0.1 }\n')
+    with scheduler(tmp_path) as (process, address), worker(address) as working:
+
+        def end_all(event: Event) -> None:
+            if event.season and event.status == "done":
+                os.killpg(working.pid, signal.SIGKILL)
+                os.killpg(process.pid, signal.SIGKILL)
+
+        output = tmp_path / "outputs"
+        outcome = run(load_scenario(str(file)), output, scheduler=address, on_event=end_all)
+    assert outcome.exit_code == 1
+    (failure,) = outcome.failures
+    assert "no longer answers" in failure
+    (done,) = (plan.season for plan in outcome.plans if plan.plan)
+    with (output / "quick" / "metrics.csv").open(newline="") as rows:
+        assert {row["season"] for row in csv.DictReader(rows)} == {done}
+
+
+@pytest.mark.slow
+def test_workers_that_cannot_do_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with scheduler(tmp_path) as (_, address), worker(address):
+        monkeypatch.setattr(fitness, "own_identity", lambda: "another")
+        assert "runs another version of RENEW" in refusal(tmp_path, QUICK, address)
+
+
+def test_a_worker_that_does_not_see_the_output_folder(tmp_path: Path) -> None:
+    identity = fitness.own_identity()
+    assert "the same output folder" in fitness.worker_fault(identity, str(tmp_path / "no"))
+    (tmp_path / "scene").touch()
+    assert fitness.worker_fault(identity, str(tmp_path / "scene")) == ""
