@@ -57,7 +57,7 @@ class Design:
     def _rivals(self, planner: Planner) -> Iterator[Job]:
         """A rival with fuel as its objective: every case, with our padding."""
         for spec in self.specs:
-            runs = 1 if self.is_quick or not spec.is_compared else planner.runs
+            runs = 1 if self.is_quick else min(planner.runs, spec.runs)
             calls = int(planner.calls * _QUICK_SHARE) if self.is_quick else planner.calls
             budgets = [calls]
             if calls and spec.name == TIMED and not self.is_quick:
@@ -73,10 +73,12 @@ class Design:
         Unpadded, as in the paper.
         """
         for spec in self.specs:
-            if not spec.is_compared:
+            is_ours = planner.group == "ours"
+            if not is_ours and spec.baselines is not None and planner.name not in spec.baselines:
                 continue
             runs = 1 if self.is_quick else min(planner.runs, spec.runs)
-            every = planner.group == "ours" or spec.name == "ablation"
+            # The baselines know no padding: what differs between cases is the current.
+            every = is_ours or spec.baselines is not None
             for case in spec.cases if every else spec.cases[:1]:
                 yield from (Job(spec.name, case.name, planner.name, seed) for seed in range(runs))
 

@@ -47,9 +47,9 @@ class EnvironmentSpec(StrictModel):
 
     `scenario` is a scenario's name or its table; `currents` and `scale` replace the scenario's own.
     `cell_m` and `nodes` size the grids and roadmaps of the baselines, as published; `station_m` is
-    the spacing of the paper's contingency turns; `runs` is the number of seeds of what draws. All
-    of the paper's baselines run where it `is_compared`; k and the order of classes vary where it
-    `is_swept`.
+    the spacing of the paper's contingency turns; `runs` is the number of seeds of what draws.
+    `baselines` are those of the paper that run in it, all if it is left out; k and the order of
+    classes vary where it `is_swept`.
     """
 
     schema_version: Literal[1]
@@ -64,7 +64,7 @@ class EnvironmentSpec(StrictModel):
     nodes: Annotated[Integer, Field(ge=10)] = 2000
     station_m: Positive = 1.0
     runs: Annotated[Integer, Field(ge=1)] = 10
-    is_compared: bool = True
+    baselines: tuple[str, ...] | None = None
     is_swept: bool = False
     cases: tuple[Case, ...] = Field(min_length=1)
     published: tuple[Published, ...] = ()

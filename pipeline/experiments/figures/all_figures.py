@@ -29,7 +29,7 @@ def drawings(found: Findings) -> Iterator[Drawing]:
     by_name = {environment.spec.name: environment for environment in found.environments}
     for environment in found.environments:
         spec = environment.spec
-        if spec.is_compared and spec.name != "ablation":
+        if spec.name not in ("ablation", "eddies"):
             figure = maps.all_planners(environment, found.results)
             yield Drawing(f"{spec.name}-planners", figure, f"{spec.title}: all planners.")
     if (four := by_name.get("four-gyre")) is not None:

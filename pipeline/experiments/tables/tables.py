@@ -56,7 +56,7 @@ class Results:
 
 def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, ...]:
     """All tables that hold any row, in the order of the report."""
-    compared = [spec for spec in specs if spec.is_compared]
+    compared = [spec for spec in specs if spec.name != "eddies"]
     plain = [spec for spec in compared if spec.name not in ("ablation", "palawan")]
     of_name = {spec.name: [spec] for spec in specs}
     made = (
