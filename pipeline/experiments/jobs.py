@@ -150,7 +150,7 @@ def _theirs(
         voyage.vessel,
         voyage.start,
         voyage.goal,
-        water=PaddedWater.of(voyage.chart, padding),
+        water=PaddedWater.of(voyage.chart, padding, np.stack([voyage.start, voyage.goal])),
         budget=Budget(spec.classes, spec.cell_m, spec.nodes, calls),
         seed=job.seed,
     )

@@ -52,9 +52,9 @@ PLANNERS = {
         Planner("PRM-D", "paper", "roadmaps", "prm_dubins", 10),
         Planner("A*", "paper", "grid_a_star", "a_star"),
         Planner("A*-D", "paper", "grid_a_star", "a_star_dubins"),
-        Planner("BIT* fuel", "fuel", "with_fuel", "bit_star", 3, 6_000_000),
-        Planner("RRT* fuel", "fuel", "with_fuel", "rrt_star_fuel", 3, 2_000_000),
-        Planner("PRM* fuel", "fuel", "with_fuel", "prm_star_fuel", 3, 800_000),
+        Planner("BIT*", "fuel", "with_fuel", "bit_star", 3, 6_000_000),
+        Planner("RRT* Eq. 4", "fuel", "with_fuel", "rrt_star_fuel", 3, 2_000_000),
+        Planner("PRM*", "fuel", "with_fuel", "prm_star_fuel", 3, 800_000),
         Planner("isochrone", "fuel", "isochrone", "isochrone"),
         Planner("energy graph", "fuel", "energy_graph", "energy_graph"),
     )

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from pipeline.experiments.kernels.compiled import compiled
-from renew.kernels.capsules import Segment, capsule_interval
+from renew.kernels.capsules import Segment, capsule_interval, segment_distance
 
 if TYPE_CHECKING:
     import renew
@@ -26,6 +26,8 @@ BARE = -1.0
 # Number of cells of the buckets' grid for each edge, and at most.
 _CELLS_PER_EDGE, _MAX_CELLS = 8, 1_000_000
 _MIN_CELLS = 400
+# Share of the distance of start or goal to an edge that its padding may have.
+_SHORT = 1 - 1e-6
 
 
 class Buckets(NamedTuple):
@@ -48,10 +50,16 @@ class PaddedWater:
     edges: FloatArray
 
     @classmethod
-    def of(cls, chart: renew.Chart, padding: float | FloatArray = 0.0) -> PaddedWater:
+    def of(
+        cls,
+        chart: renew.Chart,
+        padding: float | FloatArray = 0.0,
+        ends: FloatArray | None = None,
+    ) -> PaddedWater:
         """Pad all edges on land by the same (m), or those listed (e, 5) and no others.
 
-        The extent's edge is the end of the chart: it is not padded.
+        The extent's edge is the end of the chart: it is not padded. No padding reaches `ends` (n,
+        2), start and goal: harbours lie in it, and our planner leaves it by its first section.
         """
         land = _ring_edges([polygon.exterior for polygon in chart.no_go] + _holes(chart))
         end = _ring_edges([chart.extent.exterior])
@@ -63,7 +71,12 @@ class PaddedWater:
         ]
         if not isinstance(padding, float):
             edges.append(padding[padding[:, 4] > 0])
-        return cls(chart, np.ascontiguousarray(np.vstack(edges)))
+        every = np.vstack(edges)
+        if ends is not None:
+            free = segment_distance(ends[:, None], every[:, :2], every[:, 2:4]).min(axis=0)
+            padded = every[:, 4] > 0
+            every[padded, 4] = np.minimum(every[padded, 4], _SHORT * free[padded])
+        return cls(chart, np.ascontiguousarray(every))
 
     @cached_property
     def buckets(self) -> Buckets:

@@ -44,7 +44,10 @@ class Runs:
 
     @classmethod
     def of(cls, results: Iterable[Result], *, is_smoothed: bool | None = None) -> Runs:
-        """Of each run the path that is smoothed, or is not; the best of both, if not said."""
+        """Of each run the path that is smoothed, or is not; the best of both, if not said.
+
+        A path over land, or through too strong a current, counts as a failure.
+        """
         paths, failed = [], 0
         for result in results:
             found = [
@@ -52,6 +55,7 @@ class Runs:
                 for one in result.paths
                 if is_smoothed in (None, one.candidate.is_smoothed)
                 and math.isfinite(one.judgement.fuel)
+                and not one.judgement.crosses_land
             ]
             if found:
                 paths.append(min(found, key=lambda one: one.judgement.fuel))

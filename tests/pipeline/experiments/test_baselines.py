@@ -83,6 +83,7 @@ class Work:
         return run_job(job, self.environment, self.environment)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", [planner.name for planner in BASELINES])
 @pytest.mark.parametrize("water", ["bare", "padded"])
 def test_paths_are_clear_and_the_same_seed_gives_the_same_path(
@@ -111,6 +112,7 @@ def best_known(chart: renew.Chart, start: np.ndarray, goal: np.ndarray) -> float
     return renew.plan(chart, voyage.current, VESSEL, start, goal, padding="none").best.fuel
 
 
+@pytest.mark.slow
 def test_rivals_with_fuel_as_objective_come_near_the_optimum(
     results: dict[tuple[str, str], list[Result]],
 ) -> None:
@@ -125,6 +127,7 @@ def test_rivals_with_fuel_as_objective_come_near_the_optimum(
             assert 0.999 * ours <= best.judgement.fuel <= 1.06 * ours, planner.name
 
 
+@pytest.mark.slow
 def test_a_baseline_without_a_way_says_so(tmp_path: Path) -> None:
     environment = small_environment()
     wall = renew.Chart(environment.chart.extent, [shapely.box(0, 28, 60, 32)])
