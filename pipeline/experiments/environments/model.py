@@ -45,16 +45,19 @@ class Published(StrictModel):
 class EnvironmentSpec(StrictModel):
     """What `catalog/experiments/<name>.toml` holds.
 
-    `scenario` is a scenario's name or its table; `currents` and `scale` replace the scenario's own.
-    `cell_m` and `nodes` size the grids and roadmaps of the baselines, as published; `station_m` is
-    the spacing of the paper's contingency turns; `runs` is the number of seeds of what draws.
-    `baselines` are those of the paper that run in it, all if it is left out; k and the order of
-    classes vary where it `is_swept`.
+    `scene` says where it comes from: read off a published picture, reconstructed from published
+    figures, or ours; then equal figures are no evidence. `scenario` is a scenario's name or its
+    table; `currents` and `scale` replace the scenario's own. `cell_m` and `nodes` size the grids
+    and roadmaps of the baselines, as published; `station_m` is the spacing of the paper's
+    contingency turns; `runs` is the number of seeds of what draws. `baselines` are those of the
+    paper that run in it, all if it is left out; k and the order of classes vary where it
+    `is_swept`.
     """
 
     schema_version: Literal[1]
     name: Name
     title: str
+    scene: Literal["read off", "reconstructed", "ours"]
     remark: str = Field(description="What is ours in it. Say so in a sentence.")
     scenario: Name | dict[str, Any]
     currents: tuple[Name, ...] = ()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from pipeline.experiments.baselines.registry import PLANNERS
 from pipeline.experiments.plan_of_jobs import TIMED
@@ -107,6 +108,8 @@ def fuel_against_seconds(spec: EnvironmentSpec, results: Results) -> Figure | No
             axes.plot(*at, "*", ms=13, color=COLOURS["best"], label="RENEW, k = 16")
             axes.axhline(at[1], color=COLOURS["best"], lw=0.8, ls=":")
         axes.set(xscale="log", xlabel="CPU time (s)", ylabel="fuel")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
         axes.set_title(f"{spec.title}, {case.title}", fontsize=10, loc="left")
         axes.legend(fontsize=8)
     return figure

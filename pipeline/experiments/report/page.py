@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 REPORT = "report.html"
 _DPI = 110
 _TEXTS = {
-    "environment", "case", "planner", "origin", "form", "order", "ours_is", "figure",
+    "environment", "scene", "case", "planner", "origin", "form", "order", "ours_is", "figure",
 }  # fmt: skip
 _HEADINGS = {
     "fuel_sd": "± sd",

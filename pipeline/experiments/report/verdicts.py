@@ -85,8 +85,13 @@ def _published(by_name: dict[str, tuple[Row, ...]]) -> Iterator[Verdict]:
                 None,
             )
             if ours is not None and ours.get("fuel"):
+                is_own_scene = row["scene"] == "ours"
+                is_more = float(str(ours["fuel"])) > float(str(row["fuel"]))
+                remark = (
+                    ": the scene is ours, so this is evidence of nothing" if is_own_scene else ""
+                )
                 yield Verdict(
-                    "plain" if float(str(ours["fuel"])) <= float(str(row["fuel"])) else "lost",
+                    "lost" if is_more and not is_own_scene else "plain",
                     f"{row['environment']}, {row['case']}: fuel {ours['fuel']:.2f} beside "
-                    f"{row['fuel']:.2f} published.",
+                    f"{row['fuel']:.2f} published{remark}.",
                 )

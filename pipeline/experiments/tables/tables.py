@@ -131,7 +131,13 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
 
 def _head(spec: EnvironmentSpec, case: Case, planner: str, origin: str) -> Row:
     """The first columns of any row."""
-    return {"environment": spec.title, "case": case.title, "planner": planner, "origin": origin}
+    return {
+        "environment": spec.title,
+        "scene": spec.scene,
+        "case": case.title,
+        "planner": planner,
+        "origin": origin,
+    }
 
 
 def _main(specs: Sequence[EnvironmentSpec], results: Results) -> Iterator[Row]:

@@ -42,6 +42,7 @@ def small_environment() -> Environment:
         schema_version=1,
         name="small",
         title="Small",
+        scene="ours",
         remark="A test's.",
         scenario="single-gyre",
         classes=4,

@@ -87,6 +87,16 @@ def test_listed_edges_are_padded_and_all_others_bare() -> None:
     np.testing.assert_array_equal(held, [False, True, False, True])
 
 
+def test_no_padding_reaches_start_or_goal() -> None:
+    voyage = islands_voyage()
+    # 2 m off the square's west side, and far off everything.
+    ends = np.array([(34.0, 40.0), (6.0, 7.0)])
+    around = np.array([(34.0, 40.0), (35.0, 40.0), (40.0, 48.0), (40.0, 49.5)])
+    padded = PaddedWater.of(voyage.chart, 3.0, ends)
+    np.testing.assert_array_equal(padded.holds(around), [True, False, False, True])
+    assert not PaddedWater.of(voyage.chart, 3.0).holds(around[:1]).any()
+
+
 def test_the_time_of_a_leg_is_its_integral() -> None:
     voyage = islands_voyage()
     legs = LegTimes.of(voyage.chart, CURRENT, VESSEL)
