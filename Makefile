@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean nightly $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -77,6 +77,12 @@ format: $(READY)  ## let ruff mend what it can
 nightly: $(READY)  ## a night that runs offline: outputs/nightly/latest/
 	$(BIN)/renew nightly run
 
+experiments: $(READY)  ## the paper's tables again, with its baselines and stronger rivals: outputs/experiments/
+	$(BIN)/renew experiments
+
+experiments-quick: $(READY)  ## the same for single gyre and 4-gyre, one seed, small budgets
+	$(BIN)/renew experiments --quick
+
 bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench
 
@@ -91,7 +97,7 @@ wheel: $(READY)  ## build dist/*.whl
 
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --no-config --universal --fork-strategy fewest --generate-hashes \
-	  --python-version 3.11 --group dev --extra triangle \
+	  --python-version 3.11 --group dev --extra triangle --extra baselines \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 

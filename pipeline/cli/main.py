@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|experiments|nightly`.
 
 Exit codes:
 
@@ -24,6 +24,7 @@ import typer
 
 from pipeline.cli.earlier_results import dating_earlier_results
 from pipeline.cli.ending import end, short_path
+from pipeline.cli.experiments import experiments
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
@@ -140,6 +141,7 @@ def run(
 
 
 app.command(cls=NegativeFigures)(go)
+app.command()(experiments)
 app.add_typer(nightly_app, name="nightly")
 
 

@@ -1,0 +1,70 @@
+"""What a baseline hands over, and the form that all baselines have: that of `renew.plan`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import renew
+
+if TYPE_CHECKING:
+    from pipeline.experiments.kernels.water import PaddedWater
+    from renew._types import FloatArray
+
+
+class NoPathError(renew.PlanningError):
+    """A baseline found no path within its budget."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A path (n, 2), m, and how it came about.
+
+    Attributes
+    ----------
+    states : size of the tree, roadmap or grid that was searched.
+    is_smoothed : whether it was simplified afterwards.
+    is_class_kept : whether the simplified path is of the original's class; None for an original.
+    seconds : CPU time of the search; the simplification's own for a simplified path.
+    """
+
+    path: FloatArray
+    states: int
+    is_smoothed: bool = False
+    is_class_kept: bool | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much a baseline may do: counted, not timed, so that results repeat.
+
+    Attributes
+    ----------
+    classes : number of homotopy classes of those that search by classes.
+    cell : of grids, m.
+    nodes : of roadmaps.
+    calls : of an anytime planner's cost and collision functions.
+    """
+
+    classes: int = 16
+    cell: float = 2.0
+    nodes: int = 2000
+    calls: int = 400_000
+
+
+class Baseline(Protocol):
+    """A planner: chart, current, vessel, start and goal as `renew.plan` takes them."""
+
+    def __call__(  # noqa: D102 - the class says it
+        self,
+        chart: renew.Chart,
+        current: renew.CurrentField,
+        vessel: renew.Vessel,
+        start: FloatArray,
+        goal: FloatArray,
+        *,
+        water: PaddedWater,
+        budget: Budget,
+        seed: int,
+    ) -> list[Candidate]: ...

@@ -1,0 +1,55 @@
+"""All figures of a run, each with its caption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.experiments.figures import curves, maps
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import Figure
+
+    from pipeline.experiments.findings import Findings
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, the name of its file, and its caption."""
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def drawings(found: Findings) -> Iterator[Drawing]:
+    """Draw whatever the environments of a run allow."""
+    by_name = {environment.spec.name: environment for environment in found.environments}
+    for environment in found.environments:
+        spec = environment.spec
+        if spec.name not in ("ablation", "eddies"):
+            figure = maps.all_planners(environment, found.results)
+            yield Drawing(f"{spec.name}-planners", figure, f"{spec.title}: all planners.")
+    if (four := by_name.get("four-gyre")) is not None:
+        figure_of_k = maps.few_and_many_classes(four, found.results)
+        if figure_of_k is not None:
+            caption = "One class of a depth-first search beside the best of sixteen."
+            yield Drawing("four-gyre-classes", figure_of_k, caption)
+        timed = curves.fuel_against_seconds(four.spec, found.results)
+        if timed is not None:
+            caption = "Fuel against CPU time at equal padding: median and quartiles over the seeds."
+            yield Drawing("fuel-against-seconds", timed, caption)
+    if (scene := by_name.get("ablation")) is not None:
+        caption = "The ablation's four cases; grey is the padding that our route keeps."
+        yield Drawing("ablation", maps.ablation(scene, found.results), caption)
+    if (eddies := by_name.get("eddies")) is not None:
+        caption = "Rivals beside RENEW as the eddies become smaller, unpadded."
+        yield Drawing("eddies", curves.loss_against_size(eddies.spec, found.results), caption)
+    caption = (
+        "Turning circles beside an edge, and the distribution of their reach. The current and its "
+        "spread are ours: the inputs of the published pair 4.47 m and 1.96 m are not published."
+    )
+    vessel = found.environments[0].vessel
+    yield Drawing("turning-circles", curves.turning_circles(vessel), caption)

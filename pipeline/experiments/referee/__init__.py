@@ -1,0 +1,1 @@
+"""One referee for all planners: fuel, clearance, steering and hard-over turns."""

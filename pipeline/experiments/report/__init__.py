@@ -1,0 +1,1 @@
+"""One page that shows all tables and figures, offline."""

@@ -1,0 +1,134 @@
+"""`report.html` of the experiments, one file that works offline, and the CSV files beside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import jinja2
+
+from pipeline.errors import StageError
+from pipeline.experiments.figures.all_figures import drawings
+from pipeline.experiments.report.verdicts import verdicts
+from pipeline.experiments.tables.csv_files import write_csv
+from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.storage.result_folder import replacing
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.experiments.findings import Findings
+    from pipeline.experiments.tables.summary import Cell, Row
+
+REPORT = "report.html"
+_DPI = 110
+_TEXTS = {
+    "environment", "scene", "case", "planner", "origin", "form", "order", "ours_is", "figure",
+}  # fmt: skip
+_HEADINGS = {
+    "fuel_sd": "± sd",
+    "fuel_best": "best seed",
+    "clearance_m": "clearance, m",
+    "fuel_per_distance": "F/D",
+    "length_m": "length, m",
+    "class_kept": "class kept",
+    "beside_ours_percent": "beside ours, %",
+    "ours_is": "ours is",
+    "full_collisions": "collisions, all turns",
+    "full_trials": "trials, all turns",
+    "from_its_rows": "from its own rows",
+}
+# Digits behind the point.
+_DIGITS = {
+    "fuel": 2, "fuel_sd": 2, "fuel_best": 2, "clearance_m": 2, "fuel_per_distance": 3,
+    "length_m": 1, "states": 0, "seconds": 2, "beside_ours_percent": 3, "printed": 2,
+    "from_its_rows": 3,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """A drawing as it stands in the page."""
+
+    data: str
+    caption: str
+
+
+def write_report(found: Findings, directory: Path) -> Path:
+    """Write report, tables and figures to a folder, which is replaced as a whole.
+
+    Raises
+    ------
+    StageError
+        The disk refuses.
+    """
+    written: list[str] = []
+    try:
+        with replacing(directory, lambda: written) as folder:
+            files = [write_csv(table, folder) for table in found.tables]
+            pictures = []
+            for drawing in drawings(found):
+                buffer = io.BytesIO()
+                drawing.figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+                path = folder / f"{drawing.name}.png"
+                path.write_bytes(buffer.getvalue())
+                files.append(path)
+                encoded = base64.b64encode(buffer.getvalue()).decode("ascii")
+                pictures.append(_Picture(encoded, drawing.caption))
+            (folder / REPORT).write_text(_page(found, pictures), encoding="utf-8")
+            facts = json.dumps(found.facts, ensure_ascii=False, indent=2)
+            (folder / "facts.json").write_text(facts + "\n", encoding="utf-8")
+            written += [*(path.name for path in files), REPORT, "facts.json"]
+    except OSError as error:
+        raise StageError(
+            f"experiments: cannot write to {directory}: {error.strerror or error}; free some "
+            "space, or choose another folder with --output"
+        ) from error
+    return directory / REPORT
+
+
+def _page(found: Findings, pictures: list[_Picture]) -> str:
+    """Fill the template."""
+    loader = jinja2.PackageLoader("pipeline.experiments.report", "templates")
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template("experiments.html.jinja").render(
+        tables=found.tables,
+        environments=found.environments,
+        drawings=pictures,
+        facts=found.facts,
+        verdicts=verdicts(found.tables),
+        texts=_TEXTS,
+        headings=_HEADINGS,
+        cell=_cell,
+        row_class=_row_class,
+        light=COLOURS,
+        dark=DARK,
+    )
+
+
+def _cell(value: Cell, column: str) -> str:
+    """Spell a figure with the digits of its column."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:,.{_DIGITS.get(column, 2)}f}".replace(",", "\u202f")
+    return str(value)
+
+
+def _row_class(rows: tuple[Row, ...], index: int) -> str:
+    """How a row is shown: ours, published, and where another case begins."""
+    row = rows[index]
+    classes = []
+    if row.get("origin") == "published":
+        classes.append("published")
+    elif str(row.get("planner", "")).startswith("RENEW"):
+        classes.append("ours")
+    before = rows[index - 1] if index else {}
+    if any(row.get(name) != before.get(name) for name in ("environment", "case")):
+        classes.append("first")
+    return " ".join(classes)

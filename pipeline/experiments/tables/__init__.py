@@ -1,0 +1,1 @@
+"""From judged routes to tables."""

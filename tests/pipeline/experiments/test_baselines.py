@@ -1,0 +1,188 @@
+"""Every baseline: its path leads from start to goal, clear of what it has to keep off."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.experiments.baselines.class_search import Graph, best_of_classes
+from pipeline.experiments.baselines.energy_graph import energies
+from pipeline.experiments.baselines.ours import kept_padding
+from pipeline.experiments.baselines.registry import PLANNERS
+from pipeline.experiments.environments.loading import Environment
+from pipeline.experiments.environments.model import Case, EnvironmentSpec
+from pipeline.experiments.jobs import Job, run_job
+from pipeline.experiments.kernels.water import PaddedWater
+from pipeline.experiments.workers import results_of
+from renew.classes.h_signature import Rays
+from tests.pipeline.experiments.scenes import VESSEL, islands_voyage
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.experiments.jobs import Result
+
+pytest.importorskip("ompl")
+
+PADDING = 2.0
+BASELINES = [planner for planner in PLANNERS.values() if planner.group != "ours"]
+CALLS = (("calls", 40_000),)
+
+
+def small_environment() -> Environment:
+    """The islands' scene as an environment, with a fixed padding."""
+    voyage = islands_voyage()
+    spec = EnvironmentSpec(
+        schema_version=1,
+        name="small",
+        title="Small",
+        scene="ours",
+        remark="A test's.",
+        scenario="single-gyre",
+        classes=4,
+        nodes=300,
+        cases=(Case(name="fixed", title="fixed", season="gyre", padding=PADDING),),
+    )
+    currents = {"gyre": voyage.current}
+    return Environment(
+        spec, voyage.chart, currents, VESSEL, voyage.start, voyage.goal, "a test's", 0.0
+    )
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], list[Result]]:
+    """Every baseline in bare and in padded water, twice with the same seed."""
+    folder = tmp_path_factory.mktemp("small")
+    environment = folder / "small.pickle"
+    environment.write_bytes(pickle.dumps(small_environment()))
+    jobs = [
+        Job("small", "fixed", planner.name, 3, water, CALLS)
+        for planner in BASELINES
+        for water in ("bare", "padded")
+        for _ in range(2)
+    ]
+    found: dict[tuple[str, str], list[Result]] = {}
+    for result, _ in results_of(jobs, Work(environment), 2):
+        found.setdefault((result.job.planner, result.job.water), []).append(result)
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """Runs a job on an environment's file."""
+
+    environment: Path
+
+    def __call__(self, job: Job) -> Result:
+        """Run it."""
+        return run_job(job, self.environment, self.environment)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planner", [planner.name for planner in BASELINES])
+@pytest.mark.parametrize("water", ["bare", "padded"])
+def test_paths_are_clear_and_the_same_seed_gives_the_same_path(
+    planner: str, water: str, results: dict[tuple[str, str], list[Result]]
+) -> None:
+    voyage = islands_voyage()
+    land = shapely.union_all(list(voyage.chart.no_go))
+    one, other = results[planner, water]
+    assert one.failure == "", one.failure
+    for judged in one.paths:
+        path = judged.candidate.path
+        np.testing.assert_allclose(path[[0, -1]], [voyage.start, voyage.goal], atol=1e-9)
+        least = shapely.distance(shapely.LineString(path), land)
+        # Chords of a Dubins arc may be off by 0.1 % of its radius.
+        assert least >= (PADDING - 2e-3 if water == "padded" else 0.0)
+        assert not judged.judgement.crosses_land
+        assert judged.judgement.fuel >= 0.9 * best_known(voyage.chart, voyage.start, voyage.goal)
+    for a, b in zip(one.paths, other.paths, strict=True):
+        np.testing.assert_array_equal(a.candidate.path, b.candidate.path)
+        assert a.judgement == b.judgement
+
+
+def best_known(chart: renew.Chart, start: np.ndarray, goal: np.ndarray) -> float:
+    """Fuel of the unpadded optimum."""
+    voyage = islands_voyage()
+    return renew.plan(chart, voyage.current, VESSEL, start, goal, padding="none").best.fuel
+
+
+@pytest.mark.slow
+def test_rivals_with_fuel_as_objective_come_near_the_optimum(
+    results: dict[tuple[str, str], list[Result]],
+) -> None:
+    voyage = islands_voyage()
+    ours = renew.plan(
+        voyage.chart, voyage.current, VESSEL, voyage.start, voyage.goal, padding=PADDING
+    ).best.fuel
+    for planner in BASELINES:
+        if planner.group == "fuel":
+            best = results[planner.name, "padded"][0].best
+            assert best is not None
+            assert 0.999 * ours <= best.judgement.fuel <= 1.06 * ours, planner.name
+
+
+@pytest.mark.slow
+def test_a_baseline_without_a_way_says_so(tmp_path: Path) -> None:
+    environment = small_environment()
+    wall = renew.Chart(environment.chart.extent, [shapely.box(0, 28, 60, 32)])
+    file = tmp_path / "walled.pickle"
+    file.write_bytes(pickle.dumps(dataclasses.replace(environment, chart=wall)))
+    jobs = [Job("small", "fixed", name, 0, "bare", CALLS) for name in ("A*", "PRM", "isochrone")]
+    failures = {result.job.planner: result.failure for result, _ in results_of(jobs, Work(file), 1)}
+    assert failures["A*"] == "no path on a grid of 2 m"
+    assert failures["PRM"] == "no path on a roadmap of 300 nodes"
+    assert "isochrones lead nowhere" in failures["isochrone"]
+
+
+def test_the_class_search_finds_the_shortest_path_of_each_class() -> None:
+    """On a grid of 4 by 4 nodes around one island, against all simple paths."""
+    import networkx as nx
+
+    chart = renew.Chart(shapely.box(-1, -1, 4, 4), [shapely.box(1.2, 1.2, 1.8, 1.8)])
+    rays = Rays.of(chart)
+    grid = nx.grid_2d_graph(4, 4)
+    order = [(0, 0), (3, 3), *(node for node in grid if node not in ((0, 0), (3, 3)))]
+    number = {node: i for i, node in enumerate(order)}
+    nodes = np.array(order, dtype=float)
+    edges = np.array([(number[a], number[b]) for u, v in grid.edges for a, b in ((u, v), (v, u))])
+    cost = np.linalg.norm(nodes[edges[:, 1]] - nodes[edges[:, 0]], axis=1)
+    found = best_of_classes(Graph(nodes, edges, cost), rays, 4)
+    shortest: dict[tuple[int, ...], float] = {}
+    for row in nx.all_simple_paths(grid, (0, 0), (3, 3)):
+        word = rays.word(np.array(row, dtype=float))
+        shortest[word] = min(shortest.get(word, np.inf), len(row) - 1)
+    lengths = {rays.word(path): len(path) - 1 for path in found}
+    assert len(lengths) == len(found) >= 2
+    for word, length in lengths.items():
+        assert length == shortest[word]
+
+
+def test_the_energy_of_a_leg_is_least_over_all_speeds() -> None:
+    current = renew.UniformCurrent(0.3, 0.4)
+    a, b = np.array([[0.0, 0.0]]), np.array([[10.0, 0.0]])
+    speeds = np.linspace(1e-3, 2, 200_001)
+    through = (speeds - 0.3) ** 2 + 0.4**2
+    allowed = through <= 1.0
+    by_hand = ((1.0 + through) * 10.0 / speeds)[allowed].min()
+    assert energies(a, b, current, 1.0)[0] == pytest.approx(by_hand, rel=1e-6)
+
+
+def test_rivals_need_keep_no_further_off_than_our_best_route() -> None:
+    voyage = islands_voyage()
+    plan = renew.plan(voyage.chart, voyage.current, VESSEL, voyage.start, voyage.goal)
+    water = PaddedWater.of(voyage.chart, kept_padding(plan))
+    # The route may touch V: middles of its legs lie off it, but for rounding.
+    middles = (plan.best.path[1:] + plan.best.path[:-1]) / 2
+    assert water.holds(middles).mean() > 0.95
+    # And where it is padded, a path closer to land is not allowed.
+    assert plan.best.padding_used[:, 4].max() > 0
+    padded = plan.best.padding_used[plan.best.padding_used[:, 4] > 0.5]
+    beside = padded[:, :2] + 0.45 * padded[:, 4:5] * np.array([[0.0, -1.0]])
+    assert not water.holds(beside).any()
