@@ -124,3 +124,7 @@ class InfeasibleError(PlanningError):
         )
         error.strait, error.blocked = strait, frozenset((strait.transition, *blocked))
         return error
+
+
+class TooLateError(InfeasibleError):
+    """The class's path would arrive after the last time of the current."""

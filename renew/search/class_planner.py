@@ -16,7 +16,7 @@ from renew._types import BoolArray, FloatArray
 from renew.classes.channel import Channel
 from renew.classes.dual_graph import surroundings
 from renew.classes.h_signature import name
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import Polar
@@ -271,7 +271,7 @@ class ClassPlanner:
         voyage = self.problem.voyage
         arrival, (_, last) = trajectory[-1, 0], voyage.current.span
         if arrival > last:
-            raise InfeasibleError(
+            raise TooLateError(
                 f"it would arrive at {arrival:.6g} s, and the current is known until {last:.6g} s"
             )
         velocity = voyage.current.velocity(trajectory[:, 1:3], trajectory[:, 0])

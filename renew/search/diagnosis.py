@@ -10,7 +10,7 @@ from dataclasses import replace
 from renew._types import FloatArray
 from renew.classes.dual_graph import widest_gap
 from renew.classes.h_signature import shortened
-from renew.errors import UnreachableError
+from renew.errors import TooLateError, UnreachableError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
 from renew.search.class_planner import PathMethod
@@ -43,10 +43,15 @@ def no_class_error(
         reasons.append(f"class {shortened(one.homotopy)}: {reason}")
         places += found
     more = f" (and {len(rejected) - _MAX_REASONS} more)" if len(rejected) > _MAX_REASONS else ""
+    if rejected and all(isinstance(one.cause, TooLateError) for one in rejected):
+        # Neither padding nor risk makes her arrive much earlier.
+        remedy = "take currents that reach further, or depart earlier"
+    else:
+        tried = "; ".join(suggest_relaxations(problem, policy, method))
+        remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
     return UnreachableError(
         f"all {len(rejected)} classes were rejected: {'; '.join(reasons)}{more}. To find a route: "
-        f"{'; '.join(suggest_relaxations(problem, policy, method))}; or allow a smaller padding or "
-        "clearance, or more classes",
+        f"{remedy}",
         *places,
     )
 

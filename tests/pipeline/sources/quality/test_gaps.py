@@ -130,7 +130,7 @@ def test_the_embedded_table_says_where_it_has_no_data() -> None:
     as_water = grid()
     (note,) = as_water.notes
     assert "has no data for" in note
-    row, column = np.nonzero(np.isnan(as_water.u))
+    row, column = np.nonzero(np.isnan(as_water.u[0]))
     around = shapely.buffer(shapely.points(as_water.lon[column], as_water.lat[row]), 0.1)
     assert grid(*around).notes == ()
     assert grid(*around[1:]).notes or not region.intersects(around[0])
