@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
-    from pipeline.model import CurrentGrid, FloatArray
+    from pipeline.model import CurrentGrid
+    from renew._types import FloatArray
 
 _CONVENTIONS = "CF-1.11"
 _REFERENCES = "RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways, AAAI 2026"

@@ -1,0 +1,62 @@
+"""The frozen dataclasses that stages take and return: nothing else passes between them."""
+
+from typing import TYPE_CHECKING
+
+from pipeline.model.currents import (
+    CurrentGrid,
+    Fetched,
+    PassedOver,
+    current_notes,
+    season_notes,
+)
+from pipeline.model.evaluation import (
+    ClockWorth,
+    Evaluation,
+    GapShares,
+    NumberedIsland,
+    Passage,
+    RouteKey,
+    RouteMetrics,
+    ShoreCrossing,
+    ShutStrait,
+    Side,
+)
+from pipeline.model.land import (
+    Credit,
+    Land,
+    PlaceName,
+    Zone,
+)
+from pipeline.model.planning import (
+    Scene,
+    SeasonPlan,
+    Simplified,
+)
+
+if TYPE_CHECKING:
+    from pipeline.model.planning import Current as Current
+
+__all__ = [
+    "ClockWorth",
+    "Credit",
+    "CurrentGrid",
+    "Evaluation",
+    "Fetched",
+    "GapShares",
+    "Land",
+    "NumberedIsland",
+    "Passage",
+    "PassedOver",
+    "PlaceName",
+    "RouteKey",
+    "RouteMetrics",
+    "Scene",
+    "SeasonPlan",
+    "ShoreCrossing",
+    "ShutStrait",
+    "Side",
+    "Simplified",
+    "Zone",
+    "current_notes",
+    "season_notes",
+]

@@ -1,0 +1,213 @@
+"""What was measured of the routes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    import renew
+
+Side = Literal["north", "east", "south", "west", "between"]
+
+RouteKey = tuple[str, int]
+"""A route of a scenario: (season, rank); rank 1 is the route to take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """How a route passes islands, which are given by names or numbers: on a side of all of them.
+
+    Or between two.
+    """
+
+    side: Side
+    islands: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """For readers: "west of island 1", "east of Cebu", "between islands 2 and 5"."""
+        numbered = all(island.isdigit() for island in self.islands)
+        names = [f"island {name}" if name.isdigit() else name for name in self.islands]
+        *first, last = self.islands if numbered and len(names) > 1 else names
+        together = f"{', '.join(first)} and {last}" if first else last
+        if numbered and first:
+            together = f"islands {together}"
+        return f"between {together}" if self.side == "between" else f"{self.side} of {together}"
+
+
+def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
+    """Group neighbours on the same side of their islands; a strait stays by itself."""
+    for (side, _), alike in groupby(
+        enumerate(passages), key=lambda item: (item[1].side, item[1].side == "between" and item[0])
+    ):
+        yield side, [passage for _, passage in alike]
+
+
+@dataclass(frozen=True, slots=True)
+class RouteMetrics:
+    """One route's figures, measured against the original land.
+
+    Attributes
+    ----------
+    fuel, fuel_per_distance, length : the planner's own, scaled.
+    length_m : geodesic length, true metres.
+    clearance_m : least distance to the original land, true metres; inf where there is none.
+    duration_s : seconds at true scale.
+    trials, collisions : simulated hard-over turns, and those that touch the original land.
+    land_m : metres of the route over original land.
+    passages : what tells it from the season's other routes; how it passes the main island first,
+        and then the others in their order on the way.
+    land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
+    filled_share : share of its length in cells where the current's source has no figure.
+    uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
+    """
+
+    season: str
+    rank: int
+    homotopy: str
+    fuel: float
+    fuel_per_distance: float
+    length: float
+    length_m: float
+    clearance_m: float
+    duration_s: float
+    optimality_gap: float
+    trials: int
+    collisions: int
+    land_m: float
+    passages: tuple[Passage, ...] = ()
+    land_lon: float = math.nan
+    land_lat: float = math.nan
+    filled_share: float = 0.0
+    uncharted_share: float = math.nan
+
+    @property
+    def way(self) -> str:
+        """The way round, for readers: "west of islands 1 and 4, between 2 and Cebu"; or empty."""
+        return ", ".join(
+            Passage(side, tuple(name for one in alike for name in one.islands)).text
+            for side, alike in _alike(self.passages)
+        )
+
+    @property
+    def main_passage(self) -> str:
+        """How it passes the main island; empty without islands."""
+        return self.passages[0].text if self.passages else ""
+
+    @property
+    def has_land(self) -> bool:
+        """Whether there is land at all, to keep clear of and to turn away from."""
+        return math.isfinite(self.clearance_m)
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedIsland:
+    """An island that tells ways apart: its number in homotopy classes, and a point on it.
+
+    `name` is the chart's, or empty. The point is in planar metres.
+    """
+
+    number: int
+    name: str
+    x: float
+    y: float
+
+    @property
+    def label(self) -> str:
+        """What readers call it: its name, or else its number."""
+        return self.name or str(self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class GapShares:
+    """The parts of the optimality gap of a season's best route, as shares of the bound on fuel.
+
+    `chart` is what simplification, margin and offing cost, `padding` what room for hard-over turns
+    costs, `bound` how far even the best route off the land itself is above the bound.
+    """
+
+    season: str
+    chart: float
+    padding: float
+    bound: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClockWorth:
+    """What a season's best route saves by knowing how the current changes.
+
+    Fuel, in the planner's units, of other plans when they are sailed in the changing current:
+    `frozen` on the current at departure, `mean` on its mean over the best route's voyage,
+    `shortest` on no current at all; inf where a plan can't be sailed, or none was found. `best` is
+    the best route's own, and no route stays below `bound`.
+    """
+
+    season: str
+    best: float
+    frozen: float
+    mean: float
+    shortest: float
+    bound: float
+
+
+@dataclass(frozen=True, slots=True)
+class ShoreCrossing:
+    """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
+
+    season: str
+    rank: int
+    lon: float
+    lat: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ShutStrait:
+    """A strait of the original land that no route takes, as margin or padding shuts it.
+
+    Attributes
+    ----------
+    lon, lat : the middle of its narrowest place, degrees.
+    width_m : its width there, between the original coasts, true metres.
+    needed_m : the width from which on it would be open.
+    by : what shuts it.
+    seasons : those in which it is so; all where it does not depend on the current.
+    """
+
+    lon: float
+    lat: float
+    width_m: float
+    needed_m: float
+    by: Literal["margin", "padding"]
+    seasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Every planned route's figures, and its hard-over turns by (season, rank).
+
+    All turns are counted; of the places where none touches land, about a thousand per route are
+    stored. `shore_crossings` are those of all routes, `islands` those that name their ways,
+    `gap_shares` those of the seasons for which they were asked, `clock_worths` those of the seasons
+    whose currents change.
+    """
+
+    routes: tuple[RouteMetrics, ...]
+    contingency: Mapping[RouteKey, renew.Contingency]
+    shore_crossings: tuple[ShoreCrossing, ...] = ()
+    islands: tuple[NumberedIsland, ...] = ()
+    gap_shares: tuple[GapShares, ...] = ()
+    clock_worths: tuple[ClockWorth, ...] = ()
+
+    def clock_worth_of(self, season: str) -> ClockWorth | None:
+        """What the clock is worth in a season, if its current changes."""
+        return next((worth for worth in self.clock_worths if worth.season == season), None)
+
+    def gap_shares_of(self, season: str) -> GapShares | None:
+        """The parts of a season's gap, if they were asked for."""
+        return next((shares for shares in self.gap_shares if shares.season == season), None)

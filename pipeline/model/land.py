@@ -1,0 +1,75 @@
+"""Land as it comes from its sources, and who is to be credited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+    from pipeline.geo.known_cells import DepthCover
+
+
+@dataclass(frozen=True, slots=True)
+class Credit:
+    """A source that was used, and the credit line that its licence requires."""
+
+    name: str
+    kind: Literal["land", "current"]
+    text: str
+    licence: str
+    url: str = ""
+    retrieved: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """An area of a chart to be shown on maps (lon/lat degrees).
+
+    A `shoal` is too shallow for the vessel, an `uncharted` area is covered by no source: both are
+    no-go, and so also among the polygons of their Land. A `restricted` area and a `traffic` scheme
+    may be entered; `rule` is what the chart prescribes there for a passing vessel, if anything.
+    """
+
+    kind: Literal["shoal", "uncharted", "restricted", "traffic"]
+    name: str
+    rule: str
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceName:
+    """A chart's name for some land: a point on it (degrees), and how large it is (square degrees).
+
+    Areas are compared with each other only.
+    """
+
+    name: str
+    lon: float
+    lat: float
+    area_deg2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """All that no route may enter (lon/lat degrees), in the region and a little beyond.
+
+    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
+    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
+    source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
+    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
+    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
+    of land, where it has any. `depths` says where the chart has depths; None where it has none at
+    all.
+    """
+
+    polygons: tuple[Polygon, ...]
+    credits: tuple[Credit, ...]
+    accuracy_m: float
+    notes: tuple[str, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    second_shore: tuple[Polygon, ...] = ()
+    places: tuple[PlaceName, ...] = ()
+    depths: DepthCover | None = None

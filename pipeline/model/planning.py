@@ -1,0 +1,95 @@
+"""What is planned on, and what the planner found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+    import numpy as np
+    import numpy.typing as npt
+    from shapely.geometry import Polygon
+
+    import renew
+    from pipeline.geo.known_cells import DepthCover, KnownCells
+    from pipeline.geo.projection import Projection
+
+    FloatArray = npt.NDArray[np.float64]
+    Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
+
+
+@dataclass(frozen=True, slots=True)
+class Simplified:
+    """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
+
+    `inner_polygons` lie inside the land: what a route that stays off the land must stay off at
+    least.
+    """
+
+    polygons: tuple[Polygon, ...]
+    inner_polygons: tuple[Polygon, ...]
+    original_vertices: int
+    vertices: int
+    tolerance_m: float
+    margin_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
+
+    `land` is the original, unsimplified land; `second_shore` and `depths` are as in Land;
+    `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
+    and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
+    chart. `departures` are those of the seasons whose currents change: on the clock of these
+    currents, in seconds, they are 0.
+    """
+
+    chart: renew.Chart
+    land: tuple[Polygon, ...]
+    currents: Mapping[str, Current]
+    start: FloatArray
+    goal: FloatArray
+    projection: Projection
+    vessel: renew.Vessel
+    is_planar: bool = False
+    second_shore: tuple[Polygon, ...] = ()
+    depths: DepthCover | None = None
+    current_cells: Mapping[str, KnownCells] = field(default_factory=dict)
+    departures: Mapping[str, datetime] = field(default_factory=dict)
+
+    def place_text(self, place: FloatArray) -> str:
+        """Name a place (2,), planar metres, for a message: as a scenario would give it."""
+        if self.is_planar:
+            return f"({place[0]:.6g}, {place[1]:.6g}) m"
+        lon, lat = self.projection.to_lonlat(place)
+        return f"{lon:.4f} E {lat:.4f} N"
+
+
+@dataclass(frozen=True, slots=True)
+class SeasonPlan:
+    """One season's plan; `failure` is empty when it was planned, else the reason in one line.
+
+    It `is_shut` where the reason is that no way joins start and goal in the region.
+    """
+
+    season: str
+    plan: renew.Plan | None
+    failure: str
+    seconds: float
+    is_shut: bool = False
+
+    @property
+    def ranked_routes(self) -> tuple[renew.Route, ...]:
+        """Routes by rank: the one to take, then the others by fuel; empty if not planned.
+
+        This differs from the order of `plan.routes`, which is by fuel, where the sampled method
+        chooses another route than that of least fuel.
+        """
+        if self.plan is None:
+            return ()
+        others = (route for i, route in enumerate(self.plan.routes) if i != self.plan.chosen)
+        return (self.plan.best, *others)
