@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,13 @@ Transition: TypeAlias = tuple[int, int, int]
 """A triangle with the one before and the one after it; -1 before the start, after the goal."""
 
 
+class RoughPath(NamedTuple):
+    """Path by which a search found a class: points (n, 2), m, and the triangles (c,) crossed."""
+
+    points: FloatArray
+    triangles: IntArray
+
+
 @dataclass(frozen=True)
 class Channel:
     """A row of triangles from start to goal.
@@ -25,14 +32,14 @@ class Channel:
     triangles : (n,) indices into the triangulation, none twice.
     left, right : (n - 1, 2) ends of the passing edges in metres, as seen when sailing along.
     word : the homotopy class's h-signature.
-    found_by : (m, 2) rough path of the class in metres, if a search found it by one.
+    found_by : rough path of the class, if a search found it by one; it may leave the row.
     """
 
     triangles: IntArray
     left: FloatArray
     right: FloatArray
     word: Word
-    found_by: FloatArray | None = None
+    found_by: RoughPath | None = None
 
     @classmethod
     def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> Channel:

@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channel import Channel, Transition
+from renew.classes.channel import Channel, RoughPath, Transition
 from renew.classes.dual_graph import is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
-from renew.classes.k_best_paths import k_best_paths, time_to_go
+from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
 from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
 from renew.classes.resolution import Resolution, Tube, closer_look, resolution_for
 from renew.classes.roadmap import Roadmap, roadmap
@@ -172,10 +172,13 @@ class ClassEnumerator:
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
         task = Task(graph, columns, self._excluded(blocked))
         rows, paths = k_best_paths(task, to_go, self._roads.stream, count, _MAX_STEPS)
-        return [self._channel(row, path) for row, path in zip(rows, paths, strict=True)]
+        return [
+            self._channel(row, RoughPath(graph.points[nodes], triangles_crossed(graph, nodes)))
+            for row, nodes in zip(rows, paths, strict=True)
+        ]
 
-    def _channel(self, row: IntArray, path: FloatArray | None = None) -> Channel:
-        """Channel of a row of triangles (n,), found by a path (m, 2)."""
+    def _channel(self, row: IntArray, path: RoughPath | None = None) -> Channel:
+        """Channel of a row of triangles (n,), found by a path."""
         channel = Channel.of(self._triangulation, row)
         middle = channel.midline(self._voyage.start, self._voyage.goal)
         return replace(channel, word=self._rays.word(middle), found_by=path)

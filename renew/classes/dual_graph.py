@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 
 import networkx as nx
 import numpy as np
@@ -113,19 +113,35 @@ def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
     return min(widths, default=math.inf)
 
 
-def surroundings(triangulation: Triangulation, row: list[int], layers: int) -> dict[int, int]:
-    """Triangles at most `layers` edges away from a row, each with the place it is nearest to.
+def surroundings(
+    triangulation: Triangulation, row: list[int], layers: int, crossed: Container[int] = ()
+) -> dict[int, int]:
+    """Triangles around a row, each with the place in it that it is nearest to.
 
-    The row's own come first, in their order.
+    They are those at most `layers` edges away from the row, or from those of some path that bulges
+    out of it. The row's own come first, in their order.
     """
     nearest = {triangle: place for place, triangle in enumerate(row)}
     outermost = row
+    while outermost:
+        outermost = _beside(triangulation, outermost, nearest, crossed)
+    outermost = list(nearest)
     for _ in range(layers):
-        found: dict[int, int] = {}
-        for triangle in outermost:
-            for beside in triangulation.neighbours[triangle].tolist():
-                if beside >= 0 and beside not in nearest:
-                    found.setdefault(beside, nearest[triangle])
-        nearest |= found
-        outermost = list(found)
+        outermost = _beside(triangulation, outermost, nearest)
     return nearest
+
+
+def _beside(
+    triangulation: Triangulation,
+    outermost: list[int],
+    nearest: dict[int, int],
+    among: Container[int] | None = None,
+) -> list[int]:
+    """Triangles next to the outermost ones, added to the nearest; all, or those among some."""
+    found: dict[int, int] = {}
+    for triangle in outermost:
+        for beside in triangulation.neighbours[triangle].tolist():
+            if beside >= 0 and beside not in nearest and (among is None or beside in among):
+                found.setdefault(beside, nearest[triangle])
+    nearest |= found
+    return list(found)

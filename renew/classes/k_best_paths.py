@@ -10,6 +10,7 @@ islands there are.
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 
 import numpy as np
@@ -77,8 +78,8 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 @kernel
 def k_best_paths(
     task: Task, to_go: FloatArray, stream: Stream, count: int, max_steps: int
-) -> tuple[list[IntArray], list[FloatArray]]:
-    """Rows of triangles, and paths (n, 2), m, of the `count` quickest with different words.
+) -> tuple[list[IntArray], list[IntArray]]:
+    """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
     `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
     The search gives up after `max_steps`.
@@ -95,7 +96,7 @@ def k_best_paths(
     # In a steady current the least time is that of the best path.
     latest = to_go[START] * (dearest if len(stream.table.times) == 1 else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.
-    found, paths = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+    found, paths = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     found.clear()
     paths.clear()
     # Buckets of labels by their whole time: each holds its newest entry, which leads to older ones.
@@ -111,7 +112,7 @@ def k_best_paths(
         if not is_known and node == GOAL and may_end(task, rows, row):
             found.append(triangles_of(rows, row))
             latest = min(latest, dearest * now)
-            paths.append(_path(graph, labels, label))
+            paths.append(_nodes(labels, label))
         if is_known or node == GOAL:
             continue
         labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
@@ -200,10 +201,23 @@ def _known(
 
 
 @kernel
-def _path(graph: Roadmap, labels: IntArray, label: int) -> FloatArray:
-    """Points (n, 2) of a label's path."""
+def _nodes(labels: IntArray, label: int) -> IntArray:
+    """Nodes (n,) of a label's path."""
     nodes = [labels[label, _NODE]]
     while labels[label, _PARENT] >= 0:
         label = labels[label, _PARENT]
         nodes.append(labels[label, _NODE])
-    return graph.points[np.array(nodes[::-1], dtype=np.int64)]
+    return np.array(nodes[::-1], dtype=np.int64)
+
+
+def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
+    """Triangles (c,) that a path over nodes (n,) leaves, and the last one's.
+
+    A row of triangles leaves those out from which its path turns back.
+    """
+    left = [nodes[:0]]
+    for node, after in itertools.pairwise(nodes.tolist()):
+        legs = slice(graph.first[node], graph.first[node + 1])
+        leg = graph.first[node] + int((graph.head[legs] == after).argmax())
+        left.append(graph.crossed[graph.first_crossed[leg] : graph.first_crossed[leg + 1]] // 3)
+    return np.append(np.concatenate(left), graph.triangle[nodes[-1]])

@@ -33,11 +33,18 @@ _Place: TypeAlias = tuple[int, int, int]
 _Crossing: TypeAlias = tuple[_Place, Transition]
 """A place, and the transition of the channel in it or beside it."""
 
-LAYERS = 2
-"""Number of triangles by which a path may bulge out of its channel."""
+# Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
+_LAYERS = 2
 
 # Number of triangles that are surveyed beside those asked for: fewer cost no less time.
 _BATCH = 128
+
+
+def region_of(triangulation: Triangulation, channel: Channel) -> dict[int, int]:
+    """Triangles in which a channel's paths are planned, each with the nearest place in its row."""
+    path = channel.found_by
+    crossed = set() if path is None else set(path.triangles.tolist())
+    return surroundings(triangulation, channel.triangles.tolist(), _LAYERS, crossed)
 
 
 class PaddingModel:
@@ -80,7 +87,7 @@ class PaddingModel:
         middle = channel.midline(start, goal)
         transitions = channel.transitions
         row = channel.triangles.tolist()
-        places = surroundings(self._triangulation, row, LAYERS)
+        places = region_of(self._triangulation, channel)
         place = np.fromiter(places.values(), dtype=np.int64)
         steps = self._steps(windows[place])
         crossings = [

@@ -14,13 +14,12 @@ import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.classes.channel import Channel
-from renew.classes.dual_graph import surroundings
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import Polar
-from renew.padding.padding_model import LAYERS, PaddingModel
+from renew.padding.padding_model import PaddingModel, region_of
 from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
 from renew.paths.corridor import Corridor
@@ -147,11 +146,10 @@ class ClassPlanner:
     def _corridor(self, channel: Channel) -> Corridor:
         """Where a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
-        row = channel.triangles.tolist()
         middle = channel.midline(voyage.start, voyage.goal)
-        way = middle if channel.found_by is None else channel.found_by
+        way = middle if channel.found_by is None else channel.found_by.points
         windows = passage_windows(voyage, way, middle[:-1], middle[1:])
-        region = np.array(list(surroundings(triangulation, row, LAYERS)))
+        region = np.array(list(region_of(triangulation, channel)))
         return Corridor(
             voyage=voyage,
             polar=voyage.polar,
@@ -325,7 +323,7 @@ def _near_first(corridor: Corridor) -> FloatArray:
     channel, voyage = corridor.channel, corridor.voyage
     if channel.found_by is None:
         return path_near(corridor, channel.midline(voyage.start, voyage.goal))
-    return path_near(corridor, channel.found_by)
+    return path_near(corridor, channel.found_by.points)
 
 
 def _bulging(corridor: Corridor) -> FloatArray:

@@ -103,3 +103,17 @@ def test_surroundings_are_as_near_as_asked_and_know_the_nearest_place(
     assert set(found) == {triangle for triangle, edges in distance.items() if edges <= layers}
     for triangle, place in found.items():
         assert nx.shortest_path_length(dual, triangle, row[place]) == distance[triangle]
+
+
+@given(seed=seeds, bulge=st.integers(1, 12))
+@settings(max_examples=15)
+def test_surroundings_go_with_a_path_that_bulges_out_of_its_row(seed: int, bulge: int) -> None:
+    chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, 4))
+    triangulation = triangulate(chart)
+    dual = dual_graph(triangulation)
+    row = [0]
+    crossed = {n for n, _ in zip(nx.bfs_tree(dual, 0), range(bulge), strict=False)}
+    found = surroundings(triangulation, row, 1, crossed)
+    wanted = crossed.union(*(dual[triangle] for triangle in crossed))
+    assert set(found) == wanted
+    assert set(found.values()) == {0}

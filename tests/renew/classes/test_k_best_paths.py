@@ -49,7 +49,8 @@ def found_in(
     columns = RayColumns(rays.x, rays.y, rays.island, len(rays.island))
     task = Task(graph, columns, none)
     stream = Stream(voyage.table, voyage.polar, voyage.clock)
-    return k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)
+    rows, paths = k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)
+    return rows, [graph.points[nodes] for nodes in paths]
 
 
 def time_of(graph: Roadmap, path: FloatArray) -> float:
@@ -138,5 +139,7 @@ def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: i
     ] == endpoints[1]
     for channel in channels:
         assert channel.found_by is not None
-        assert rays.word(channel.found_by) == channel.word
-        assert math.dist(channel.found_by[-1], voyage.goal) == 0
+        assert rays.word(channel.found_by.points) == channel.word
+        assert math.dist(channel.found_by.points[-1], voyage.goal) == 0
+        crossed = visits(channel.found_by.points, triangulation.corners).triangle
+        assert set(crossed.tolist()) <= set(channel.found_by.triangles.tolist())

@@ -64,7 +64,7 @@ def test_a_turn_round_the_end_of_a_thin_wall_costs_little_more_than_its_corners(
     voyage = voyage_on(scene.chart, tuple(scene.start), tuple(scene.goal), as_field(scene.current))
     corridor = corridor_of(voyage, "none")
     assert corridor.channel.found_by is not None
-    path = refined_path(corridor, path_near(corridor, corridor.channel.found_by))
+    path = refined_path(corridor, path_near(corridor, corridor.channel.found_by.points))
     route = scene.plan(padding="none", classes=4).best
     assert route.fuel <= 1.03 * voyage.fuel(path)
     assert_sailable(route.trajectory, voyage.current, voyage.start, voyage.goal)
