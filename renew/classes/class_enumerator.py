@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -63,9 +63,9 @@ class _Roads:
         """Least time (n,) in s from each node to the goal."""
         return np.asarray(time_to_go(self.everywhere))
 
-    def beside(self, path: FloatArray) -> tuple[Roadmap, float]:
-        """Nodes beside a path (n, 2), closer together, and a cell's size (m)."""
-        resolution, tube = closer_look(path, self.voyage, self._resolution)
+    def beside(self, paths: Sequence[FloatArray]) -> tuple[Roadmap, float]:
+        """Nodes beside paths (n, 2), closer together, and a cell's size (m)."""
+        resolution, tube = closer_look(paths, self.voyage, self._resolution)
         return self._roadmap(resolution, tube), tube.cell
 
     @property
@@ -148,13 +148,13 @@ class ClassEnumerator:
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
         return self._quickest(graph, to_go, self._rays, count, blocked)
 
-    def channels_beside(self, path: FloatArray, count: int) -> list[Channel]:
-        """The first `count` channels of paths beside one (n, 2), looked at closer.
+    def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
+        """The first `count` channels of paths beside some (n, 2), looked at closer.
 
         They differ by islands that are wider than a cell: of many islets between them each takes
         the best sides.
         """
-        graph, cell = self._roads.beside(path)
+        graph, cell = self._roads.beside(paths)
         wide = self._rays.only(self._rays.size >= _WIDE * cell)
         return self._quickest(graph, np.asarray(time_to_go(graph)), wide, count)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,9 +45,9 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
 
 
 class Tube(NamedTuple):
-    """The water beside a path (n, 2), a few cells of so many metres to either side."""
+    """The water beside some paths (n, 2), a few cells of so many metres to either side."""
 
-    path: FloatArray
+    paths: Sequence[FloatArray]
     cell: float
 
     def holds(self, points: FloatArray) -> BoolArray:
@@ -60,9 +61,9 @@ class Tube(NamedTuple):
 
     @property
     def _along(self) -> FloatArray:
-        """Points (n, 2) along the path, a cell apart at most."""
-        along = shapely.segmentize(shapely.LineString(self.path), self.cell)
-        return np.asarray(shapely.get_coordinates(along))
+        """Points (n, 2) along the paths, a cell apart at most."""
+        lines = shapely.segmentize(shapely.MultiLineString(self.paths), self.cell)
+        return np.asarray(shapely.get_coordinates(lines))
 
 
 @kernel
@@ -82,12 +83,12 @@ def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: floa
 
 
 def closer_look(
-    path: FloatArray, voyage: Voyage, resolution: Resolution
+    paths: Sequence[FloatArray], voyage: Voyage, resolution: Resolution
 ) -> tuple[Resolution, Tube]:
-    """Resolution and water in which a path (n, 2) that was found at another is looked at closer.
+    """Resolution and water in which paths (n, 2) that were found at another are looked at closer.
 
     Legs lead in many directions: the sides of an islet differ by less than a detour in few.
     """
     xmin, ymin, xmax, ymax = voyage.chart.bounds
     cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / _CLOSER
-    return Resolution(_CLOSER**2 * resolution.cells, 4), Tube(path, cell)
+    return Resolution(_CLOSER**2 * resolution.cells, 4), Tube(paths, cell)

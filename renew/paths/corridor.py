@@ -8,19 +8,20 @@ from functools import cached_property
 import numpy as np
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channel import Channel
+from renew.classes.channel import Channel, RoughPath
 from renew.errors import InfeasibleError, Strait
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
+from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
 from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
 
-# Slack beyond V, as a share of v/ω (3 cm for the paper's vessel), that a path keeps while it is
+# Slack beyond V, as a share of v/ω (1.6 cm for the paper's vessel), that a path keeps while it is
 # planned: so points closer than that to the line past them can be dropped, and corners be rounded,
 # without touching V.
-SLACK = 0.02
+SLACK = 0.01
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,16 @@ class Corridor:
                 others = self.hard_capsules.select(~self._holding(point))
                 clear[leg] = legs_are_clear(path[:-1][[leg]], path[1:][[leg]], others)[0]
         return clear
+
+    def holds_back(self, path: FloatArray) -> bool:
+        """Whether a path (n, 2) runs along the open outline, beyond which a better one may be."""
+        slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
+        outline = Capsules(self.open_outline[:, 0], self.open_outline[:, 1], slack)
+        return not legs_are_clear(path[:-1], path[1:], outline).all()
+
+    def crossed_by(self, path: FloatArray) -> RoughPath:
+        """A path (n, 2) with the triangles that it crosses."""
+        return RoughPath(path, self.triangles[visits(path, self.corners).triangle])
 
     def open_sections(self, spacing: float, angle: float) -> tuple[Sections, FreeParts]:
         """Sections at most `spacing` m and `angle` rad apart, with the parts of each outside V.

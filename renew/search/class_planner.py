@@ -91,6 +91,16 @@ class ClassPlanner:
         Where each way of looking for it slips past an islet, the path is of another class.
         InfeasibleError says why there is none.
         """
+        found = self._find(channel)
+        if not found.corridor.holds_back(found.path):
+            return found
+        wider = replace(channel, found_by=found.corridor.crossed_by(found.path))
+        with contextlib.suppress(InfeasibleError):
+            return min(found, self._find(wider), key=lambda one: one.fuel)
+        return found
+
+    def _find(self, channel: Channel) -> Found:
+        """Best path of a class in the water around its channel."""
         corridor = self._corridor(channel)
         near: FloatArray | None = None
         for _ in range(_MAX_GROWTHS):

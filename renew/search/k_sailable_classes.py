@@ -18,6 +18,9 @@ from renew.search.problem import Problem
 # Number of ways past islands that tell no classes apart among which the best route is looked for,
 # and of those that are looked for beside it.
 _VARIANTS, _BESIDE = 8, 4
+# Ratio to the least fuel up to which it is looked beside a route: at first sight ways differ from
+# what they come to by less.
+_NEARLY_BEST = 1.0005
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
@@ -109,12 +112,13 @@ class Results:
         return self._add(channel, self._rays.of_word(channel.word))
 
     def look_closer(self, scout: ClassEnumerator) -> None:
-        """Look closer beside the best route for better ways on other sides of islands."""
+        """Look closer beside the best routes for better ways on other sides of islands."""
         self._add_slipped()
         if not self.found:
             return
-        best = min(self.found.values(), key=lambda found: found.fuel)
-        for channel in scout.channels_beside(best.path, _BESIDE):
+        enough = _NEARLY_BEST * min(found.fuel for found in self.found.values())
+        best = [found.path for found in self.found.values() if found.fuel <= enough]
+        for channel in scout.channels_beside(best, _BESIDE):
             self._done.discard(channel.word)
             self.add_variant(channel)
 

@@ -65,22 +65,30 @@ def each_class() -> Iterator[Figure]:
 
 
 def first_classes() -> Iterator[Figure]:
-    """How many of the true first classes are among the first that are planned."""
+    """How many of the true first classes are among the first that are planned.
+
+    The oracle's grid can't pass the narrowest straits: a class that only the planner finds is as
+    true as its fuel, and is counted for itself.
+    """
     for islands in (7, 25, 50):
-        shared = []
+        shared, unseen = [], []
         for seed in range(3):
             chart, current, start, goal = random_scene(seed, islands=islands)
             found = paths_by_class(
                 chart, current, PAPER_VESSEL, start, goal, SIZE / MORE_CELLS, labels=MORE_LABELS
             )
-            # In the order of their fuel.
-            true = list(_least(chart, found))[:FIRST]
+            least = _least(chart, found)
             plan = renew.plan(
                 chart, current, PAPER_VESSEL, start, goal, padding="none", classes=FIRST
             )
-            ours = {route.homotopy for route in plan.routes}
-            shared.append(len(ours & set(true)))
-        text = ", ".join(map(str, shared))
+            ours = {route.homotopy: route.fuel for route in plan.routes}
+            both = ours | least
+            true = sorted(both, key=lambda one: both[one])[:FIRST]
+            shared.append(sum(one in ours for one in true))
+            unseen.append(sum(one not in least for one in true))
+        text = (
+            f"{', '.join(map(str, shared))} (unseen by the oracle: {', '.join(map(str, unseen))})"
+        )
         asked = "at least 14" if islands > 7 else ""
         is_met = min(shared) >= 14 if asked else None
         yield Figure(f"of the true first {FIRST} classes, {islands} islands", asked, text, is_met)
