@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from contourpy import FillType, contour_generator
 from shapely.geometry.base import BaseGeometry
 
+from renew._types import FloatArray
 from renew.inputs.voyage import Voyage
 
-# Tolerance, as a share of a cell, by which the staircase outline of cells is straightened.
-_TOLERANCE = 0.5
+# Tolerance, as a share of a cell, by which its outline is simplified.
+_TOLERANCE = 0.1
+# Shares of the vessel's speed from which the table's current counts as that strong: at most, so
+# that a simplified outline doesn't reach into it, and at least, however coarse the table.
+_AT_MOST, _AT_LEAST = 0.99, 0.5
 # Radius, in cells, of the water around start and goal that stays open: there the path itself finds
 # out how strong the current is.
 _OPEN_RADIUS = 2.0
@@ -18,20 +23,30 @@ _OPEN_RADIUS = 2.0
 def overpowered_water(voyage: Voyage) -> BaseGeometry:
     """Water where the current is always at least as strong as the vessel is fast, as one geometry.
 
-    It is made of the table's cells with a node that strong, and so reaches up to a cell too far.
+    It is bounded by a contour of the table's currents, lowered by what the table may be in error.
     """
-    table, chart = voyage.table, voyage.chart
-    strong = (np.linalg.norm(table.uv, axis=-1) >= voyage.vessel.speed).all(axis=0)
-    row, column = np.nonzero(strong[1:, 1:] | strong[1:, :-1] | strong[:-1, 1:] | strong[:-1, :-1])
-    if not len(row):
+    table, chart, speed = voyage.table, voyage.chart, voyage.vessel.speed
+    weakest = np.linalg.norm(table.uv, axis=-1).min(axis=0)
+    level = float(np.clip(speed - table.error, _AT_LEAST * speed, _AT_MOST * speed))
+    if weakest.max() < level:
         return shapely.MultiPolygon()
-    x, y = table.x, table.y
-    cell = float(max(np.diff(x).max(), np.diff(y).max()))
-    cells = shapely.box(x[column], y[row], x[column + 1], y[row + 1])
-    zone = shapely.coverage_union_all(cells).simplify(_TOLERANCE * cell)
+    cell = float(max(np.diff(table.x).max(), np.diff(table.y).max()))
+    zone = _at_least(table.x, table.y, weakest, level).simplify(_TOLERANCE * cell)
     endpoints = shapely.points([voyage.start, voyage.goal])
     kept_open = shapely.union_all(shapely.buffer(endpoints, _OPEN_RADIUS * cell))
     closed = shapely.difference(chart.water, kept_open)
     parts = shapely.get_parts(shapely.intersection(zone, closed, grid_size=chart.precision))
     # Where the zone only touches the shore, the grid leaves lines and points.
     return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+
+
+def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> BaseGeometry:
+    """Where values (ny, nx) at nodes, linear between them, are a level or more."""
+    contours = contour_generator(x, y, values, fill_type=FillType.OuterOffset)
+    polygons = [
+        shapely.Polygon(outer, holes)
+        for points, offsets in zip(*contours.filled(level, np.inf), strict=True)
+        for outer, *holes in [np.split(points, offsets[1:-1])]
+    ]
+    # Two outlines may meet in a point.
+    return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])
