@@ -41,6 +41,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "scenes": planner_figures.random_scenes,
     "times": planner_figures.times,
     "eddies": eddy_figures.eddies,
+    "padded-eddies": eddy_figures.padded_eddies,
     "walls": eddy_figures.thin_walls,
     "order": eddy_figures.order,
     "classes": class_figures.each_class,
