@@ -45,6 +45,7 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     assert taken.pop("distinct_by") == 0.0
     # A season says when it begins, and the clock of its current begins then.
     assert taken.pop("departure") == 0.0
+    assert taken.pop("arrive_by") is None
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
