@@ -19,6 +19,7 @@ from pipeline.model import Scene, SeasonPlan
 from pipeline.outcome import Event, Outcome, ignore
 from pipeline.session import session
 from pipeline.stages import planar
+from pipeline.stages.choose_departures import choose_departures
 from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.seasons.runner import run_tasks
 from pipeline.stages.seasons.task import SeasonTask
@@ -209,7 +210,20 @@ class _StagedRun:
             scene_key, scene = self._project(parts, simplified_key, simplified)
             offing_notes = self._choose_offing(scene_key, scene, parts.fetched.land.accuracy_m)
             self._say("project", offing_notes)
-            choices = (*region_notes, *offing_notes)
+            departed = choose_departures(
+                self.scenario,
+                parts,
+                scene_key,
+                scene,
+                self.store,
+                lambda note: self._say("project", (note,)),
+            )
+            self.scenario, parts, scene = departed.scenario, departed.parts, departed.scene
+            if departed.scene_key != scene_key:
+                scene_key = departed.scene_key
+                self.store.load_or_make("project", scene_key, Scene, lambda: departed.scene)
+            self._say("project", departed.notes)
+            choices = (*region_notes, *offing_notes, *departed.notes)
             notes = (*choices, *parts.fetched.notes, *land.notes)
             fetched = replace(parts.fetched, notes=notes)
         with self._stage("plan"):
@@ -234,6 +248,7 @@ class _StagedRun:
                 datetime.now(UTC),
                 choices,
                 straits,
+                departed.choices,
             )
             shore_notes = crossing_notes(evaluation.shore_crossings)
             tides = unresolved_strait_notes(result)

@@ -5,6 +5,7 @@ name. Planar metres, arrays and shapely geometries in, routes out.
 """
 
 from renew.errors import (
+    ArrivalError,
     CurrentTooStrongError,
     GeometryError,
     GoalInNoGoError,
@@ -18,16 +19,18 @@ from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, Unif
 from renew.inputs.fuel import fuel
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
-from renew.planner import plan
-from renew.route import Plan, Rejected, Route
+from renew.planner import plan, plan_departures
+from renew.route import Departures, Plan, Rejected, Route
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 
 __all__ = [
+    "ArrivalError",
     "Chart",
     "Contingency",
     "CurrentField",
     "CurrentTooStrongError",
+    "Departures",
     "GeometryError",
     "GoalInNoGoError",
     "GriddedCurrent",
@@ -47,5 +50,6 @@ __all__ = [
     "contingency",
     "fuel",
     "plan",
+    "plan_departures",
     "tightest",
 ]

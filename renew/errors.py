@@ -66,6 +66,10 @@ class UnreachableError(PlanningError):
     """No water joins start and goal, or no class between them can be sailed."""
 
 
+class ArrivalError(PlanningError):
+    """Nobody who leaves when asked arrives in time."""
+
+
 class CurrentTooStrongError(PlanningError):
     """The current is as strong as the vessel where it has to be."""
 

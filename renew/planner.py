@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import inspect
+import math
+from collections.abc import Sequence
+from typing import Unpack, cast
+
 from renew._types import FloatArray
+from renew.errors import ParameterError
 from renew.inputs.arguments import (
     DistinctBy,
     Method,
     Order,
     Padding,
+    PlanOptions,
     RiskAt,
+    as_departures,
     as_point,
+    check_current_at_endpoints,
+    check_departures,
     check_endpoints,
     check_options,
 )
@@ -19,12 +29,15 @@ from renew.inputs.fuel import Drift
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
-from renew.route import Plan
-from renew.search.class_planner import PathMethod
+from renew.route import Departures, Plan
+from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.departure_window import DepartureWindow, Progress
 from renew.search.diagnosis import no_class_error
 from renew.search.harmonic_mean import chosen_class
 from renew.search.k_sailable_classes import plan_classes
+from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
+from renew.search.sailings import Sailings
 
 
 def plan(
@@ -47,6 +60,7 @@ def plan(
     risk_at: RiskAt = "route",
     departure: float = 0.0,
     lateness: float = 0.05,
+    arrive_by: float | None = None,
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -90,6 +104,9 @@ def plan(
     lateness : float
         Share of the time since departure by which the vessel may be early or late anywhere: with
         adaptive padding it can turn away at all these times. Of no effect in a steady current.
+    arrive_by : float, optional
+        Leave as late as will do to be at the goal by this time (s), on the same clock, and not
+        before `departure`.
 
     Returns
     -------
@@ -108,8 +125,10 @@ def plan(
         The current at the start or at the goal is as strong as the vessel.
     UnreachableError
         No water joins start and goal, or every class was rejected; says why, and what would help.
+    ArrivalError
+        Nobody who leaves at the departure arrives by `arrive_by`; says when she does at best.
     """
-    check_options(
+    options = PlanOptions(
         classes=classes,
         risk=risk,
         padding=padding,
@@ -121,26 +140,131 @@ def plan(
         seed=seed,
         order=order,
         risk_at=risk_at,
-        departure=departure,
         lateness=lateness,
     )
+    check_options(**options, departure=departure, arrive_by=arrive_by)
+    planner = _planner(chart, current, vessel, start, goal, departure, options)
+    if arrive_by is not None:
+        sailings = Sailings(planner, classes)
+        return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
+    check_current_at_endpoints(planner.problem.voyage)
+    found = plan_classes(planner, classes)
+    problem = planner.problem
+    if not found.routes:
+        raise no_class_error(found.rejected, problem, planner.policy, planner.method)
+    chosen = chosen_class(found.routes)
+    return Plan(found.routes, found.rejected, chosen, problem.overpowered_water)
+
+
+_DEFAULTS = {
+    name: inspect.signature(plan).parameters[name].default for name in PlanOptions.__annotations__
+}
+
+
+def plan_departures(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    start: FloatArray | tuple[float, float],
+    goal: FloatArray | tuple[float, float],
+    departures: Sequence[float] | FloatArray,
+    *,
+    to_within: float | None = None,
+    progress: Progress | None = None,
+    **plan_options: Unpack[PlanOptions],
+) -> Departures:
+    """Plan the best route of each of some departures, and find the best time to leave.
+
+    All departures share triangulation, classes, the table of the current, and what is known of
+    padding; at each only such classes are planned to the end as may be its best. For the proof that
+    no departure between them is better see :mod:`renew.search.departure_window`.
+
+    Parameters
+    ----------
+    chart, current, vessel, start, goal
+        As for :func:`plan`.
+    departures : array_like
+        Ascending times (n,), s, on the clock of the current.
+    to_within : float, optional
+        Plan as many departures between them as it takes to prove that none between the first and
+        the last beats the best one by more than this (s), and a few more beside that one.
+    progress : callable, optional
+        Told after each plan how many there are, and by how much (s) the best may still be beaten.
+    **plan_options
+        As for :func:`plan`; with ``method="optimal"``.
+
+    Returns
+    -------
+    Departures
+        Fuel, arrival and path by departure, and the plan at the best one.
+
+    Raises
+    ------
+    ParameterError
+        Arguments out of range, departures that don't ascend or at which the current isn't known.
+    PlanningError
+        As for :func:`plan`, where none of the departures asked for leaves a route.
+    """
+    unknown = ", ".join(map(repr, plan_options.keys() - PlanOptions.__annotations__.keys()))
+    if unknown:
+        raise TypeError(f"plan_departures() has no option {unknown}")
+    options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
+    times = as_departures(departures)
+    check_options(**options, departure=float(times[0]), to_within=to_within)
+    if options["method"] != "optimal":
+        raise ParameterError("departures are planned with method = 'optimal', not 'sampled'")
+    planner = _planner(chart, current, vessel, start, goal, float(times[0]), options)
+    voyage = planner.problem.voyage
+    check_departures(voyage.current, times.tolist())
+    strongest = voyage.table.strongest
+    sailings = Sailings(planner, options["classes"])
+    window = DepartureWindow(
+        sailings,
+        times.tolist(),
+        math.dist(voyage.start, voyage.goal) / (vessel.speed + strongest),
+        is_fifo=strongest < vessel.speed,
+        progress=progress,
+    )
+    if window.best.found is None:
+        raise window.sailings[0].error
+    if to_within is not None:
+        window.refine(to_within)
+        window.look_closer()
+    best, sailing = sailings.plan(window.best)
+    window.replace(sailing)
+    return window.departures(best)
+
+
+def _planner(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    start: FloatArray | tuple[float, float],
+    goal: FloatArray | tuple[float, float],
+    departure: float,
+    options: PlanOptions,
+) -> ClassPlanner:
+    """Planner of classes, from checked options."""
     voyage = Voyage(
         chart,
         as_field(current),
         vessel,
         as_point("start", start),
         as_point("goal", goal),
-        drift,
+        options["drift"],
         float(departure),
-        float(lateness),
+        float(options["lateness"]),
     )
     check_endpoints(voyage)
-    policy = PaddingPolicy(padding, clearance, risk, seed, risk_at)
+    policy = PaddingPolicy(
+        options["padding"],
+        options["clearance"],
+        options["risk"],
+        options["seed"],
+        options["risk_at"],
+    )
     width = policy.likely_width(vessel.turning_radius)
-    problem = Problem(voyage, distinct_by, order, classes, width)
-    path_method = PathMethod(method, samples, seed)
-    found = plan_classes(problem, policy, path_method, classes)
-    if not found.routes:
-        raise no_class_error(found.rejected, problem, policy, path_method)
-    chosen = chosen_class(found.routes)
-    return Plan(found.routes, found.rejected, chosen, problem.overpowered_water)
+    classes = options["classes"]
+    problem = Problem(voyage, options["distinct_by"], options["order"], classes, width)
+    method = PathMethod(options["method"], options["samples"], options["seed"])
+    return ClassPlanner(problem, policy, method)

@@ -170,3 +170,44 @@ class Plan:
         if not self.routes:  # never from plan(), which raises; a Plan can be built by hand
             raise UnreachableError("the plan holds no route")
         return self.routes[self.chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class Departures:
+    """The best route of each of some departures, and the best departure.
+
+    Attributes
+    ----------
+    departures : (n,) s, ascending: those asked for, and those planned between them.
+    arrivals : (n,) s; inf where no class can be sailed. No departure arrives later than a later
+        one, but where padding for its own hours leaves less room.
+    fuels : (n,) fuel units; inf where no class can be sailed.
+    paths : the paths (m, 2), m; None where no class can be sailed.
+    times : when the points of each path are passed (m,), s; None where there is none.
+    homotopies : the name of each path's class; empty where there is none.
+    reasons : why there is none; empty where there is one.
+    unproven : time (s) by which a departure between those planned may still beat the best one, as
+        far as paths are optimal; inf where the current, as strong as the vessel in places, leaves
+        no proof.
+    plan : all classes at the best departure.
+    """
+
+    departures: FloatArray
+    arrivals: FloatArray
+    fuels: FloatArray
+    paths: tuple[FloatArray | None, ...]
+    times: tuple[FloatArray | None, ...]
+    homotopies: tuple[str, ...]
+    reasons: tuple[str, ...]
+    unproven: float
+    plan: Plan
+
+    @property
+    def durations(self) -> FloatArray:
+        """Times under way (n,), s."""
+        return self.arrivals - self.departures
+
+    @property
+    def best(self) -> int:
+        """Index of the departure that takes least fuel, the earliest of those that do."""
+        return int(self.fuels.argmin())

@@ -64,6 +64,14 @@ def go(
             "on the way, with all their time steps; in place of --month."
         ),
     ] = "",
+    until: Annotated[
+        str,
+        typer.Option(help="Last departure that will do: the best from --depart up to it is found."),
+    ] = "",
+    arrive_by: Annotated[
+        str,
+        typer.Option(help="When to be there: she leaves as late as will do, not before --depart."),
+    ] = "",
     currents: CurrentsOption = None,
     clearance: Annotated[
         str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
@@ -100,6 +108,8 @@ def go(
             figures=figures,
             months=tuple(month or ()),
             depart=depart,
+            until=until,
+            arrive_by=arrive_by,
             currents=tuple(currents or ()),
             clearance=clearance,
             charts=charts,

@@ -28,6 +28,7 @@ from pipeline.model.land import (
     Zone,
 )
 from pipeline.model.planning import (
+    DepartureChoice,
     Scene,
     SeasonPlan,
     Simplified,
@@ -40,6 +41,7 @@ __all__ = [
     "ClockWorth",
     "Credit",
     "CurrentGrid",
+    "DepartureChoice",
     "Evaluation",
     "Fetched",
     "GapShares",

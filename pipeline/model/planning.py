@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from datetime import timedelta
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
-    import numpy as np
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
@@ -93,3 +96,54 @@ class SeasonPlan:
             return ()
         others = (route for i, route in enumerate(self.plan.routes) if i != self.plan.chosen)
         return (self.plan.best, *others)
+
+
+@dataclass(frozen=True, slots=True)
+class DepartureChoice:
+    """When a season's vessel leaves, and what it was chosen from.
+
+    Attributes
+    ----------
+    first : the beginning of the clock, UTC.
+    departures_s : (n,) ascending, seconds after that.
+    fuels, durations_s : (n,) of each departure's best route, in the planner's units and in seconds;
+        inf where it has none.
+    homotopies, reasons : the class of each route, or why there is none; else empty.
+    chosen_s : the departure that is taken, seconds after the first.
+    unproven_s : by how much another departure in the window may still beat it; inf if nothing is
+        proven.
+    arrive_by : when the vessel has to be there, where that decided.
+    """
+
+    season: str
+    first: datetime
+    departures_s: FloatArray
+    fuels: FloatArray
+    durations_s: FloatArray
+    homotopies: tuple[str, ...]
+    reasons: tuple[str, ...]
+    chosen_s: float
+    unproven_s: float = math.inf
+    arrive_by: datetime | None = None
+
+    @property
+    def chosen(self) -> datetime:
+        """The departure that is taken, UTC, to the second."""
+        return self.first + timedelta(seconds=round(self.chosen_s))
+
+    @property
+    def least_s(self) -> float:
+        """Time under way of the departure that is taken, s."""
+        return float(self.durations_s[np.abs(self.departures_s - self.chosen_s).argmin()])
+
+    def good_window(self, share: float) -> tuple[float, float]:
+        """First and last departure around the chosen one, s, that need hardly more fuel.
+
+        All that were planned between them do so by no more than a share.
+        """
+        is_good = self.fuels <= self.fuels.min() * (1 + share)
+        at = int(np.abs(self.departures_s - self.chosen_s).argmin())
+        bad = np.flatnonzero(~is_good)
+        begin = bad[bad < at].max(initial=-1) + 1
+        end = bad[bad > at].min(initial=len(is_good)) - 1
+        return float(self.departures_s[begin]), float(self.departures_s[end])

@@ -310,6 +310,13 @@ class Scenario(StrictModel):
             raise ValueError(FAULT_SEPARATOR.join(faults))
         return self
 
+    def departing(self, season: str, departure: datetime) -> Self:
+        """The scenario, with a season's departure chosen."""
+        seasons = tuple(
+            one.departing(departure) if one.name == season else one for one in self.seasons
+        )
+        return self.model_copy(update={"seasons": seasons})
+
     def passage(self, season: str, duration_s: float) -> tuple[datetime, datetime] | None:
         """Departure and arrival, UTC, of a voyage in a season; None without a departure."""
         departure = next((one.departure for one in self.seasons if one.name == season), None)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import UTC, timedelta
-from typing import Annotated, Literal, Self
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
 
+from pipeline.scenario.departures import DepartureTimes  # noqa: TC001 - pydantic evaluates annotations
+from pipeline.scenario.interval import Interval  # noqa: TC001 - as above
 from pipeline.scenario.period import Period, period
 from pipeline.scenario.strict import (
     Integer,
@@ -17,6 +19,9 @@ from pipeline.scenario.strict import (
     looks_like_path,
     usable_path,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 STILL = "still"
@@ -144,12 +149,32 @@ class Season(StrictModel):
         "or leave it out.",
         examples=["2026-07-01T06:00:00Z"],
     )
+    departures: DepartureTimes | None = Field(
+        default=None,
+        description="Departures among which the best is looked for, in place of 'departure', in "
+        "currents that change. Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', "
+        "count = 24 }, or leave it out.",
+    )
+    to_within: Interval | None = Field(
+        default=None,
+        description="Plan as many departures between these as prove that no other in the window "
+        "takes less time than the best one by more than this; left out, only those are planned. "
+        "Give an interval, such as '1h', or leave it out.",
+        examples=["1h"],
+    )
+    arrive_by: AwareDatetime | None = Field(
+        default=None,
+        description="Time at which the vessel has to be at the goal: she leaves as late as will "
+        "do, not before 'departure', in currents that change. Give a time with its zone, as "
+        "2026-07-02T18:00:00Z, or leave it out.",
+        examples=["2026-07-02T18:00:00Z"],
+    )
     max_hours: Positive | None = Field(
         default=None,
         le=MAX_HOURS,
-        description="How long a voyage in changing currents may take: no time step after that is "
-        "read; left out, three times as long as straight from start to goal, and a day. Give "
-        "hours, such as 240, or leave it out.",
+        description="How long a voyage in changing currents may take: no time step that long after "
+        "the last departure is read; left out, three times as long as straight from start to goal, "
+        "and a day. Give hours, such as 240, or leave it out.",
         examples=[240],
         json_schema_extra={"unit": "hours"},
     )
@@ -164,22 +189,62 @@ class Season(StrictModel):
             )
         if self.is_changing:
             self._check_changing()
-        elif not self.valid and any(named != STILL for named in self.currents):
+            return self
+        self._check_steady()
+        if not self.valid and any(named != STILL for named in self.currents):
             raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
         return self
 
     def _check_changing(self) -> None:
         """Refuse what changing currents lack, or can't have; all at once."""
         faults = []
-        if self.departure is None:
+        if self.departure is None and self.departures is None:
             faults.append("lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z")
         if not self.currents:
             faults.append("gives its current as numbers, which don't change; name 'currents'")
         if self.valid:
             faults.append("has 'valid', which its departure says already; leave it out")
+        faults += self._window_faults()
         if faults:
             raise ValueError(
                 f"(season {self.name!r}) has time_method = 'changing' and " + "; it ".join(faults)
+            )
+
+    def _window_faults(self) -> Iterator[str]:
+        """What is wrong with the departures to choose from, and with the arrival."""
+        if self.departures is not None:
+            if self.departure is not None:
+                yield "has both 'departure' and 'departures'; leave one out"
+            if self.arrive_by is not None:
+                yield "has both 'departures' and 'arrive_by'; leave one out"
+            if self.departures.window > timedelta(hours=MAX_HOURS):
+                hours = self.departures.window.total_seconds() / 3600
+                yield (
+                    f"has departures over {hours:,.0f} hours; {MAX_HOURS:,.0f} are the most: lower "
+                    "their count, or 'every'"
+                )
+        elif self.to_within is not None:
+            yield "has 'to_within', but no 'departures' to choose from; add them"
+        if self.arrive_by is not None and self.departure is not None:
+            if self.arrive_by <= self.departure:
+                yield (
+                    f"is to arrive_by {self.arrive_by.isoformat()}, not after its departure, "
+                    f"{self.departure.isoformat()}; give a later time"
+                )
+            elif self.arrive_by - self.departure > timedelta(hours=MAX_HOURS):
+                yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
+
+    def _check_steady(self) -> None:
+        """Refuse a choice of departures where the current is the same at all of them."""
+        given = [
+            repr(name)
+            for name in ("departures", "to_within", "arrive_by")
+            if getattr(self, name) is not None
+        ]
+        if given:
+            raise ValueError(
+                f"(season {self.name!r}) has {' and '.join(given)}, which need currents that "
+                "change; add time_method = 'changing', or leave them out"
             )
 
     @property
@@ -188,15 +253,31 @@ class Season(StrictModel):
         return self.time_method == "changing"
 
     @property
+    def first_departure(self) -> datetime | None:
+        """The departure, or the first of those to choose from; UTC."""
+        if self.departures is not None:
+            return self.departures.begin
+        return self.departure and self.departure.astimezone(UTC)
+
+    @property
     def period(self) -> Period:
         """The period that the current is to be valid for; from the departure on if it changes.
 
-        As long as `max_hours` say, or only the departure itself.
+        Until `max_hours` after the last departure, and at least until the arrival asked for; or
+        only the departure itself.
         """
-        if self.is_changing and self.departure is not None:
-            begin = self.departure.astimezone(UTC)
-            return Period(begin, begin + timedelta(hours=self.max_hours or 0.0))
+        begin = self.first_departure
+        if self.is_changing and begin is not None:
+            end = begin + timedelta(hours=self.max_hours or 0.0)
+            if self.departures is not None:
+                end += self.departures.window
+            return Period(begin, max(end, (self.arrive_by or end).astimezone(UTC)))
         return period(self.valid)
+
+    def departing(self, departure: datetime) -> Self:
+        """Return the season with its departure chosen."""
+        chosen = {"departure": departure, "departures": None, "to_within": None, "arrive_by": None}
+        return self.model_copy(update=chosen)
 
     @property
     def resolved_time_method(self) -> TimeMethod:

@@ -32,6 +32,7 @@ _ENTRIES = {
     "simplify": ("pipeline.stages.simplify", "pipeline.stages.planar", "pipeline.model"),
     "project": ("pipeline.stages.project", "pipeline.model"),
     "offing": ("pipeline.choices.offing",),
+    "departures": ("pipeline.stages.choose_departures", "pipeline.model"),
     "plan": ("pipeline.stages.plan", "pipeline.model"),
     "evaluate": ("pipeline.stages.evaluate", "pipeline.stages.gap_shares", "pipeline.model"),
     "night-chart": ("pipeline.nightly.planning.chart", "pipeline.model"),

@@ -28,6 +28,8 @@ def go(
     vessel: str | VesselSpec | VesselFigures,
     months: Sequence[str] = (),
     depart: datetime | None = None,
+    until: datetime | None = None,
+    arrive_by: datetime | None = None,
     currents: Sequence[str | Path] = (),
     clearance_m: float | None = None,
     charts: Path | None = None,
@@ -51,6 +53,9 @@ def go(
         'YYYY-MM'; each is a season of its own.
     depart
         Departure, with its zone, in currents that change on the way; in place of months.
+    until, arrive_by
+        The last departure that will do: the best one up to it is found. Or when to be there: the
+        departure is as late as will do, and not before `depart`.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
         for none. Chosen where left out.
@@ -82,6 +87,8 @@ def go(
         figures=vessel if isinstance(vessel, VesselFigures) else None,
         months=tuple(months),
         depart="" if depart is None else depart.isoformat(),
+        until="" if until is None else until.isoformat(),
+        arrive_by="" if arrive_by is None else arrive_by.isoformat(),
         currents=tuple(map(str, currents)),
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
@@ -12,6 +11,7 @@ from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import STILL, Season
 from pipeline.sources.registry import current_source
+from pipeline.voyage.departing import Departing, departing
 from pipeline.voyage.months import read_months
 from pipeline.voyage.positions import Position, read_positions
 from pipeline.voyage.quantities import length_m
@@ -50,6 +50,8 @@ class VoyageRequest:
     depths : a grid of depths in NetCDF.
     name : name of the scenario, and of its folder of results.
     depart : departure with its zone, from which on the currents change; in place of months.
+    until : the last departure that will do: the best one up to it is chosen.
+    arrive_by : when the vessel has to be there: she departs as late as will do.
     """
 
     positions: tuple[str, ...]
@@ -62,6 +64,8 @@ class VoyageRequest:
     depths: Path | None = None
     name: str = ""
     depart: str = ""
+    until: str = ""
+    arrive_by: str = ""
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -84,8 +88,9 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     ends = part(lambda: read_positions(request.positions))
     vessel = part(lambda: _vessel(request))
     clearance_m = part(lambda: _clearance_m(request.clearance))
-    departure = part(lambda: _departure(request))
-    months = [] if request.depart else part(lambda: _months(request))
+    departing_at = part(lambda: _departing(request))
+    is_timed = bool(request.depart or request.until or request.arrive_by)
+    months = [] if is_timed else part(lambda: _months(request))
     if faults:
         raise RequestError(faults)
     start, goal = ends
@@ -96,8 +101,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": vessel.model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [_departing(departure, request)]
-        if departure is not None
+        "seasons": [departing_at.season(asked_currents(request.currents))]
+        if departing_at is not None
         else [_season(month, title, request, (start, goal)) for month, title in months],
     }
     if clearance_m is not None:
@@ -131,46 +136,23 @@ def _clearance_m(text: str) -> float | None:
     return metres
 
 
-def _departure(request: VoyageRequest) -> datetime | None:
-    """Read the departure; None where it is left out."""
-    if not request.depart:
-        return None
-    faults = []
-    departure = None
+def _departing(request: VoyageRequest) -> Departing | None:
+    """Read when the voyage begins in currents that change; None where that is left out."""
+    faults: list[str] = []
+    found = None
     try:
-        departure = datetime.fromisoformat(request.depart)
-        if departure.tzinfo is None:
-            faults.append(
-                f"--depart {request.depart} has no zone; add it: {request.depart}Z for UTC, or "
-                f"{request.depart}+08:00"
-            )
-    except ValueError:
-        faults.append(
-            f"--depart {request.depart} is not a time; give date, time and zone, such as "
-            "2026-11-22T06:00Z"
-        )
-    if request.months:
+        found = departing(request.depart, request.until, request.arrive_by)
+    except RequestError as error:
+        faults += error.faults
+    if request.depart and request.months:
         faults.append("--depart and --month both say when; leave one out")
-    if not request.currents or request.currents == (STILL,):
+    if request.depart and (not request.currents or request.currents == (STILL,)):
         faults.append(
             "--depart needs currents with time steps: give the file with --currents tide.nc"
         )
     if faults:
         raise RequestError(faults)
-    return departure
-
-
-def _departing(departure: datetime, request: VoyageRequest) -> dict[str, Any]:
-    """Return the [[seasons]] table of a voyage in currents that change from its departure on."""
-    utc = departure.astimezone(UTC)
-    name = f"{utc:%Y-%m-%dT%H%MZ}"
-    return {
-        "name": name.lower(),
-        "title": f"Departure {name}",
-        "departure": utc,
-        "time_method": "changing",
-        "currents": asked_currents(request.currents),
-    }
+    return found
 
 
 def _months(request: VoyageRequest) -> list[tuple[str, str]]:

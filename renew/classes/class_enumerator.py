@@ -63,6 +63,12 @@ class _Roads:
         """Least time (n,) in s from each node to the goal."""
         return np.asarray(time_to_go(self.everywhere))
 
+    def leaving(self, voyage: Voyage) -> _Roads:
+        """Return the same roads for another departure: their least times hold at any time."""
+        other = replace(self, voyage=voyage)
+        other.__dict__.update(everywhere=self.everywhere, time_to_go=self.time_to_go)
+        return other
+
     def beside(self, paths: Sequence[FloatArray]) -> tuple[Roadmap, float]:
         """Nodes beside paths (n, 2), closer together, and a cell's size (m)."""
         resolution, tube = closer_look(paths, self.voyage, self._resolution)
@@ -139,6 +145,12 @@ class ClassEnumerator:
         """The same, for the classes that other rays tell apart."""
         other = copy.copy(self)
         other._rays = rays  # noqa: SLF001 - its own kind
+        return other
+
+    def leaving(self, voyage: Voyage) -> ClassEnumerator:
+        """Return the same for a voyage with another departure; the roadmap is shared."""
+        other = copy.copy(self)
+        other._voyage, other._roads = voyage, self._roads.leaving(voyage)  # noqa: SLF001
         return other
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, TypeAlias, TypeGuard, get_args
+from collections.abc import Sequence
+from typing import Literal, TypeAlias, TypedDict, TypeGuard, get_args
 
 import numpy as np
 import shapely
@@ -16,6 +17,7 @@ from renew.errors import (
     PlanningError,
     StartInNoGoError,
 )
+from renew.inputs.current import CurrentField
 from renew.inputs.fuel import Drift
 from renew.inputs.voyage import Voyage
 
@@ -25,8 +27,29 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 
+
+class PlanOptions(TypedDict, total=False):
+    """The options of :func:`renew.plan` that don't depend on the departure."""
+
+    classes: int
+    risk: float
+    padding: Padding
+    clearance: float
+    distinct_by: DistinctBy
+    method: Method
+    samples: int
+    drift: Drift
+    seed: int
+    order: Order
+    risk_at: RiskAt
+    lateness: float
+
+
 MAX_CLASSES, MAX_SAMPLES, MAX_SEED = 10_000, 1_000_000, 2**63 - 1
 """Largest numbers of classes and of chains a class, and the largest seed."""
+
+MAX_DEPARTURES = 10_000
+"""Largest number of departures that are asked for at once."""
 
 MIN_RISK = 1e-9
 """Least risk for which padding can be computed: six standard deviations."""
@@ -47,6 +70,8 @@ def check_options(
     risk_at: object,
     departure: object,
     lateness: object,
+    arrive_by: object = None,
+    to_within: object = None,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -80,10 +105,11 @@ def check_options(
         )
         if value not in get_args(choices)
     ]
-    if not (_is_number(departure) and math.isfinite(departure)):
-        faults.append(f"departure = {departure!r} s must be finite")
     if not (_is_number(lateness) and 0 <= lateness < 1):
         faults.append(f"lateness = {lateness!r} must be a share of at least 0 and below 1")
+    faults += _time_faults(departure, arrive_by, to_within)
+    if arrive_by is not None and method == "sampled":
+        faults.append("arrive_by needs method = 'optimal', not 'sampled'")
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
     if faults:
@@ -101,8 +127,40 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
     return point
 
 
+def _time_faults(departure: object, arrive_by: object, to_within: object) -> list[str]:
+    """What is wrong with times (s) that a plan was asked for."""
+    faults = []
+    if not _is_finite(departure):
+        faults.append(f"departure = {departure!r} s must be finite")
+    elif arrive_by is not None and not (_is_finite(arrive_by) and arrive_by > departure):
+        faults.append(
+            f"arrive_by = {arrive_by!r} s must be finite and after departure = {departure!r} s"
+        )
+    if to_within is not None and not (_is_finite(to_within) and to_within > 0):
+        faults.append(f"to_within = {to_within!r} s must be finite and above 0")
+    return faults
+
+
+def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:
+    """Take departures as an array (n,), s; refuse those that don't ascend."""
+    try:
+        times = np.asarray(departures, dtype=float)
+    except (TypeError, ValueError):
+        times = np.empty(0)
+    if times.ndim != 1 or not 1 <= times.size <= MAX_DEPARTURES or not np.isfinite(times).all():
+        raise ParameterError(
+            f"departures must be 1 to {MAX_DEPARTURES:,} finite times (s) in a row"
+        )
+    for at in np.flatnonzero(np.diff(times) <= 0).tolist():
+        raise ParameterError(
+            f"departures[{at + 1}] = {times[at + 1]:g} s does not come after "
+            f"departures[{at}] = {times[at]:g} s"
+        )
+    return times
+
+
 def check_endpoints(voyage: Voyage) -> None:
-    """Refuse a start or goal that is not in the water, or where the current is too strong."""
+    """Refuse a start or goal that is not in the water, and a departure without a current."""
     chart, start, goal = voyage.chart, voyage.start, voyage.goal
     kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
         ("start", start, StartInNoGoError),
@@ -122,14 +180,24 @@ def check_endpoints(voyage: Voyage) -> None:
             )
     if math.dist(start, goal) <= chart.precision:
         raise ParameterError("start and goal are the same point {0}; move one", start)
-    first, last = voyage.current.span
-    if not first <= voyage.departure < last:
-        raise ParameterError(
-            f"departure = {voyage.departure:g} s lies outside the times for which the current is "
-            f"known, {first:g} to {last:g} s"
-        )
+    check_departures(voyage.current, (voyage.departure,))
+
+
+def check_departures(current: CurrentField, departures: Sequence[float]) -> None:
+    """Refuse departures (s) outside the times for which the current is known."""
+    first, last = current.span
+    for departure in departures:
+        if not first <= departure < last:
+            raise ParameterError(
+                f"departure = {departure:g} s lies outside the times for which the current is "
+                f"known, {first:g} to {last:g} s"
+            )
+
+
+def check_current_at_endpoints(voyage: Voyage) -> None:
+    """Refuse a departure at which the current is as strong as the vessel where it has to be."""
     # In a current that changes nobody knows yet when the vessel comes to the goal.
-    ends = [("start", start), ("goal", goal)][: 2 if voyage.current.is_steady else 1]
+    ends = [("start", voyage.start), ("goal", voyage.goal)][: 2 if voyage.current.is_steady else 1]
     for name, point in ends:
         strength = float(np.linalg.norm(voyage.current.velocity(point, voyage.departure)))
         if strength >= voyage.vessel.speed:
@@ -143,6 +211,11 @@ def check_endpoints(voyage: Voyage) -> None:
 def _is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a number, and not true or false."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def _is_finite(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite number."""
+    return _is_number(value) and math.isfinite(value)
 
 
 def _is_count(value: object, least: int, most: int) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,6 +65,13 @@ class Voyage:
         step = max(_CHANGE * speed / max(change.max(), _SLOWEST_CHANGE), float(intervals.min()))
         xmin, ymin, xmax, ymax = self.chart.bounds
         return Clock(self.departure, max(speed * step, (xmax - xmin + ymax - ymin) / _MAX_STEPS))
+
+    def leaving(self, departure: float) -> Voyage:
+        """Return the same passage at another departure (s), with what does not depend on that."""
+        other = replace(self, departure=departure)
+        shared = {"table": self.table, "quick_current": self.quick_current}
+        other.__dict__.update(shared, clock=self.clock._replace(departure=departure))
+        return other
 
     @property
     def polar(self) -> Polar:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -77,13 +78,19 @@ class ClassPlanner:
     """Plans the best route of a class with padding of one policy."""
 
     def __init__(self, problem: Problem, policy: PaddingPolicy, method: PathMethod) -> None:
-        self.problem = problem
-        self._method = method
+        self.problem, self.policy, self.method = problem, policy, method
         voyage = problem.voyage
         self._model = PaddingModel(
             problem.triangulation, voyage.quick_current, voyage.vessel, policy
         )
-        self._growth = PaddingGrowth(problem, self._model, policy)
+        self.growth = PaddingGrowth(problem, self._model, policy)
+
+    def leaving(self, problem: Problem) -> ClassPlanner:
+        """Return the same for another departure's problem; what is known of padding is shared."""
+        other = copy.copy(self)
+        other.problem = problem
+        other.growth = PaddingGrowth(problem, self._model, self.policy)
+        return other
 
     def find(self, channel: Channel) -> Found:
         """Best path of a class; its padding grows until every hard-over turn is clear.
@@ -101,11 +108,11 @@ class ClassPlanner:
 
     def _find(self, channel: Channel) -> Found:
         """Best path of a class in the water around its channel."""
-        corridor = self._corridor(channel)
+        corridor = self.corridor(channel)
         near: FloatArray | None = None
         for _ in range(_MAX_GROWTHS):
             found = self._found(corridor, near)
-            shortfall = self._growth.shortfall(found.corridor, found.path)
+            shortfall = self.growth.shortfall(found.corridor, found.path)
             if shortfall is None:
                 return found
             corridor, near = grown(found.corridor, shortfall), found.path
@@ -144,16 +151,16 @@ class ClassPlanner:
 
     def unpadded_fuel(self, channel: Channel) -> float:
         """Least fuel of a class with no padding at all; inf where even so there is no path."""
-        corridor = self._corridor(channel)
+        corridor = self.corridor(channel)
         edges = corridor.padded
         bare = replace(corridor, padded=replace(edges, padding=np.zeros(len(edges.edge))))
         try:
-            _, path = self._least_fuel_path(bare, _near_first)
+            _, path = self._least_fuel_path(bare, near_first)
         except InfeasibleError:
             return math.inf
         return self.problem.voyage.fuel(path)
 
-    def _corridor(self, channel: Channel) -> Corridor:
+    def corridor(self, channel: Channel) -> Corridor:
         """Where a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         middle = channel.midline(voyage.start, voyage.goal)
@@ -172,7 +179,7 @@ class ClassPlanner:
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> Found:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
-        if self._method.method == "sampled":
+        if self.method.method == "sampled":
             return self._best_sample(corridor)
         if near is None:
             check_straits(corridor)
@@ -215,10 +222,10 @@ class ClassPlanner:
 
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> Found:
         """A path (n, 2) that was found in a corridor, or one with more padding."""
-        makes_room = self._method.is_thorough and used.polar == corridor.polar
+        makes_room = self.method.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
         used, path, trajectory = steered(used, path)
-        self._check_current(trajectory)
+        self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         return Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
 
@@ -252,7 +259,7 @@ class ClassPlanner:
         Where that comes so close to land that it needs more padding, which then stays, the path
         near the best one within the channel is taken if it needs less fuel.
         """
-        near = self._least_fuel_path(corridor, _near_first)
+        near = self._least_fuel_path(corridor, near_first)
         if near[0].padded is corridor.padded:
             return near
         with contextlib.suppress(InfeasibleError):
@@ -265,7 +272,7 @@ class ClassPlanner:
     ) -> tuple[Corridor, FloatArray]:
         """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
         rough = way(corridor)
-        shortfall = self._growth.crossed_shortfall(corridor, rough)
+        shortfall = self.growth.crossed_shortfall(corridor, rough)
         if shortfall is None:
             return _refined(corridor, rough)
         corridor = grown(corridor, shortfall)
@@ -274,7 +281,7 @@ class ClassPlanner:
         except InfeasibleError:
             return _refined(corridor, way(corridor))
 
-    def _check_current(self, trajectory: FloatArray) -> None:
+    def check_current(self, trajectory: FloatArray) -> None:
         """Refuse a trajectory through a current as strong as the vessel, or no longer known."""
         voyage = self.problem.voyage
         arrival, (_, last) = trajectory[-1, 0], voyage.current.span
@@ -298,7 +305,7 @@ class ClassPlanner:
         The published figures are of smoothed paths. So each chain is smoothed before it is checked
         and counts in the mean: as they are drawn, hardly any can be steered.
         """
-        voyage, method, rays = self.problem.voyage, self._method, self.problem.rays
+        voyage, method, rays = self.problem.voyage, self.method, self.problem.rays
         rng = np.random.default_rng([method.seed, *corridor.channel.triangles.tolist()])
         chains = random_chains(corridor, method.samples, rng)
         paths, times = each_shortened(corridor, rays, chains)
@@ -328,7 +335,7 @@ class ClassPlanner:
         raise first or InfeasibleError("no chain was found")
 
 
-def _near_first(corridor: Corridor) -> FloatArray:
+def near_first(corridor: Corridor) -> FloatArray:
     """Rough path (n, 2) near the one by which the class was found."""
     channel, voyage = corridor.channel, corridor.voyage
     if channel.found_by is None:

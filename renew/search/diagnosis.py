@@ -13,7 +13,7 @@ from renew.classes.h_signature import shortened
 from renew.errors import TooLateError, UnreachableError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
-from renew.search.class_planner import PathMethod
+from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.k_sailable_classes import plan_classes
 from renew.search.problem import Problem
 
@@ -80,7 +80,7 @@ class _RelaxationSearch:
 
     def route(self, policy: PaddingPolicy) -> Route | None:
         """Best route of the first class that has one, or None."""
-        routes = plan_classes(self._problem, policy, self._method, classes=1).routes
+        routes = plan_classes(ClassPlanner(self._problem, policy, self._method), classes=1).routes
         return routes[0] if routes else None
 
     def least_risk(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,10 +10,8 @@ from renew.classes.channel import Channel, Transition
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
-from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
-from renew.search.class_planner import ClassPlanner, Found, PathMethod
-from renew.search.problem import Problem
+from renew.search.class_planner import ClassPlanner, Found
 
 # Number of ways past islands that tell no classes apart among which the best route is looked for,
 # and of those that are looked for beside it.
@@ -33,9 +31,7 @@ class ClassResults:
     rejected: tuple[Rejected, ...]
 
 
-def plan_classes(
-    problem: Problem, policy: PaddingPolicy, method: PathMethod, classes: int
-) -> ClassResults:
+def plan_classes(planner: ClassPlanner, classes: int) -> ClassResults:
     """Plan the first k classes, and those that take the place of rejected ones.
 
     A channel that is blocked at some place is looked for again around all places found blocked, in
@@ -45,34 +41,56 @@ def plan_classes(
     to be blocked for them, or a passing edge to be too narrow: these are then planned for
     themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
     """
-    results = Results(ClassPlanner(problem, policy, method))
-    clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
-    scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
-    is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
-    if is_free and problem.rays.omits_islands:
-        # The best of all channels is the best of its class, whichever islands tell classes apart.
-        results.plan_in_rounds(scout, min(classes, _VARIANTS), results.add_variant)
-    seen_all = results.plan_in_rounds(enumerator, classes, results.add)
-    is_enough = len(results.found) >= classes or (results.found and enumerator.has_many_triangles)
-    if not (is_enough or seen_all):
-        for channel in problem.enumerator(0.0).channels(classes):
-            if channel.word not in results.rejected:
-                results.add(channel)
-    if is_free and scout.has_many_triangles:
-        results.look_closer(scout)
+    results = Results(planner)
+    results.look_for(classes)
     return results.least(classes)
 
 
 class Results:
-    """What each class has come to so far: a path, or the first reason against it."""
+    """What each class has come to so far: a path, or the first reason against it.
 
-    def __init__(self, planner: ClassPlanner) -> None:
-        self._planner = planner
+    Classes that are `known` are not planned again. With an estimate of fuel for channels, those are
+    left out whose estimate is no less than the fuel of a path found: only the best is asked for.
+    """
+
+    def __init__(
+        self,
+        planner: ClassPlanner,
+        known: Mapping[Word, Found] | None = None,
+        fuel_estimate: Callable[[Channel], float] | None = None,
+    ) -> None:
+        self._planner, self._estimate = planner, fuel_estimate
         self._rays = planner.problem.rays
-        self.found: dict[Word, Found] = {}
+        self.found: dict[Word, Found] = dict(known or {})
         self.rejected: dict[Word, Rejected] = {}
+        self._too_dear: set[Word] = set()
         self._slipped: dict[Word, Found] = {}
         self._done: set[Word] = set()
+
+    @property
+    def best(self) -> Found | None:
+        """The path of least fuel, of whichever class."""
+        self._add_slipped()
+        return min(self.found.values(), key=lambda found: found.fuel, default=None)
+
+    def look_for(self, classes: int) -> None:
+        """Look for paths of the first k classes; see :func:`plan_classes`."""
+        problem, policy, method = self._planner.problem, self._planner.policy, self._planner.method
+        clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
+        scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
+        is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
+        if is_free and problem.rays.omits_islands:
+            # The best of all channels is the best of its class, whichever islands tell those apart.
+            self.plan_in_rounds(scout, min(classes, _VARIANTS), self.add_variant)
+        seen_all = self.plan_in_rounds(enumerator, classes, self.add)
+        count = len(self.found.keys() | self._too_dear)
+        is_enough = count >= classes or (self.found and enumerator.has_many_triangles)
+        if not (is_enough or seen_all):
+            for channel in problem.enumerator(0.0).channels(classes):
+                if channel.word not in self.rejected:
+                    self.add(channel)
+        if is_free and scout.has_many_triangles:
+            self.look_closer(scout)
 
     def least(self, classes: int) -> ClassResults:
         """Routes of so many classes, least fuel first; also those that slipped out of others."""
@@ -126,6 +144,10 @@ class Results:
         """Plan a channel as one of the class with a word."""
         if channel.word in self._done:
             return frozenset()
+        if self._is_too_dear(channel):
+            self._done.add(channel.word)
+            self._too_dear.add(word)
+            return frozenset()
         asked = replace(channel, word=word)
         try:
             found = self._find(asked)
@@ -137,6 +159,12 @@ class Results:
         self._done.add(channel.word)
         _keep_best(self.found, word, found)
         return frozenset()
+
+    def _is_too_dear(self, channel: Channel) -> bool:
+        """Whether a channel is left out because a path known needs no more than it may."""
+        if self._estimate is None or not self.found:
+            return False
+        return self._estimate(channel) >= min(found.fuel for found in self.found.values())
 
     def _find(self, channel: Channel) -> Found:
         """Path of a channel's class; one that slips out of it is put aside."""

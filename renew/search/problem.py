@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,9 @@ from renew.paths.corridor import SLACK
 from renew.route import FuelBound
 from renew.turns.reach_bound import TurnReach
 
+# Parts of a problem that don't depend on the departure: classes keep their names.
+_SHARED_BY_DEPARTURES = ("overpowered_water", "triangulation", "all_rays", "rays", "reach")
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -26,6 +29,7 @@ class Problem:
 
     Those that differ only by islands under `distinct_by` m count as one; with "auto", those that
     differ by none of the few islands that matter. Most land is padded by `width` m at least.
+    `base` is the same problem at another departure, if what the two share is taken from there.
     """
 
     voyage: Voyage
@@ -33,6 +37,7 @@ class Problem:
     order: Order
     classes: int = 16
     width: float = 0.0
+    base: Problem | None = None
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -72,13 +77,21 @@ class Problem:
         """The fuel that no route can stay below."""
         return FuelBound(self.voyage)
 
+    def leaving(self, departure: float) -> Problem:
+        """Return the same at another departure (s); what all departures share is computed once."""
+        other = replace(self, voyage=self.voyage.leaving(departure), base=self)
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED_BY_DEPARTURES})
+        return other
+
     def enumerator(self, clearance: float) -> ClassEnumerator:
         """Enumerate classes by paths that keep about `clearance` m off land."""
         return self.scout(clearance).told_apart_by(self.rays)
 
     def scout(self, clearance: float) -> ClassEnumerator:
         """Enumerate the classes that all islands tell apart."""
-        if clearance not in self._scouts:
+        if clearance not in self._scouts and self.base is not None:
+            self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
+        elif clearance not in self._scouts:
             slack = SLACK * self.voyage.vessel.turning_radius
             self._scouts[clearance] = ClassEnumerator(
                 self.voyage,

@@ -75,16 +75,23 @@ def _steered(
     path: FloatArray, corridor: Corridor, rounding: float
 ) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it."""
-    voyage = corridor.voyage
-    field, vessel = voyage.current, voyage.vessel
     if len(path) > 2:
         path = _with_rounded_corners(path, corridor, rounding)
+    return path, steer_as_drawn(path, corridor)
+
+
+def steer_as_drawn(path: FloatArray, corridor: Corridor) -> FloatArray:
+    """Trajectory (m, 4) along a path (n, 2) whose corners are wide enough.
+
+    InfeasibleError where they are not, or where either leaves the corridor.
+    """
+    voyage = corridor.voyage
     clear = corridor.legs_clear(path)
     if not clear.all():
         raise InfeasibleError(
             "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
         )
-    trajectory = steer(path, field, vessel, voyage.departure)
+    trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure)
     track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
@@ -94,7 +101,7 @@ def _steered(
             "the corridor is too narrow to turn in: the track would touch land near {0}",
             track[clear.argmin()],
         )
-    return path, trajectory
+    return trajectory
 
 
 def _with_rounded_corners(path: FloatArray, corridor: Corridor, rounding: float) -> FloatArray:

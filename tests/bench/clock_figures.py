@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import renew
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from tests.bench import departure_figures
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import PERIODS, moving_scene
@@ -37,6 +38,7 @@ def figures() -> Iterator[Figure]:
     yield from _bounded()
     yield from _turns()
     yield from _times()
+    yield from departure_figures.figures()
 
 
 def _exact() -> Iterator[Figure]:

@@ -85,7 +85,7 @@ def profile_figure(result: RunResult, ranked: RankedRoute) -> Figure:
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
     if np.isfinite(profile.clearance_m).all():
         draws.append(plot.draw_clearance)
-    figure, panels = _panels(len(draws), _PANEL_PT, _GAP_PT)
+    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT)
     for axes, draw in zip(panels, draws, strict=True):
         draw(axes)
         axes.set_xlim(0, plot.run[-1])
@@ -114,7 +114,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
     unit, unit_m = _unit(end_m)
 
-    figure, (axes,) = _panels(1, _HISTOGRAM_PT, 0.0)
+    figure, (axes,) = plot_panels(1, _HISTOGRAM_PT, 0.0)
     counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
     shares = 100 * counts / reach_m.size
     axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
@@ -127,7 +127,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     # The nearest mark is the lowest, so that text left of a line crosses no other line.
     for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
         _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
-    _title(axes, "How far hard-over turns reach to land", "% of turns")
+    plot_title(axes, "How far hard-over turns reach to land", "% of turns")
     axes.set_xlabel(
         f"reach from the tightest place, {unit}",
         fontsize=_TEXT_PT,
@@ -195,7 +195,7 @@ class _ProfilePlot:
         _draw_dashed(axes, self.run, still / unit)
         _draw_line(axes, self.run, used / unit)
         axes.set_ylim(0, 1.05 * maximum / unit)
-        _title(
+        plot_title(
             axes,
             f"Fuel used{name}: {number(used[-1] / unit)}",
             f"dashed: in still water, {number(still[-1] / unit)}",
@@ -207,7 +207,7 @@ class _ProfilePlot:
         _draw_dashed(axes, self.run[[0, -1]], np.array([speed, speed]))
         _draw_line(axes, self.run, self.profile.speed_m_s)
         _set_range(axes, [*self.profile.speed_m_s, speed], min_range=0.1 * speed)
-        _title(axes, "Speed over ground, m/s", f"dashed: through water, {plain(speed)} m/s")
+        plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {plain(speed)} m/s")
 
     def draw_current(self, axes: Axes) -> None:
         """Draw the current's component along the course, shaded by its sign."""
@@ -221,7 +221,7 @@ class _ProfilePlot:
         axes.plot(self.run, along_track, color=COLOURS["ink"], linewidth=0.8)
         min_range = 0.05 * self.result.scene.vessel.speed
         _set_range(axes, [*along_track, 0.0], min_range=min_range)
-        _title(axes, "Current along the course, m/s", "blue: it helps; grey: it hinders")
+        plot_title(axes, "Current along the course, m/s", "blue: it helps; grey: it hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
         """Draw the distance to land, the padding of that coast, and the least distance."""
@@ -252,7 +252,7 @@ class _ProfilePlot:
             zorder=4,
         )
         text = f"Distance to land, {unit}: least {distance(self.profile.clearance_m[least])}"
-        _title(axes, text, "grey: its padding" if padding.max() > floor else "")
+        plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:
         """Padding (n,), true metres, of the constrained edge that is nearest to each point."""
@@ -271,7 +271,7 @@ def _unit(longest_m: float) -> tuple[str, float]:
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
-def _panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
+def plot_panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
     """Make a figure of the page's width, with panels of equal height below each other."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
@@ -306,7 +306,7 @@ def _panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[A
     return figure, panels
 
 
-def _title(axes: Axes, title: str, note: str) -> None:
+def plot_title(axes: Axes, title: str, note: str) -> None:
     """Write a panel's title above its left end, and a note on its lines above its right end."""
     ink = COLOURS["ink"]
     axes.set_title(title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5)

@@ -9,13 +9,14 @@ page shows static maps; on a screen the scripts replace them by the interactive 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import shapely
 
 from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.report.unknown import Unknown
 from pipeline.formats.shared import text
+from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.tables.manifest import versions
 
 if TYPE_CHECKING:
@@ -79,7 +80,8 @@ class SeasonPart:
 
     `passage` is departure and arrival of the best route, empty where no departure is given;
     `saving` says how much less fuel it needs than its rival; `picture` is the static map; `profile`
-    and `padding` are plots of the best route, empty if there is nothing to plot.
+    and `padding` are plots of the best route, empty if there is nothing to plot. `departure` says
+    when to leave, with a plot, where that was to be chosen.
     """
 
     title: str
@@ -97,6 +99,8 @@ class SeasonPart:
     picture: Markup
     profile: Markup
     padding: Markup
+    departure: tuple[str, ...] = ()
+    departure_plot: Markup | str = ""
 
 
 @dataclass(frozen=True)
@@ -274,7 +278,22 @@ def _season(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
         picture=Markup(picture),  # noqa: S704 - our own SVG
         profile=Markup(profile),  # noqa: S704 - our own
         padding=Markup(padding),  # noqa: S704 - our own
+        **_departure(result, entry.season, anchor),
     )
+
+
+def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
+    """When to leave, as text and plot; nothing where the departure was given."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures.departure_plot import departure_svg
+
+    choice = result.departure_choice(season)
+    if choice is None:
+        return {}
+    sentences = departure_text(choice)
+    plot = departure_svg(choice, identity=f"{anchor}-departure", label=sentences[0])
+    return {"departure": sentences, "departure_plot": Markup(plot)}  # noqa: S704 - our own SVG
 
 
 def _verdict(result: RunResult, metrics: list[RouteMetrics]) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import renew
     from pipeline.model import (
         Credit,
+        DepartureChoice,
         Evaluation,
         Fetched,
         RouteMetrics,
@@ -52,6 +53,7 @@ class RunResult:
 
     The scenario is complete: `choices` say what was chosen where it left something out. They are
     among the notes of `fetched`, too. `straits` are those that are shut, the widest first.
+    `departures` are the choices of when to leave, of the seasons that left it open.
     """
 
     scenario: Scenario
@@ -64,6 +66,7 @@ class RunResult:
     created: datetime
     choices: tuple[str, ...] = ()
     straits: tuple[ShutStrait, ...] = ()
+    departures: tuple[DepartureChoice, ...] = ()
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
@@ -88,6 +91,10 @@ class RunResult:
     def unknowns(self) -> tuple[str, ...]:
         """What is not known of the routes, one sentence each; among the notes, too."""
         return unknowns(self)
+
+    def departure_choice(self, season: str) -> DepartureChoice | None:
+        """When to leave in a season, and what that was chosen from; None where it was given."""
+        return next((one for one in self.departures if one.season == season), None)
 
     def season_routes(self, season: str) -> tuple[RankedRoute, ...]:
         """One season's routes, best first; empty where the season could not be planned."""

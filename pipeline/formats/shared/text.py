@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 ABSENT = "–"
 # A time on a current's clock in one of the planner's reasons.
-_CLOCK_TIME = re.compile(r"\b(arrive at|known until) (-?[\d.]+(?:e\+?\d+)?) s\b")
+_CLOCK_TIME = re.compile(
+    r"\b(arrive at|known until|arrive_by =|leaves? at|there at) (-?[\d.]+(?:e\+?\d+)?) s\b"
+)
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0

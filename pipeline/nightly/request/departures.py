@@ -9,11 +9,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from pipeline.scenario.interval import Interval, interval
 from pipeline.scenario.strict import Integer, StrictModel
 
 _TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
-_EVERY = re.compile(r"(\d{1,4})(min|h|d)", re.ASCII)
-_UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1)}
 _DAY = timedelta(days=1)
 
 
@@ -24,16 +23,6 @@ def _time_of_day(text: str) -> str:
     return text
 
 
-def _interval(text: str) -> str:
-    """Refuse what is no interval, or none at all."""
-    found = _EVERY.fullmatch(text)
-    if not found:
-        raise ValueError(f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'")
-    if not int(found[1]):
-        raise ValueError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
-    return text
-
-
 class DepartureSpec(StrictModel):
     """When the vessels leave: `count` times from the first on, `every` so often."""
 
@@ -41,7 +30,7 @@ class DepartureSpec(StrictModel):
         description="First departure: the first such time at or after the reference time of the "
         "currents. Give a time of day in UTC, as '06:00Z'."
     )
-    every: Annotated[str, AfterValidator(_interval)] = Field(
+    every: Interval = Field(
         default="1d",
         description="Time from one departure to the next. Give '30min', '6h' or '1d'.",
     )
@@ -54,11 +43,11 @@ class DepartureSpec(StrictModel):
 
     def departures(self) -> tuple[Departure, ...]:
         """Return all of them."""
-        found, every = _TIME.fullmatch(self.first), _EVERY.fullmatch(self.every)
-        if found is None or every is None:
+        found = _TIME.fullmatch(self.first)
+        if found is None:
             raise ValueError("validated when the table was read")
         first = timedelta(hours=int(found[1]), minutes=int(found[2]))
-        step = int(every[1]) * _UNITS[every[2]]
+        step = interval(self.every)
         return tuple(Departure(first, i * step) for i in range(self.count))
 
 

@@ -164,6 +164,15 @@ class _Expansion:
     def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
         """Return the seasons that are asked for."""
         known = {season.name: season for season in scenario.seasons}
+        asked = known if self._table.seasons is None else self._table.seasons
+        for name in asked:
+            if name in known and known[name].is_changing:
+                self._fault(
+                    "scenario" if self._table.seasons is None else "seasons",
+                    f"season {name!r} of {scenario.name} changes on the way from a departure of "
+                    "its own; a night plans each case in one field: leave the season out, or give "
+                    "it time_method = 'nearest' and 'valid'",
+                )
         if self._table.seasons is None:
             return scenario.seasons
         for name in self._table.seasons:

@@ -88,6 +88,32 @@ def test_a_wrong_request(tmp_path: Path, command: str, cases: str, said: str) ->
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("seasons", "key"), [("", "scenario"), ('seasons = ["tide"]', "seasons")])
+def test_a_season_that_changes_on_the_way_is_refused(
+    tmp_path: Path, seasons: str, key: str
+) -> None:
+    (tmp_path / "tide.toml").write_text(
+        """
+schema_version = 1
+name = "tide"
+vessel = "usv-7m"
+start = [119.1, 9.5]
+goal = [120.1, 9.5]
+
+[[seasons]]
+name = "tide"
+time_method = "changing"
+departure = 2026-11-22T06:00:00Z
+currents = ["./tide.nc"]
+"""
+    )
+    file = write_night(tmp_path, f'scenario = "./tide.toml"\n{seasons}\n')
+    result = renew("check", "--config", file, "--output", tmp_path / "out")
+    assert result.exit_code == 2
+    (line,) = faults(result)
+    assert f"cases[0].{key}: season 'tide' of tide changes on the way" in line
+
+
 def test_all_faults_at_once(tmp_path: Path) -> None:
     (tmp_path / "pairs.csv").write_text(
         "start_x,start_y,goal_x,goal_y,name\n1,x,90,50,one\n10,50,90,50,Two\n10,50,10,50,three\n"

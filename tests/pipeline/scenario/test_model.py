@@ -45,12 +45,14 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     assert taken.pop("distinct_by") == 0.0
     # A season says when it begins, and the clock of its current begins then.
     assert taken.pop("departure") == 0.0
+    assert taken.pop("arrive_by") is None
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
     }
 
 
+WINDOW = {"first": "2026-11-22T06:00:00Z", "every": "1h", "count": 24}
 CHANGING = {
     "name": "tide",
     "time_method": "changing",
@@ -68,6 +70,27 @@ CHANGING = {
         ({"currents": [], "uniform": {"u": 0.1}}, "as numbers, which don't change"),
         ({"departure": None, "valid": "2026-11"}, "'departure'; add.*has 'valid'"),
         ({"max_hours": 0}, "max_hours"),
+        ({"departures": WINDOW}, "both 'departure' and 'departures'"),
+        ({"departure": None, "departures": {**WINDOW, "every": "0h"}}, "no time at all"),
+        ({"departure": None, "departures": {**WINDOW, "every": "often"}}, "not an interval"),
+        ({"departure": None, "departures": {**WINDOW, "count": 10_001}}, "equal to 10000"),
+        (
+            {"departure": None, "departures": {**WINDOW, "every": "1d", "count": 400}},
+            "over 9,576 hours; 8,784 are the most",
+        ),
+        ({"departure": None, "departures": {**WINDOW, "first": "2026-11-22T06:00"}}, "timezone"),
+        ({"to_within": "1h"}, "'to_within', but no 'departures'"),
+        ({"to_within": "soon"}, "not an interval"),
+        (
+            {"to_within": "1h", "arrive_by": "2026-11-22T06:00:00Z"},
+            "no 'departures' .*is to arrive_by 2026-11-22T06:00:00.00:00, not after its departure",
+        ),
+        (
+            {"departure": None, "departures": WINDOW, "arrive_by": "2026-11-23T06:00:00Z"},
+            "both 'departures' and 'arrive_by'",
+        ),
+        ({"arrive_by": "2028-11-22T06:00:00Z"}, "under way for more than 8,784 hours"),
+        ({"time_method": None, "valid": "2026-11", "arrive_by": "2026-11-23T06:00Z"}, "need curr"),
     ],
 )
 def test_changing_currents_need_a_departure_and_sources(
@@ -76,6 +99,17 @@ def test_changing_currents_need_a_departure_and_sources(
     Season.model_validate(CHANGING)
     with pytest.raises(ValidationError, match=words):
         Season.model_validate({**CHANGING, **changes})
+
+
+def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:
+    window = {"departure": None, "departures": WINDOW, "to_within": "1h", "max_hours": 10}
+    found = Season.model_validate({**CHANGING, **window}).period
+    assert f"{found.begin}, {found.end}" == "2026-11-22 06:00:00+00:00, 2026-11-23 15:00:00+00:00"
+    by = Season.model_validate({**CHANGING, "arrive_by": "2026-11-24T06:00:00Z", "max_hours": 1})
+    assert f"{by.period.end}" == "2026-11-24 06:00:00+00:00"
+    chosen = by.departing(found.begin)
+    assert Season.model_validate(chosen.model_dump()) == chosen
+    assert (chosen.departure, chosen.arrive_by) == (found.begin, None)
 
 
 def test_changing_currents_are_planned_at_true_scale() -> None:

@@ -85,6 +85,14 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
     assert (season.name, season.valid) == ("2026-11-22t0630z", "")
     assert season.title == "Departure 2026-11-22T0630Z"
     assert season.currents == ((str(file),),)
+    window = replace(asked, until="2026-11-23T06:30Z")
+    (season,) = voyage_scenario(window)[0].seasons
+    assert season.departures is not None
+    assert season.departures.seconds[-1] == 24 * 3600
+    assert (season.departures.count, season.to_within) == (25, "30min")
+    (season,) = voyage_scenario(replace(asked, arrive_by="2026-11-23T06:30Z"))[0].seasons
+    assert season.arrive_by == datetime(2026, 11, 23, 6, 30, tzinfo=UTC)
+    assert season.departure == datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
     late = replace(depart, depart="2026-11-25T06:00Z")
     with pytest.raises(RequestError, match="is not before its last step, 2026-11-23T17:00Z"):
         voyage_scenario(late)
@@ -97,6 +105,15 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
         ({"depart": "tomorrow"}, ["tomorrow is not a time"]),
         ({"months": ("2026-11",)}, ["--depart and --month both say when"]),
         ({"currents": ("still",)}, ["--depart needs currents with time steps"]),
+        ({"until": "2026-11-22T05:00Z"}, ["--until 2026-11-22T05:00Z is not after --depart"]),
+        (
+            {"depart": "", "arrive_by": "2026-11-23T06:00"},
+            ["--arrive-by 2026-11-23T06:00 has no zone", "--arrive-by needs --depart"],
+        ),
+        (
+            {"until": "2026-11-23T05:00Z", "arrive_by": "2026-11-24T05:00Z"},
+            ["--until and --arrive-by both say"],
+        ),
         ({"depart": "soon", "currents": ()}, ["soon is not a time", "--depart needs currents"]),
     ],
 )

@@ -28,4 +28,4 @@ def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0
     problem = Problem(voyage, distinct_by=0.0, order="fuel")
     policy = PaddingPolicy(padding, clearance=0.0, risk=0.05, seed=0)
     planner = ClassPlanner(problem, policy, PathMethod("optimal", samples=100, seed=0))
-    return planner._corridor(problem.enumerator(0.0).channels(place + 1)[place])
+    return planner.corridor(problem.enumerator(0.0).channels(place + 1)[place])

@@ -75,7 +75,7 @@ def test_padding_grows_until_turns_are_clear() -> None:
     voyage = voyage_on(*_scene(3))
     planner = planner_of(voyage)
     channel = planner.problem.enumerator(0.0).channels(1)[0]
-    first = planner._corridor(channel).padded
+    first = planner.corridor(channel).padded
     route = planner.route(planner.find(channel))
     padding = {tuple(row[:4]): row[4] for row in route.padding_used.tolist()}
     initial = np.column_stack([first.start, first.end, first.padding]).tolist()
@@ -112,7 +112,7 @@ def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
     [channel] = planner.problem.enumerator(0.0).channels(1)
     path = np.array([[0.0, 10.0, 50.0, 0.0], [1.0, 50.01, 50.0, 0.0]])
     with pytest.raises(InfeasibleError, match=r"the current at \(50\.01, 50\) m runs at 1\.5 m/s"):
-        planner._check_current(path)
+        planner.check_current(path)
     assert math.isfinite(shapely.LineString(planner.find(channel).path).length)
 
 

@@ -75,7 +75,7 @@ class CfFiles:
         except (RequestError, ValueError):
             return ("nothing", *self.paths)
         hashes = (digest for _, digest in _file_hashes(contents, slices))
-        about = f"{season.departure}" if season.is_changing else season.resolved_time_method
+        about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
         return ("cf", *hashes, season.valid, about, slices.valid)
 
     def unavailable_reason(self) -> str:

@@ -1,0 +1,81 @@
+"""Plot of fuel against departure for a page, with the best departure and what is proven."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.formats.figures.page_svg import page_svg
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.plots import plot_panels, plot_title
+from pipeline.formats.shared.departure_text import AS_GOOD
+from pipeline.formats.shared.text import hours, moment_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from pipeline.model import DepartureChoice
+
+_HEIGHT_PT, _TEXT_PT = 150.0, 9.0
+_HOUR_S, _DAY_S = 3600.0, 86_400.0
+# Windows longer than this have an axis in days.
+_DAYS_FROM_S = 3 * _DAY_S
+# Depth of the bound under the least duration up to which it is drawn, as a multiple of the range of
+# durations.
+_MAX_DEPTH = 3.0
+# Space above and below the durations, as a share of their range.
+_MARGIN = 0.12
+
+
+def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> str:
+    """Plot a choice of departures; "" where there was but one."""
+    if len(choice.departures_s) < 2:
+        return ""
+    return page_svg(departure_figure(choice), identity=identity, label=label)
+
+
+def departure_figure(choice: DepartureChoice) -> Figure:
+    """Figure for `departure_svg`: time under way by departure, and the bound between them."""
+    figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
+    is_long = np.ptp(choice.departures_s) > _DAYS_FROM_S
+    unit_s, unit = (_DAY_S, "days") if is_long else (_HOUR_S, "hours")
+    x, y = choice.departures_s / unit_s, choice.durations_s / _HOUR_S
+    known = np.isfinite(y)
+    low, high = float(y[known].min()), float(y[known].max())
+    floor = low - choice.unproven_s / _HOUR_S
+    has_floor = floor > low - _MAX_DEPTH * (high - low)
+    axes.plot(x, np.where(known, y, np.nan), color=COLOURS["best"], linewidth=1.4, zorder=3)
+    axes.plot(
+        x[known], y[known], "o", color=COLOURS["best"], markersize=2.2, markeredgewidth=0, zorder=3
+    )
+    if has_floor:
+        axes.axhline(floor, color=COLOURS["ink"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
+        low = floor
+    begin_s, end_s = choice.good_window(AS_GOOD)
+    axes.axvspan(begin_s / unit_s, end_s / unit_s, color=COLOURS["grid"], alpha=0.6, zorder=1)
+    at = choice.chosen_s / unit_s
+    axes.axvline(at, color=COLOURS["other"], linewidth=1.8, zorder=2.5)
+    room = _MARGIN * max(high - low, 0.02 * high)
+    axes.set_ylim(low - room, high + 2.5 * room)
+    on_left = at > (x[0] + x[-1]) / 2
+    axes.annotate(
+        f"leave {moment_text(choice.chosen)}: {hours(choice.least_s)}",
+        (at, high + 1.4 * room),
+        xytext=(-4 if on_left else 4, 0),
+        textcoords="offset points",
+        ha="right" if on_left else "left",
+        va="center",
+        fontsize=_TEXT_PT,
+        color=COLOURS["ink"],
+        zorder=4,
+    )
+    note = "dashed: proven bound" if has_floor else ""
+    plot_title(axes, "Time under way, h (fuel in proportion)", note)
+    axes.set_xlabel(
+        f"departure, {unit} after {moment_text(choice.first)}",
+        fontsize=_TEXT_PT,
+        color=COLOURS["ink"],
+        labelpad=3,
+    )
+    return figure

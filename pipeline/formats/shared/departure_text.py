@@ -1,0 +1,74 @@
+"""When to leave, in sentences: the best departure, how much it saves, and what is proven."""
+
+from __future__ import annotations
+
+import math
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.formats.shared.text import hours, moment_text, percent
+
+if TYPE_CHECKING:
+    from pipeline.model import DepartureChoice
+
+AS_GOOD = 0.01
+"""Share of the least fuel by which a departure counts as good as the best one."""
+
+
+def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
+    """Say in sentences when to leave."""
+    leave = moment_text(choice.chosen)
+    if choice.arrive_by is not None:
+        by = moment_text(choice.arrive_by)
+        taking = hours(choice.least_s)
+        return (f"Leave at {leave}, as late as will do, to be there by {by}, after {taking}.",)
+    count = int(np.isfinite(choice.fuels).sum())
+    first, last = (_moment(choice, at) for at in choice.departures_s[[0, -1]])
+    best = (
+        f"Leave at {leave}: of {count} departures planned from {first} to {last} it is under way "
+        f"for the least time, {hours(choice.least_s)}, and needs the least fuel."
+    )
+    sentences = [best]
+    most = float(choice.fuels[np.isfinite(choice.fuels)].max())
+    if count > 1:
+        worst = int(np.where(np.isfinite(choice.fuels), choice.fuels, -np.inf).argmax())
+        sentences.append(
+            f"The dearest, at {_moment(choice, choice.departures_s[worst])}, needs "
+            f"{percent(most / float(choice.fuels.min()) - 1)} more."
+        )
+        begin, end = choice.good_window(AS_GOOD)
+        if end > begin:
+            sentences.append(
+                f"From {_moment(choice, begin)} to {_moment(choice, end)} all that were planned "
+                f"need at most {percent(AS_GOOD, 0)} more than the best."
+            )
+    shut = len(choice.fuels) - count
+    if shut:
+        at = next(i for i, reason in enumerate(choice.reasons) if reason)
+        sentences.append(
+            f"{shut} of the departures planned can't be sailed; that at "
+            f"{_moment(choice, choice.departures_s[at])}: {choice.reasons[at]}."
+        )
+    sentences.append(_proof(choice))
+    return tuple(sentences)
+
+
+def _proof(choice: DepartureChoice) -> str:
+    """Say what is proven of the choice."""
+    if not math.isfinite(choice.unproven_s):
+        return (
+            "Nothing is proven of departures between these: the current is as strong as the vessel "
+            "in places."
+        )
+    return (
+        "Proven: no other departure in this window takes less time by more than "
+        f"{hours(choice.unproven_s)}, as nobody who leaves later on the same water arrives "
+        "earlier. What is finer than that was searched, and is not proven."
+    )
+
+
+def _moment(choice: DepartureChoice, seconds: float) -> str:
+    """Write a time of the choice's clock as a date."""
+    return moment_text(choice.first + timedelta(seconds=float(seconds)))

@@ -1,0 +1,44 @@
+"""Departures of a season, among which the best is looked for."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+from pydantic import AwareDatetime, Field
+
+from pipeline.scenario.interval import Interval, interval
+from pipeline.scenario.strict import Integer, StrictModel
+
+
+class DepartureTimes(StrictModel):
+    """When the vessel may leave: `count` times from the first on, `every` so often."""
+
+    first: AwareDatetime = Field(
+        description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",
+        examples=["2026-07-01T06:00:00Z"],
+    )
+    every: Interval = Field(
+        default="1h",
+        description="Time from one departure to the next. Give '30min', '6h' or '1d'.",
+    )
+    count: Integer = Field(
+        ge=1,
+        le=10_000,
+        description="Number of departures. Give a whole number from 1 to 10,000.",
+        examples=[24],
+    )
+
+    @property
+    def begin(self) -> datetime:
+        """The first departure, UTC."""
+        return self.first.astimezone(UTC)
+
+    @property
+    def window(self) -> timedelta:
+        """Time from the first departure to the last."""
+        return (self.count - 1) * interval(self.every)
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """All departures, in seconds after the first."""
+        return tuple((i * interval(self.every)).total_seconds() for i in range(self.count))

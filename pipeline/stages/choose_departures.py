@@ -1,0 +1,182 @@
+"""When each season's vessel leaves: the best of its departures, or the latest that arrives in time.
+
+What is chosen becomes the season's departure, and the clock of its current begins then; all later
+stages plan it as if it had been given.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.text import dated
+from pipeline.model import DepartureChoice
+from pipeline.scenario.interval import interval
+from pipeline.storage.store import artefact_key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pipeline.model import Scene
+    from pipeline.scenario.model import PlannerOptions, Scenario
+    from pipeline.scenario.season import Season
+    from pipeline.stages.fetch import FetchedParts
+    from pipeline.storage.store import Store
+
+# Number of plans between two notes on how far the choice is.
+_TOLD_EVERY = 20
+
+
+@dataclass(frozen=True)
+class Departed:
+    """A run whose seasons have their departures: what later stages take, and what was chosen."""
+
+    scenario: Scenario
+    parts: FetchedParts
+    scene_key: str
+    scene: Scene
+    choices: tuple[DepartureChoice, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def choose_departures(
+    scenario: Scenario,
+    parts: FetchedParts,
+    scene_key: str,
+    scene: Scene,
+    store: Store,
+    say: Callable[[str], None],
+) -> Departed:
+    """Choose the departure of every season that leaves it open.
+
+    Raises
+    ------
+    RequestError
+        No season is left: an arrival can't be made.
+    """
+    departed = Departed(scenario, parts, scene_key, scene)
+    for season in scenario.seasons:
+        is_open = season.departures is not None or season.arrive_by is not None
+        if not is_open or season.name not in parts.current_keys:
+            continue
+        key = artefact_key(
+            "departures", scene_key, scenario.planner.model_dump(mode="json"), season.model_dump()
+        )
+        choice = store.load("departures", key, DepartureChoice)
+        try:
+            if choice is None:
+                choice = _in_thread(lambda: _choice(scene, season, scenario.planner, say))  # noqa: B023 - called at once
+                store.save("departures", key, choice)
+            departed = _with_departure(departed, choice)
+        except renew.PlanningError as error:
+            reason = " ".join(error.located(scene.place_text).split())
+            departed = _without(departed, season.name, dated(reason, season.first_departure))
+    if scenario.seasons and not departed.parts.current_keys:
+        raise RequestError([f"season {n!r}: {why}" for n, why in departed.parts.failures.items()])
+    return departed
+
+
+def _in_thread(work: Callable[[], DepartureChoice]) -> DepartureChoice:
+    """Work in a thread: an exception raised by a signal must not meet compiled code."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work).result()
+
+
+def _choice(
+    scene: Scene, season: Season, options: PlannerOptions, say: Callable[[str], None]
+) -> DepartureChoice:
+    """Plan a season's departures."""
+    asked = options.model_dump() | {"clearance": options.clearance or 0.0}
+    given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
+    first = scene.departures[season.name]
+    if season.arrive_by is not None:
+        by = (season.arrive_by - first).total_seconds()
+        route = renew.plan(*given, **asked, arrive_by=by).best
+        begin = float(route.times[0])
+        return DepartureChoice(
+            season=season.name,
+            first=first,
+            departures_s=np.array([begin]),
+            fuels=np.array([route.fuel]),
+            durations_s=np.array([route.duration]),
+            homotopies=(route.homotopy,),
+            reasons=("",),
+            chosen_s=begin,
+            arrive_by=season.arrive_by,
+        )
+    if season.departures is None:
+        raise ValueError(f"season {season.name!r} leaves no departure open")
+    times = season.departures.seconds
+    say(f"season {season.name!r}: {len(times)} departures are planned to choose from")
+
+    def progress(count: int, unproven: float) -> None:
+        if count > len(times) and count % _TOLD_EVERY == 0:
+            say(
+                f"season {season.name!r}: {count} departures are planned; another may still be "
+                f"better by {unproven / 60:.0f} min"
+            )
+
+    within = None if season.to_within is None else interval(season.to_within).total_seconds()
+    found = renew.plan_departures(*given, times, **asked, to_within=within, progress=progress)
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=found.departures,
+        fuels=found.fuels,
+        durations_s=found.durations,
+        homotopies=found.homotopies,
+        reasons=tuple(
+            dated(" ".join(reason.split()), first) if reason else "" for reason in found.reasons
+        ),
+        chosen_s=float(found.departures[found.best]),
+        unproven_s=found.unproven,
+    )
+
+
+def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
+    """Let a season depart when it was chosen to."""
+    name, parts, scene = choice.season, departed.parts, departed.scene
+    # Times are written to the second, and so it is planned.
+    shift = float(round(choice.chosen_s))
+    chosen = choice.first + timedelta(seconds=shift)
+    scenario = departed.scenario.departing(name, chosen)
+    current = scene.currents[name]
+    if isinstance(current, renew.VaryingCurrent):
+        current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
+    grids = tuple(
+        replace(grid, times_s=grid.times_s - shift) if grid.season == name else grid
+        for grid in parts.fetched.currents
+    )
+    key = artefact_key("departures", parts.current_keys[name], chosen)
+    return replace(
+        departed,
+        scenario=scenario,
+        parts=replace(
+            parts,
+            fetched=replace(parts.fetched, currents=grids),
+            current_keys={**parts.current_keys, name: key},
+        ),
+        scene_key=artefact_key("departures", departed.scene_key, name, chosen),
+        scene=replace(
+            scene,
+            currents={**scene.currents, name: current},
+            departures={**scene.departures, name: chosen},
+        ),
+        choices=(*departed.choices, choice),
+        notes=(*departed.notes, f"season {name!r}: {' '.join(departure_text(choice))}"),
+    )
+
+
+def _without(departed: Departed, season: str, reason: str) -> Departed:
+    """Leave out a season that has no departure, with the reason."""
+    parts = departed.parts
+    keys = {name: key for name, key in parts.current_keys.items() if name != season}
+    failures = {**parts.failures, season: reason}
+    return replace(departed, parts=replace(parts, current_keys=keys, failures=failures))

@@ -1,0 +1,103 @@
+"""When a voyage in changing currents begins: a departure, a window of them, or an arrival."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from pipeline.errors import RequestError
+
+# Largest number of departures that a window is sampled at first, and the least time between two.
+_MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
+# More follow between them, until the best is proven to within this share of the window, and at
+# most to within an hour: each proves as much of the window as that.
+_PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
+_MINUTE = timedelta(minutes=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Departing:
+    """Departure, the last one that will do, and the arrival that has to be made; UTC, or None."""
+
+    begin: datetime
+    until: datetime | None = None
+    arrive_by: datetime | None = None
+
+    def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
+        """Return the [[seasons]] table of a voyage in currents that change on the way."""
+        name = f"{self.begin:%Y-%m-%dT%H%MZ}"
+        title = f"Departure {name}"
+        when: dict[str, Any] = {"departure": self.begin}
+        if self.arrive_by is not None:
+            title = f"Arrival by {self.arrive_by:%Y-%m-%dT%H%MZ}"
+            when["arrive_by"] = self.arrive_by
+        if self.until is not None:
+            title = f"Departure from {name} to {self.until:%Y-%m-%dT%H%MZ}"
+            window = self.until - self.begin
+            step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
+            within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
+            when = {
+                "departures": {
+                    "first": self.begin,
+                    "every": f"{step // _MINUTE}min",
+                    "count": window // step + 1,
+                },
+                "to_within": f"{math.ceil(within / _MINUTE)}min",
+            }
+        return {
+            "name": name.lower(),
+            "title": title,
+            **when,
+            "time_method": "changing",
+            "currents": currents,
+        }
+
+
+def departing(depart: str, until: str, arrive_by: str) -> Departing | None:
+    """Read what --depart, --until and --arrive-by say; None where they are left out.
+
+    Raises
+    ------
+    RequestError
+        One line for each fault.
+    """
+    faults: list[str] = []
+    times = [
+        _time(option, text, faults)
+        for option, text in (("--depart", depart), ("--until", until), ("--arrive-by", arrive_by))
+    ]
+    for option, text in (("--until", until), ("--arrive-by", arrive_by)):
+        if text and not depart:
+            faults.append(
+                f"{option} needs --depart, before which the vessel does not leave; add it"
+            )
+    if until and arrive_by:
+        faults.append("--until and --arrive-by both say which departure is best; leave one out")
+    begin, *others = times
+    for (option, text), time in zip(
+        (("--until", until), ("--arrive-by", arrive_by)), others, strict=True
+    ):
+        if begin is not None and time is not None and time <= begin:
+            faults.append(f"{option} {text} is not after --depart {depart}; give a later time")
+    if faults:
+        raise RequestError(faults)
+    return None if begin is None else Departing(begin, *others)
+
+
+def _time(option: str, text: str, faults: list[str]) -> datetime | None:
+    """Read a time with its zone as UTC; note what is wrong with it."""
+    if not text:
+        return None
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        faults.append(
+            f"{option} {text} is not a time; give date, time and zone, such as 2026-11-22T06:00Z"
+        )
+        return None
+    if time.tzinfo is None:
+        faults.append(f"{option} {text} has no zone; add it: {text}Z for UTC, or {text}+08:00")
+        return None
+    return time.astimezone(UTC)

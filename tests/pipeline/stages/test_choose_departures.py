@@ -1,0 +1,168 @@
+"""The departure of a season is chosen before it is planned, and its clock begins then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.formats.figures.departure_plot import departure_figure, departure_svg
+from pipeline.formats.shared.departure_text import departure_text
+from pipeline.model import DepartureChoice
+from pipeline.scenario.season import Season
+from pipeline.stages.choose_departures import choose_departures
+from pipeline.stages.fetch import FetchedParts
+from pipeline.stages.plan import plan_season
+from pipeline.storage.store import Store
+from tests.pipeline.tidal_run import DEPARTURE, run, tide
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.stages.choose_departures import Departed
+
+COUNT = 5
+
+
+@pytest.fixture(scope="module")
+def result() -> Any:  # noqa: ANN401 - a RunResult
+    """A run in open water, whose tide is known for fourteen hours."""
+    return run(tide(14), ())
+
+
+def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Departed:  # noqa: ANN401
+    data = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
+    season = Season.model_validate({k: v for k, v in data.items() if v is not None})
+    scenario = result.scenario.model_copy(update={"seasons": (season,)})
+    parts = FetchedParts(result.fetched, "land", {"tide": "current"}, {})
+    store = Store(folder, "test")
+    return choose_departures(scenario, parts, "scene", result.scene, store, told.append)
+
+
+WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
+
+
+def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    told: list[str] = []
+    departed = _chosen(result, tmp_path, told, departure=None, departures=WINDOW, to_within="30min")
+    (choice,) = departed.choices
+    assert len(choice.departures_s) > COUNT
+    assert choice.unproven_s <= 1800.1
+    assert choice.durations_s.min() == choice.least_s
+    (season,) = departed.scenario.seasons
+    assert season.departure == choice.chosen
+    assert season.departures is None
+    assert departed.scene.departures["tide"] == choice.chosen
+    # Single plans at the clock of the whole tide and at the season's own agree.
+    options = departed.scenario.planner
+    plan = plan_season(departed.scene, "tide", options).plan
+    assert plan is not None
+    assert plan.best.times[0] == 0.0
+    assert plan.best.duration == pytest.approx(choice.least_s, rel=2e-3)
+    before = result.scene.currents["tide"].velocity(result.scene.start, choice.chosen_s)
+    now = departed.scene.currents["tide"].velocity(result.scene.start, 0.0)
+    assert now == pytest.approx(before, abs=1e-4)
+    (grid,) = departed.parts.fetched.currents
+    (asked,) = result.fetched.currents
+    assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
+    assert departed.parts.current_keys["tide"] != "current"
+    assert departed.scene_key != "scene"
+    assert "5 departures are planned" in told[0]
+    # It is stored: nothing is told a second time.
+    again: list[str] = []
+    same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")
+    assert again == []
+    assert same.scene_key == departed.scene_key
+
+
+def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    by = DEPARTURE + timedelta(hours=6)
+    departed = _chosen(result, tmp_path, [], arrive_by=by.isoformat())
+    (choice,) = departed.choices
+    arrival = choice.chosen + timedelta(seconds=choice.least_s)
+    assert by - timedelta(seconds=2e-3 * choice.least_s + 1) <= arrival <= by
+    assert departed.scenario.seasons[0].departure == choice.chosen
+    (sentence,) = departure_text(choice)
+    assert sentence.startswith(f"Leave at {choice.chosen:%Y-%m-%d %H:%M} UTC, as late as will do")
+    assert departure_svg(choice, identity="a", label="b") == ""
+
+
+def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
+    result: Any,  # noqa: ANN401
+    tmp_path: Path,
+) -> None:
+    by = DEPARTURE + timedelta(minutes=20)
+    with pytest.raises(RequestError) as caught:
+        _chosen(result, tmp_path, [], arrive_by=by.isoformat())
+    message = str(caught.value)
+    assert "season 'tide': arrive_by = 2026-11-22 06:40 UTC can't be made" in message
+    assert "who leaves at 2026-11-22 06:20 UTC is there at 2026-11-22" in message
+
+
+def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    departed = _chosen(result, tmp_path, [])
+    assert departed.choices == ()
+    assert departed.scene is result.scene
+    assert departed.scene_key == "scene"
+
+
+CHOICE = DepartureChoice(
+    season="tide",
+    first=DEPARTURE,
+    departures_s=np.linspace(0.0, 14_400.0, 5),
+    fuels=np.array([110.0, 100.5, 100.0, 104.0, np.inf]),
+    durations_s=np.array([39600.0, 36180.0, 36000.0, 37440.0, np.inf]),
+    homotopies=("e", "e", "e", "s1", ""),
+    reasons=("", "", "", "", "all 2 classes were rejected: it is late"),
+    chosen_s=7200.0,
+    unproven_s=900.0,
+)
+
+
+def test_when_to_leave_is_said_in_sentences() -> None:
+    best, dearest, window, shut, proof = departure_text(CHOICE)
+    assert best.startswith("Leave at 2026-11-22 08:20 UTC: of 4 departures")
+    assert "at 2026-11-22 06:20 UTC, needs 10.0 % more" in dearest
+    assert "From 2026-11-22 07:20 UTC to 2026-11-22 08:20 UTC" in window
+    assert shut.startswith("1 of the departures planned can't be sailed; that at 2026-11-22 10:20")
+    assert "less time by more than 15.0 min" in proof
+    unproven = departure_text(replace(CHOICE, unproven_s=np.inf))[-1]
+    assert unproven.startswith("Nothing is proven")
+
+
+def test_the_plot_marks_the_best_departure_and_the_bound() -> None:
+    (axes,) = departure_figure(CHOICE).axes
+    durations, dots, floor, chosen = (np.asarray(line.get_xydata()) for line in axes.get_lines())
+    assert durations[:4] == pytest.approx(
+        np.column_stack([np.arange(4), CHOICE.durations_s[:4] / 3600])
+    )
+    assert np.isnan(durations[4, 1])
+    assert len(dots) == 4
+    assert floor[0, 1] == pytest.approx(10 - 0.25)
+    assert chosen[0, 0] == 2
+    low, high = axes.get_ylim()
+    assert low < 9.75
+    assert high > 11
+    assert "2026-11-22 08:20 UTC: 10.0 h" in axes.texts[0].get_text()
+
+
+def test_the_choice_is_of_what_renew_plans(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    departed = _chosen(result, tmp_path, [], departure=None, departures={**WINDOW, "count": 2})
+    (choice,) = departed.choices
+    options = result.scenario.planner
+    for at, fuel in zip(choice.departures_s, choice.fuels, strict=True):
+        plan = renew.plan(
+            result.scene.chart,
+            result.scene.currents["tide"],
+            result.scene.vessel,
+            result.scene.start,
+            result.scene.goal,
+            departure=at,
+            **options.model_dump(),
+        )
+        assert plan.best.fuel == pytest.approx(fuel, rel=2e-3)
