@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from pipeline.formats.shared.unknowns import unknowns
-from pipeline.stages.write import safe_name
+from pipeline.stages.write import season_stem
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -28,7 +28,12 @@ def outcome_json(outcome: Outcome) -> str:
         "directory": str(outcome.directory),
         "files": files,
         "routes": [
-            _route(row, outcome.scenario.passage(row.season, round(row.duration_s)), files)
+            _route(
+                row,
+                outcome.scenario.passage(row.season, round(row.duration_s)),
+                season_stem(outcome.scenario.name, row.season),
+                files,
+            )
             for row in outcome.evaluation.routes
         ],
         "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
@@ -40,10 +45,11 @@ def outcome_json(outcome: Outcome) -> str:
 
 
 def _route(
-    row: RouteMetrics, passage: tuple[datetime, datetime] | None, files: list[str]
+    row: RouteMetrics, passage: tuple[datetime, datetime] | None, stem: str, files: list[str]
 ) -> dict[str, object]:
     """Return one route's figures."""
-    endings = (".rtz", ".gpx", ".geojson") if row.rank == 1 else (".gpx", ".geojson")
+    of_all = ("-all.gpx", ".geojson")
+    of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
     return {
         "season": row.season,
         "rank": row.rank,
@@ -59,7 +65,9 @@ def _route(
         "filled_share": row.filled_share,
         "uncharted_share": _finite(row.uncharted_share),
         "files": [
-            name for name in (f"{safe_name(row.season)}{e}" for e in endings) if name in files
+            name
+            for name in (f"{stem}{end}" for end in (of_best if row.rank == 1 else of_all))
+            if name in files
         ],
     }
 

@@ -100,6 +100,14 @@ class RouteMetrics:
         return self.passages[0].text if self.passages else ""
 
     @property
+    def main_side(self) -> str:
+        """The side on which it passes the main island: "west"; with the names of a strait."""
+        if not self.passages:
+            return ""
+        main = self.passages[0]
+        return main.text if main.side == "between" else main.side
+
+    @property
     def has_land(self) -> bool:
         """Whether there is land at all, to keep clear of and to turn away from."""
         return math.isfinite(self.clearance_m)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.model import OutputOptions
+    from pipeline.model import CurrentGrid
+    from pipeline.scenario.model import Scenario
     from pipeline.scenario.season import Season
 
     Format = Callable[[RunResult, Path], None]
@@ -119,7 +120,6 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.report.page import write_report
     from pipeline.formats.tables.metrics import write_metrics
-    from pipeline.formats.tables.netcdf import has_currents, write_currents
     from pipeline.formats.tables.scenario_file import write_scenario
 
     formats: dict[str, Format] = {
@@ -128,22 +128,36 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         "report.html": write_report,
         "scenario.toml": write_scenario,
     }
-    if has_currents(result):
-        formats["currents.nc"] = write_currents
+    for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
+        formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
     if exchange.can_write(result):
         for season in result.scenario.seasons:
             if result.season_routes(season.name):
-                formats |= _season_formats(season, result.scenario.outputs)
+                formats |= _season_formats(result.scenario, season)
     return formats
 
 
-def _season_formats(season: Season, options: OutputOptions) -> dict[str, Format]:
+def _currents(grid: CurrentGrid) -> Format:
+    """Return what writes a season's current."""
+    from pipeline.formats.tables.netcdf import write_currents
+
+    return lambda result, path: write_currents(result, grid.season, path)
+
+
+def season_stem(scenario: str, season: str) -> str:
+    """Return what the names of a season's files begin with, so that each tells where it is from."""
+    return safe_name(f"{scenario}-{season}")
+
+
+def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of a season that has routes, for navigation devices."""
     from pipeline.formats.exchange.geojson import write_geojson
     from pipeline.formats.exchange.gpx import write_gpx
+    from pipeline.formats.exchange.kml import write_kml
+    from pipeline.formats.exchange.missions import write_mission, write_plan
     from pipeline.formats.exchange.rtz import write_rtz
 
-    name, departure, version = season.name, season.departure, options.rtz_version
+    name, departure, version = season.name, season.departure, scenario.outputs.rtz_version
 
     def rtz(result: RunResult, path: Path) -> None:
         write_rtz(result, name, path, version=version, departure=departure)
@@ -151,11 +165,31 @@ def _season_formats(season: Season, options: OutputOptions) -> dict[str, Format]
     def gpx(result: RunResult, path: Path) -> None:
         write_gpx(result, name, path, departure=departure)
 
+    def all_gpx(result: RunResult, path: Path) -> None:
+        write_gpx(result, name, path, departure=departure, every=True)
+
     def geojson(result: RunResult, path: Path) -> None:
         write_geojson(result, name, path)
 
-    stem = safe_name(name)
-    return {f"{stem}.rtz": rtz, f"{stem}.gpx": gpx, f"{stem}.geojson": geojson}
+    def kml(result: RunResult, path: Path) -> None:
+        write_kml(result, name, path, departure=departure)
+
+    def plan(result: RunResult, path: Path) -> None:
+        write_plan(result, name, path)
+
+    def mission(result: RunResult, path: Path) -> None:
+        write_mission(result, name, path)
+
+    stem = season_stem(scenario.name, name)
+    return {
+        f"{stem}.rtz": rtz,
+        f"{stem}.gpx": gpx,
+        f"{stem}-all.gpx": all_gpx,
+        f"{stem}.geojson": geojson,
+        f"{stem}.kml": kml,
+        f"{stem}.plan": plan,
+        f"{stem}.waypoints": mission,
+    }
 
 
 def _check_target(directory: Path, names: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import subprocess
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,6 +51,25 @@ def code_hash(stage: str) -> str:
         digest.update(file.relative_to(_ROOT).as_posix().encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()
+
+
+@cache
+def code_commit() -> str:
+    """Return the commit of this checkout, with "-dirty" if files differ; empty where it is none."""
+    # An installed package may lie inside another project's checkout.
+    if _git("rev-parse", "--show-toplevel") != str(_ROOT):
+        return ""
+    return _git("describe", "--always", "--dirty", "--abbrev=40", "--match=")
+
+
+def _git(*words: str) -> str:
+    """Return what git says of this folder; empty without git, or outside a checkout."""
+    command = ["git", "-C", str(_ROOT), *words]
+    try:
+        told = subprocess.run(command, capture_output=True, check=True, text=True)  # noqa: S603 - words are this module's
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return told.stdout.strip()
 
 
 def code_files(stage: str) -> tuple[Path, ...]:

@@ -1,4 +1,4 @@
-"""`<season>.geojson`: a season's routes and waypoints for the web and for scripts, by RFC 7946."""
+"""A season's routes and waypoints for the web and for scripts, by RFC 7946: `.geojson`."""
 
 from __future__ import annotations
 

@@ -1,32 +1,40 @@
-"""`<season>.gpx`: all routes of a season for a plotter or a phone, and the best one as a track."""
+"""Routes for a plotter or a phone, and the best one as planned, as a track: GPX 1.1.
+
+`<scenario>-<season>.gpx` has the best route and the other side's best, the same with `-all` all
+routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of its points: the
+extensions that OpenCPN reads have the speed, and the departure where one is given.
+"""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 from xml.sax import saxutils
 
 import gpxpy.gpx
 import numpy as np
+from lxml import etree
 
 from pipeline.formats.exchange.text import (
+    KNOTS_PER_M_S,
     attribution,
     document_title,
     leg_text,
     limits_text,
+    route_name,
     time_after,
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.exchange.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
-from pipeline.formats.shared.text import distance, hours
+from pipeline.formats.shared.text import route_summary, speed_over_ground
 from pipeline.formats.shared.xml_text import xml_text
 from pipeline.geo.projection import densified
 
 if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
+    from typing import Any
 
     from pipeline.formats.exchange.waypoints import Waypoints
     from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -34,12 +42,18 @@ if TYPE_CHECKING:
 # Maximum distance between points of the track, true metres: between them, the planned line and the
 # line that a plotter draws are at most 0.2 m apart.
 _TRACK_STEP_M = 2_000.0
+_OPENCPN = "http://www.opencpn.org"
 
 
 def write_gpx(
-    result: RunResult, season: str, path: Path, *, departure: datetime | None = None
+    result: RunResult,
+    season: str,
+    path: Path,
+    *,
+    departure: datetime | None = None,
+    every: bool = False,
 ) -> None:
-    """Write a season's routes, best first, as GPX 1.1.
+    """Write a season's best route and the other side's best, or `every` route, as GPX 1.1.
 
     A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
     path as planned. With a departure (and its time zone) all points have times.
@@ -54,7 +68,7 @@ def write_gpx(
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
     gpx.name = xml_text(document_title(result, season))
-    found = season_waypoints(result, season)
+    found = season_waypoints(result, season) if every else both_sides(result, season)
     known = limits_text(result, found[0].ranked.metrics)
     gpx.description = xml_text(
         " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
@@ -64,6 +78,7 @@ def write_gpx(
     gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
+    gpx.nsmap = {"opencpn": _OPENCPN}
     gpx.routes = [_route(points, result, departure) for points in found]
     gpx.tracks = [_track(found[0].ranked, result, departure)]
     path.write_bytes(gpx.to_xml(version="1.1").encode())
@@ -73,21 +88,44 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=xml_text(" ".join([ranked.season, str(ranked.rank), ranked.metrics.way]).strip()),
+        name=xml_text(route_name(ranked, result)),
         description=xml_text(_summary(ranked, result)),
         number=ranked.rank,
     )
-    route.points = [
-        gpxpy.gpx.GPXRoutePoint(
+    for index, (longitude, latitude) in enumerate(points.lonlat):
+        name = f"{ranked.season} {ranked.rank} {waypoint_name(index, count)}"
+        point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
             longitude=wrapped_longitude(longitude),
             time=None if departure is None else time_after(departure, points.time_s[index]),
-            name=waypoint_name(index, count),
+            name=xml_text(name),
             description=leg_text(points, index) if index + 1 < count else "end of the route",
         )
-        for index, (longitude, latitude) in enumerate(points.lonlat)
-    ]
+        if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
+            speed = _knots(points.speed_m_s[index - 1])
+            point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
+        route.points.append(point)
+    told = {
+        "start": waypoint_name(0, count),
+        "end": waypoint_name(count - 1, count),
+        "planned_speed": _knots(speed_over_ground(ranked.metrics)),
+    }
+    if departure is not None:
+        told["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
+    route.extensions = [_opencpn(name, text) for name, text in told.items()]
     return route
+
+
+def _opencpn(name: str, text: str | None = None, **values: str) -> Any:  # noqa: ANN401 - lxml has no types
+    """Make an element that OpenCPN reads."""
+    element = etree.Element(f"{{{_OPENCPN}}}{name}", values)
+    element.text = text
+    return element
+
+
+def _knots(speed_m_s: float) -> str:
+    """Write a speed in knots."""
+    return f"{speed_m_s * KNOTS_PER_M_S:.4f}"
 
 
 def _track(
@@ -109,7 +147,7 @@ def _track(
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=xml_text(f"{ranked.season} {ranked.rank}, as planned"),
+        name=xml_text(f"{route_name(ranked, result)}, as planned"),
         description=xml_text(_summary(ranked, result)),
     )
     track.segments = [segment]
@@ -118,9 +156,5 @@ def _track(
 
 def _summary(ranked: RankedRoute, result: RunResult) -> str:
     """Way, length, duration and clearance of a route, and what is not known of it."""
-    metrics = ranked.metrics
-    parts = [metrics.way] if metrics.way else []
-    parts += [distance(metrics.length_m), hours(metrics.duration_s)]
-    if math.isfinite(metrics.clearance_m):
-        parts.append(f"{distance(metrics.clearance_m)} or more from land")
-    return " ".join(part for part in (f"{', '.join(parts)}.", limits_text(result, metrics)) if part)
+    known = limits_text(result, ranked.metrics)
+    return " ".join(part for part in (route_summary(ranked.metrics), known) if part)

@@ -1,4 +1,4 @@
-"""`<season>.rtz`: the season's best route for an ECDIS, by IEC 61174 (route plan exchange format).
+"""`<scenario>-<season>.rtz`: the season's best route for an ECDIS, by IEC 61174 (route exchange).
 
 In RTZ a waypoint holds the leg that leads to it. Versions of the format differ in their namespace,
 in the spelling of some names, and in how extensions are wrapped.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -11,10 +12,12 @@ from pipeline.formats.shared.unknowns import route_unknowns
 
 if TYPE_CHECKING:
     from pipeline.formats.exchange.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.model import RouteMetrics
 
 KNOTS_PER_M_S = 3600 / NAUTICAL_MILE_M
+# Maximum length of a vessel's name, in characters: checkers of RTZ warn above it.
+_MAX_VESSEL_NAME = 32
 
 
 def document_title(result: RunResult, season: str) -> str:
@@ -24,9 +27,31 @@ def document_title(result: RunResult, season: str) -> str:
 
 
 def vessel_name(result: RunResult) -> str:
-    """Title of the scenario's vessel, or its name."""
+    """Title of the scenario's vessel, its name where the title is long; at most 32 characters."""
     vessel = result.scenario.vessel
-    return vessel.title or vessel.name
+    short = vessel.title if 0 < len(vessel.title) <= _MAX_VESSEL_NAME else vessel.name
+    return short[:_MAX_VESSEL_NAME]
+
+
+def route_name(ranked: RankedRoute, result: RunResult) -> str:
+    """Name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
+
+    The scenario's name, the season, the rank, and how the route passes the main island.
+    """
+    digits = len(str(len(result.season_routes(ranked.season))))
+    words = re.split(r"[-_\s]+", result.scenario.name)
+    # Beside the season's own name the word says nothing.
+    place = " ".join(word for word in words if word.lower() != "season")
+    return " ".join(
+        part
+        for part in (
+            place[:1].upper() + place[1:],
+            ranked.season,
+            f"{ranked.rank:0{digits}d}",
+            ranked.metrics.main_side,
+        )
+        if part
+    )
 
 
 def attribution(result: RunResult) -> str:
@@ -41,7 +66,7 @@ def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
 
 
 def waypoint_name(index: int, count: int) -> str:
-    """Name of a route's waypoint: Start, WP02 and so on, Goal."""
+    """Name of a waypoint among those of its route: Start, WP02 and so on, Goal."""
     if index == 0:
         return "Start"
     return "Goal" if index == count - 1 else f"WP{index + 1:02d}"

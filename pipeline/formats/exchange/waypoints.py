@@ -88,6 +88,13 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
     return found
 
 
+def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
+    """Waypoints of a season's best route, and of the best on another side of the main island."""
+    best, *others = season_waypoints(result, season)
+    side = best.ranked.metrics.main_passage
+    return (best, *[other for other in others if other.ranked.metrics.main_passage != side][:1])
+
+
 def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> Waypoints:
     """Thin a route's path to waypoints whose legs, as sailed, keep off land and off V.
 

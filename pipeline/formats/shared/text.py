@@ -88,6 +88,15 @@ def speed_over_ground(metrics: RouteMetrics) -> float:
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan
 
 
+def route_summary(metrics: RouteMetrics) -> str:
+    """Say a route's way, length, duration and clearance: "west of island 1, 689.5 km, ..."."""
+    parts = [metrics.way] if metrics.way else []
+    parts += [distance(metrics.length_m), hours(metrics.duration_s)]
+    if metrics.has_land:
+        parts.append(f"{distance(metrics.clearance_m)} or more from land")
+    return f"{', '.join(parts)}."
+
+
 def zone_text(zone: Zone) -> str:
     """Name of a restricted area or traffic scheme, with its rule if the chart states one."""
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")

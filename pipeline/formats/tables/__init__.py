@@ -1,1 +1,1 @@
-"""Tables and metadata: metrics.csv, currents.nc, manifest.json."""
+"""Tables and metadata: metrics.csv, currents (NetCDF), manifest.json."""

@@ -5,8 +5,13 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
+import os
 import platform
+import re
+import shlex
+import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +19,11 @@ import shapely
 
 from pipeline.formats.shared.json_values import json_value
 from pipeline.formats.shared.unknowns import MAX_STRAITS
+from pipeline.storage.code_identity import code_commit, code_hash
 from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
 
@@ -48,6 +53,10 @@ _PACKAGES = (
 )
 
 
+# An absolute path inside a text: no part of an address or of a fraction.
+_ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)*([^\s/'\",;]+)")
+
+
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
     """Write the manifest of a run whose other files, already complete, are `outputs`."""
     content = manifest(result, outputs)
@@ -56,8 +65,11 @@ def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> No
 
 
 def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
-    """Everything that is needed to know, and to check, how a run's figures were made."""
-    return {
+    """Everything that is needed to know, and to check, how a run's figures were made.
+
+    Files are named without their folders: where they lie says nothing to others.
+    """
+    content = {
         "schema_version": SCHEMA_VERSION,
         **provenance(result),
         "scenario_as_run": json_value(result.scenario.model_dump(mode="json")),
@@ -82,6 +94,18 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
             path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in outputs
         },
     }
+    return {key: without_folders(value) for key, value in content.items()}
+
+
+def without_folders(value: object) -> object:
+    """Return a value for JSON in whose texts files are named without their folders."""
+    if isinstance(value, str):
+        return Path(value).name if Path(value).is_absolute() else _ABSOLUTE.sub(r"\1", value)
+    if isinstance(value, dict):
+        return {key: without_folders(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_folders(one) for one in value]
+    return value
 
 
 def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
@@ -103,8 +127,24 @@ def provenance(result: RunResult) -> dict[str, object]:
             for grid in result.fetched.currents
         ],
         "notes": list(result.fetched.notes),
+        "command": shlex.join([Path(sys.argv[0]).name, *map(_named, sys.argv[1:])]),
+        "code": {"commit": code_commit(), "plan_sha256": code_hash("plan")},
+        "platform": {
+            "system": platform.system(),
+            "release": platform.release(),
+            "machine": platform.machine(),
+            "cpus": os.cpu_count(),
+        },
         "versions": versions(),
     }
+
+
+def _named(argument: str) -> str:
+    """An argument of a command line without the folders of files."""
+    option, is_option, path = argument.partition("=")
+    if is_option and Path(path).is_absolute():
+        return f"{option}={Path(path).name}"
+    return str(without_folders(argument))
 
 
 def versions() -> dict[str, str]:

@@ -131,7 +131,7 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     row = metrics(outcome.directory)[0]
     assert row["arrival"] == f"{arrival:%Y-%m-%dT%H:%M:%SZ}"
     for suffix in ("rtz", "gpx"):
-        text = (outcome.directory / f"2026-11-22t0620z.{suffix}").read_text("utf-8")
+        text = (outcome.directory / f"tide-2026-11-22t0620z.{suffix}").read_text("utf-8")
         times = re.findall(r"2026-11-22T\d\d:\d\d:\d\d(?:\.\d+)?Z", text)
         assert any(abs(datetime.fromisoformat(t) - arrival) <= timedelta(seconds=1) for t in times)
     told = json.loads(outcome_json(outcome))
@@ -219,7 +219,7 @@ def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
     assert outcome.exit_code == 0
     rows = metrics(outcome.directory)
     assert {row["way"].partition(" of ")[0] for row in rows} == {"north", "south"}
-    routes = json.loads((outcome.directory / "still.geojson").read_text())["features"]
+    routes = json.loads((outcome.directory / "deep-still.geojson").read_text())["features"]
     with xr.open_dataset(file) as grid:
         # Point by point in the file itself, by its own nearest node.
         for route in (one for one in routes if one["properties"]["feature"] == "route"):
@@ -238,7 +238,7 @@ def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
     assert sentence.startswith("still: no depth is charted for ")
     assert sentence in outcome.fetched.notes
     assert manifest["inputs"]["land"]["has_depths"] is True
-    rtz = (outcome.directory / "still.rtz").read_text()
+    rtz = (outcome.directory / "deep-still.rtz").read_text()
     assert "no depth is charted for" in rtz
     assert any("less than 3 m deep" in note for note in outcome.fetched.notes)
     again = run(load_scenario(str(outcome.directory / "scenario.toml")), tmp_path / "again")
@@ -322,7 +322,7 @@ def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
         assert float(row["fuel"]) == pytest.approx(route["fuel"])
         assert float(row["clearance_m"]) == pytest.approx(route["clearance_m"])
         assert set(route["files"]) <= set(outcome["files"])
-    assert outcome["routes"][0]["files"][0] == "still.rtz"
+    assert outcome["routes"][0]["files"][0] == "sail-still.rtz"
 
 
 def test_every_fault_of_a_command_has_a_line_and_the_code_is_2(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ import shapely
 from lxml import etree
 
 from pipeline.formats.exchange.gpx import write_gpx
-from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.exchange.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.legs import planned_times
+from tests.pipeline.formats import small_run
 from tests.pipeline.formats.exchange import oracles, runs
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 Element: TypeAlias = Any  # lxml has no types
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
 NAMESPACE = "{http://www.topografix.com/GPX/1/1}"
+OPENCPN = "{http://www.opencpn.org}"
 # The children that GPX 1.1 allows, in its order.
 POINT = "ele time magvar geoidheight name cmt desc src link sym type fix sat hdop vdop pdop "
 ORDER = {
@@ -41,8 +43,10 @@ ORDER = {
 }
 
 
-def written(result: RunResult, path: Path, *, departure: datetime | None = None) -> gpxpy.gpx.GPX:
-    write_gpx(result, result.plans[0].season, path, departure=departure)
+def written(
+    result: RunResult, path: Path, *, departure: datetime | None = None, every: bool = True
+) -> gpxpy.gpx.GPX:
+    write_gpx(result, result.plans[0].season, path, departure=departure, every=every)
     return gpxpy.parse(path.read_text(encoding="utf-8"))
 
 
@@ -51,7 +55,10 @@ def check_order(root: Element) -> None:
     assert root.tag == f"{NAMESPACE}gpx"
     assert root.get("version") == "1.1"
     assert root.get("creator")
-    for element in root.iter():
+    for element in root.iter(f"{NAMESPACE}*"):
+        if element.tag == f"{NAMESPACE}extensions":
+            assert all(not child.tag.startswith(NAMESPACE) for child in element)
+            continue
         name = element.tag.removeprefix(NAMESPACE)
         order = ORDER.get(name, "").split()
         places = [order.index(child.tag.removeprefix(NAMESPACE)) for child in element]
@@ -78,14 +85,73 @@ def test_gpxpy_reads_every_route_with_its_waypoints(any_run: RunResult, tmp_path
     found = season_waypoints(any_run, season)
     assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
     for route, points in zip(gpx.routes, found, strict=True):
-        assert route.name == f"{season} {points.ranked.rank} {points.ranked.metrics.way}".strip()
+        words = (route.name or "").split()
+        assert season in words
+        assert points.ranked.rank == int(words[words.index(season) + 1])
+        assert (route.name or "").endswith(points.ranked.metrics.main_side)
         at = np.array([[p.longitude, p.latitude] for p in route.points])
         apart = at - points.lonlat
         apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
         assert np.abs(apart).max() < 2e-8
-        assert route.points[0].name == "Start"
-        assert route.points[-1].name == "Goal"
+        assert route.points[0].name == f"{season} {points.ranked.rank} Start"
+        assert route.points[-1].name == f"{season} {points.ranked.rank} Goal"
         assert f"course {points.course_deg[0]:05.1f}°" in (route.points[0].description or "")
+
+
+def test_a_plotters_list_is_in_order_and_no_two_points_have_one_name(
+    any_run: RunResult, tmp_path: Path
+) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx")
+    names = [route.name or "" for route in gpx.routes]
+    assert names == sorted(set(names))
+    points = [point.name for route in gpx.routes for point in route.points]
+    assert len(set(points)) == len(points)
+
+
+def test_the_usual_file_has_the_best_of_each_side(any_run: RunResult, tmp_path: Path) -> None:
+    gpx = written(any_run, tmp_path / "a.gpx", every=False)
+    found = both_sides(any_run, any_run.plans[0].season)
+    assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
+    assert found[0].ranked.rank == 1
+    first, *others = (p.ranked.metrics for p in season_waypoints(any_run, found[0].ranked.season))
+    elsewhere = [row for row in others if row.main_passage != first.main_passage]
+    if elsewhere:
+        assert [p.ranked.metrics for p in found[1:]] == [min(elsewhere, key=lambda r: r.fuel)]
+    else:
+        assert len(found) == 1
+
+
+def test_names_tell_a_person_what_a_route_is(tmp_path: Path) -> None:
+    gpx = written(small_run.parts(), tmp_path / "a.gpx")
+    names = {"Small run summer 1 south", "Small run summer 1 north"}
+    assert gpx.routes[0].name in names
+
+
+@pytest.mark.parametrize("departure", [None, DEPARTURE])
+def test_opencpn_is_told_speeds_and_departure(
+    any_run: RunResult, tmp_path: Path, departure: datetime | None
+) -> None:
+    """As OpenCPN 5.10 shows them: each waypoint's speed is that of the leg which leads to it."""
+    path = tmp_path / "a.gpx"
+    written(any_run, path, departure=departure)
+    found = season_waypoints(any_run, any_run.plans[0].season)
+    for route, points in zip(etree.parse(path).iter(f"{NAMESPACE}rte"), found, strict=True):
+        told = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
+        assert (told["start"], told["end"]) == ("Start", "Goal")
+        hours = points.ranked.metrics.duration_s / 3600
+        assert float(told["planned_speed"]) * hours * 1852 == pytest.approx(
+            points.ranked.metrics.length_m, rel=1e-4
+        )
+        assert told.get("planned_departure") == (departure and "2026-12-31T20:30:00Z")
+        speeds = [
+            None if (rte := point.find(f".//{OPENCPN}rte_properties")) is None else rte.attrib
+            for point in route.findall(f"{NAMESPACE}rtept")
+        ]
+        assert speeds[0] is None
+        legs = points.length_m[:-1] / 1852
+        knots = [float(speed["planned_speed"]) for speed in speeds[1:] if speed]
+        passage = sum(legs / knots)
+        assert passage == pytest.approx(hours, rel=1e-4)
 
 
 def test_gdal_reads_it(any_run: RunResult, tmp_path: Path) -> None:

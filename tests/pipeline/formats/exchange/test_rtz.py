@@ -104,6 +104,23 @@ def test_the_file_has_what_checkers_look_for(any_run: RunResult, tmp_path: Path)
     assert [e.get("waypointId") for e in all_of(root, "scheduleElement")] == identities
 
 
+@pytest.mark.parametrize(
+    ("title", "written_name"),
+    [
+        ("", "sea-otter"),
+        ("Sea otter", "Sea otter"),
+        ("Autonomous surface vehicle of the paper, 2 m", "sea-otter"),
+    ],
+)
+def test_the_vessels_name_is_short(tmp_path: Path, title: str, written_name: str) -> None:
+    """Checkers warn above 32 characters."""
+    result = runs.across_180()
+    vessel = result.scenario.vessel.model_copy(update={"name": "sea-otter", "title": title})
+    result = replace(result, scenario=result.scenario.model_copy(update={"vessel": vessel}))
+    (info,) = all_of(written(result, tmp_path / "a.rtz"), "routeInfo")
+    assert info.get("vesselName") == written_name
+
+
 def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     points = season_waypoints(any_run, season)[0]

@@ -2,9 +2,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import platform
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
 import shapely
 
 from pipeline.formats.tables.manifest import manifest, write_manifest
@@ -12,8 +16,6 @@ from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pipeline.formats.shared.result import RunResult
 
 
@@ -41,9 +43,43 @@ def test_the_manifest_accounts_for_inputs_and_outputs(result: RunResult, tmp_pat
     assert content["timings_s"] == {"fetch": 0.25, "plan": 1.0}
     assert {"python", "numpy", "shapely", "GEOS", "PROJ"} <= set(content["versions"])
     assert [s["status"] for s in content["seasons"]] == ["planned", "planned"]
-    # Nothing about the machine that it ran on.
+    assert content["platform"]["machine"] == platform.machine()
     assert str(tmp_path) not in text
     assert "/home" not in text
+
+
+def test_files_are_named_without_their_folders(
+    result: RunResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    argv = ["/opt/bin/renew", "run", "/home/me/my scenario.toml", "--charts=/data/enc", "--offline"]
+    monkeypatch.setattr("sys.argv", argv)
+    seasons = tuple(
+        season.model_copy(update={"currents": (("/data/my currents.nc",), "table")})
+        for season in result.scenario.seasons
+    )
+    asked = result.scenario.model_copy(update={"seasons": seasons})
+    notes = ("see https://example.org/a/b and /data/enc/US1.000; 0.5 m/s, /srv/x.nc: 1/2 read",)
+    changed = replace(result, scenario=asked, fetched=replace(result.fetched, notes=notes))
+    content = manifest(changed, [])
+    assert content["command"] == "renew run 'my scenario.toml' --charts=enc --offline"
+    assert content["notes"] == ["see https://example.org/a/b and US1.000; 0.5 m/s, x.nc: 1/2 read"]
+    text = json.dumps(content)
+    assert "my currents.nc" in text
+    assert "https://example.org/land" in text
+    for folder in ("/data", "/home", "/srv", "/opt"):
+        assert folder not in text
+
+
+def test_the_code_is_named_by_its_commit(result: RunResult) -> None:
+    code = manifest(result, [])["code"]
+    assert isinstance(code, dict)
+    root = Path(__file__).resolve().parents[4]
+    asked = ["git", "-C", str(root), "rev-parse", "HEAD"]
+    found = subprocess.run(asked, capture_output=True, check=False, text=True)
+    if found.returncode:
+        pytest.skip("not a checkout")
+    assert code["commit"].removesuffix("-dirty") == found.stdout.strip()
+    assert len(code["plan_sha256"]) == 64
 
 
 def test_different_inputs_have_different_hashes(result: RunResult) -> None:

@@ -1,0 +1,130 @@
+"""The season's best route as a mission: QGroundControl's `.plan`, ArduPilot's `.waypoints`.
+
+Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
+speed is that over ground by which the vessel, in the season's current, keeps its planned speed
+through the water. Altitudes are 0 above home: a surface vessel has none.
+
+Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
+format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.formats.exchange.text import wrapped_longitude
+from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.shared.text import speed_over_ground
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.shared.result import RunResult
+
+# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, of the latter speed over ground and a throttle
+# that stays as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
+_WAYPOINT, _CHANGE_SPEED = 16, 178
+_OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
+_ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
+# MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_TYPE_SURFACE_BOAT.
+_ARDUPILOT, _SURFACE_BOAT = 3, 11
+# QGroundControl's mode of altitudes that are relative to home.
+_RELATIVE_ALTITUDE = 1
+# Decimals of a speed, m/s.
+_SPEED_DIGITS = 3
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A mission's command with its seven parameters; of a position, the last three."""
+
+    number: int
+    frame: int
+    params: tuple[float, ...]
+
+
+def write_plan(result: RunResult, season: str, path: Path) -> None:
+    """Write the best route of a season that has one as a plan of QGroundControl.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    """
+    points = season_waypoints(result, season)[0]
+    start = _position(points, 0)
+    speed = round(speed_over_ground(points.ranked.metrics), _SPEED_DIGITS)
+    items = [
+        {
+            "type": "SimpleItem",
+            "autoContinue": True,
+            "command": command.number,
+            "doJumpId": number,
+            "frame": command.frame,
+            "params": command.params,
+            **(
+                {"Altitude": 0, "AltitudeMode": _RELATIVE_ALTITUDE, "AMSLAltAboveTerrain": None}
+                if command.number == _WAYPOINT
+                else {}
+            ),
+        }
+        for number, command in enumerate(_commands(points), start=1)
+    ]
+    plan = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            "firmwareType": _ARDUPILOT,
+            "vehicleType": _SURFACE_BOAT,
+            "cruiseSpeed": speed,
+            "hoverSpeed": speed,
+            "globalPlanAltitudeMode": _RELATIVE_ALTITUDE,
+            "plannedHomePosition": [*start, 0],
+            "items": items,
+        },
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+    path.write_text(json.dumps(plan, allow_nan=False, indent=2) + "\n", encoding="utf-8")
+
+
+def write_mission(result: RunResult, season: str, path: Path) -> None:
+    """Write the best route of a season that has one as ArduPilot's tools read a mission.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    """
+    points = season_waypoints(result, season)[0]
+    home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
+    lines = ["QGC WPL 110"]
+    for index, command in enumerate((home, *_commands(points))):
+        cells = [index, int(index == 0), command.frame, command.number]
+        lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in command.params), "1"]))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _commands(points: Waypoints) -> Iterator[_Command]:
+    """Yield the commands of a route, the start first; each leg with its speed before its end.
+
+    The radius within which a waypoint counts as reached stays the vehicle's own (0).
+    """
+    for index in range(len(points.lonlat)):
+        if index:
+            speed = round(float(points.speed_m_s[index - 1]), _SPEED_DIGITS)
+            params = (_OVER_GROUND, speed, _SAME_THROTTLE, 0.0, 0.0, 0.0, 0.0)
+            yield _Command(_CHANGE_SPEED, _NO_POSITION, params)
+        yield _Command(_WAYPOINT, _RELATIVE, (0.0, 0.0, 0.0, 0.0, *_position(points, index), 0.0))
+
+
+def _position(points: Waypoints, index: int) -> tuple[float, float]:
+    """Latitude and longitude of a waypoint, degrees."""
+    longitude, latitude = points.lonlat[index]
+    return float(latitude), wrapped_longitude(longitude)
