@@ -24,6 +24,7 @@ from pipeline.stages.seasons.runner import run_tasks
 from pipeline.stages.seasons.task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
+from pipeline.stages.side_bounds import side_bounds
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
@@ -217,6 +218,13 @@ class _StagedRun:
             plans, evaluation = self._plan_seasons(parts, tasks)
             evaluation = with_way_names(evaluation, scene, plans, parts.fetched.land.places)
             evaluated = [task.evaluation_path.name for task in tasks]
+            sides = self.store.load_or_make(
+                "sides",
+                artefact_key("sides", evaluated, scene_key, self.scenario.planner.drift),
+                tuple,
+                lambda: side_bounds(scene, plans, evaluation, self.scenario.planner),
+            )
+            evaluation = replace(evaluation, side_bounds=sides)
             straits = self.store.load_or_make(
                 "straits",
                 artefact_key("straits", evaluated, scene_key, [plan.failure for plan in plans]),

@@ -20,6 +20,7 @@ from pipeline.model.evaluation import (
     ShoreCrossing,
     ShutStrait,
     Side,
+    SideBound,
 )
 from pipeline.model.land import (
     Credit,
@@ -55,6 +56,7 @@ __all__ = [
     "ShoreCrossing",
     "ShutStrait",
     "Side",
+    "SideBound",
     "Simplified",
     "Zone",
     "current_notes",
