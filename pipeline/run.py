@@ -169,7 +169,7 @@ class _StagedRun:
             )
             fresh = not self._is_written(stamp)
             if fresh:
-                files = write(result, self.directory)
+                files = write(result, self.directory, self._say_file)
                 self.store.save("write", stamp, {file.name: file_hash(file) for file in files})
         return Outcome(
             self.scenario,
@@ -254,6 +254,10 @@ class _StagedRun:
         """Report notes on a stage."""
         for note in notes:
             self.on_event(Event(stage, "note", detail=note))
+
+    def _say_file(self, name: str) -> None:
+        """Report the file that is written."""
+        self.on_event(Event("write", "part", detail=name))
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:

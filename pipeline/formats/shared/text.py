@@ -32,6 +32,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}"
 
 
+def count(number_of: int, one: str, many: str) -> str:
+    """Format a count with its noun: 1 class, 2,107 classes."""
+    return f"{number_of:,} {one if number_of == 1 else many}"
+
+
 def plain(value: float) -> str:
     """Format a number from a configuration without trailing zeros: 2, 0.5, 1,000."""
     return f"{value:,.6g}"

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.text import clearance, distance, gap_text, number, percent
+from pipeline.formats.shared.text import clearance, count, distance, gap_text, number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -121,7 +121,7 @@ class Season:
         if shorter:
             shortest = min(shorter, key=lambda r: r.length_m)
             sentences.append(
-                f"{_count(len(shorter), 'class is', 'classes are')} shorter; the shortest (rank "
+                f"{count(len(shorter), 'class is', 'classes are')} shorter; the shortest (rank "
                 f"{shortest.rank}) saves {distance(best.length_m - shortest.length_m)} and needs "
                 f"{_difference(shortest.fuel, best.fuel)} fuel."
             )
@@ -254,8 +254,3 @@ def _difference(value: float, than: float) -> str:
 def _signed(value: float) -> str:
     """Format a number with its sign, to two decimals."""
     return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
-
-
-def _count(count: int, one: str, many: str) -> str:
-    """Format a count with its noun."""
-    return f"{count} {one if count == 1 else many}"
