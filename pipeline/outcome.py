@@ -19,10 +19,10 @@ STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A stage, or a season of it, began, ended, failed or has a note for the reader."""
+    """A stage, a part or a season of it, began, ended, failed or has a note for the reader."""
 
     stage: Stage
-    status: Literal["begun", "done", "failed", "note"]
+    status: Literal["begun", "part", "done", "failed", "note"]
     season: str = ""
     seconds: float = 0.0
     detail: str = ""

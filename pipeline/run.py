@@ -25,6 +25,7 @@ from pipeline.stages.seasons.runner import run_tasks
 from pipeline.stages.seasons.task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
+from pipeline.stages.side_bounds import side_bounds
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
@@ -169,7 +170,7 @@ class _StagedRun:
             )
             fresh = not self._is_written(stamp)
             if fresh:
-                files = write(result, self.directory)
+                files = write(result, self.directory, self._say_file)
                 self.store.save("write", stamp, {file.name: file_hash(file) for file in files})
         return Outcome(
             self.scenario,
@@ -231,6 +232,13 @@ class _StagedRun:
             plans, evaluation = self._plan_seasons(parts, tasks)
             evaluation = with_way_names(evaluation, scene, plans, parts.fetched.land.places)
             evaluated = [task.evaluation_path.name for task in tasks]
+            sides = self.store.load_or_make(
+                "sides",
+                artefact_key("sides", evaluated, scene_key, self.scenario.planner.drift),
+                tuple,
+                lambda: side_bounds(scene, plans, evaluation, self.scenario.planner),
+            )
+            evaluation = replace(evaluation, side_bounds=sides)
             straits = self.store.load_or_make(
                 "straits",
                 artefact_key("straits", evaluated, scene_key, [plan.failure for plan in plans]),
@@ -261,6 +269,10 @@ class _StagedRun:
         """Report notes on a stage."""
         for note in notes:
             self.on_event(Event(stage, "note", detail=note))
+
+    def _say_file(self, name: str) -> None:
+        """Report the file that is written."""
+        self.on_event(Event("write", "part", detail=name))
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[None]:

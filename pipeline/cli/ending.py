@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from pipeline.outcome import Outcome
 
 
-def end(outcome: Outcome, *, as_json: bool = False) -> NoReturn:
-    """Print an outcome for a reader, or as JSON for a program, and exit with its code."""
+def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoReturn:
+    """Print an outcome for a reader, as JSON for a program or not at all; exit with its code."""
     if as_json:
         from pipeline.cli.outcome_json import outcome_json
 
         typer.echo(outcome_json(outcome))
-    else:
+    elif not quiet:
         from pipeline.cli.summary import season_table
 
         typer.echo(season_table(outcome))

@@ -15,9 +15,12 @@ from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
     ExplainGapOption,
+    JsonOption,
     OfflineOption,
     OutputOption,
+    QuietOption,
     StrictOption,
+    VesselOption,
 )
 
 # A minus and a figure: no option of ours begins so.
@@ -42,9 +45,7 @@ def go(
         ),
     ],
     *,
-    vessel: Annotated[
-        str, typer.Option(help="A vessel of the catalogue, or the path of a TOML file.")
-    ] = "",
+    vessel: VesselOption = "",
     speed: Annotated[
         str, typer.Option(help="Speed through water, as 12kn, 6m/s; in place of --vessel.")
     ] = "",
@@ -88,9 +89,8 @@ def go(
     offline: OfflineOption = False,
     strict: StrictOption = False,
     explain_gap: ExplainGapOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in place of the table.")
-    ] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Plan a voyage from START to GOAL: region, chart and currents are chosen, and said.
 
@@ -122,8 +122,8 @@ def go(
         from pipeline.cli.progress import progress
         from pipeline.voyage.one_line import run_voyage
 
-        with progress(scenario, notes) as on_event:
+        with progress(scenario, notes, quiet=quiet) as on_event:
             outcome = run_voyage(
                 scenario, output, offline=offline, strict=strict, on_event=on_event
             )
-        end(outcome, as_json=as_json)
+        end(outcome, as_json=as_json, quiet=quiet)

@@ -33,8 +33,10 @@ from pipeline.cli.options import (
     ChartsOption,
     CurrentsOption,
     ExplainGapOption,
+    JsonOption,
     OfflineOption,
     OutputOption,
+    QuietOption,
     ScenarioArgument,
     StrictOption,
 )
@@ -50,7 +52,6 @@ app = typer.Typer(
     name="renew",
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -108,6 +109,8 @@ def run(
     currents: CurrentsOption = None,
     strict: StrictOption = False,
     explain_gap: ExplainGapOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -126,7 +129,7 @@ def run(
         from pipeline.cli.progress import progress
         from pipeline.run import run as run_scenario
 
-        with progress(wanted.scenario, wanted.notes) as on_event:
+        with progress(wanted.scenario, wanted.notes, quiet=quiet) as on_event:
             outcome = run_scenario(
                 wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
                 output,
@@ -137,7 +140,7 @@ def run(
                 origin=wanted.origin,
                 on_event=on_event,
             )
-        end(outcome)
+        end(outcome, as_json=as_json, quiet=quiet)
 
 
 app.command(cls=NegativeFigures)(go)
@@ -190,15 +193,16 @@ def plot(
 
 
 @app.command("list")
-def list_entries() -> None:
-    """List the catalogue: scenarios, vessels, sources."""
+def list_entries(
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the catalogue: scenarios with what they need, vessels, sources."""
     with reported_errors():
-        from pipeline.scenario import catalogue
+        from pipeline.cli.listing import as_text, listed, spelled_as_json
 
-        for section in catalogue.SECTIONS:
-            typer.echo(f"{section}:")
-            for name in catalogue.names(section):
-                typer.echo(f"  {name:<26} {catalogue.entry(section, name).get('title', '')}")
+        entries = listed()
+        typer.echo(spelled_as_json(entries) if as_json else as_text(entries))
 
 
 @app.command()

@@ -3,12 +3,49 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pipeline.scenario.catalogue import Section
+
+
+def _known_names(section: Section) -> Callable[[str], list[str]]:
+    """Completion of a name in the catalogue, for a shell."""
+
+    def completed(incomplete: str) -> list[str]:
+        from pipeline.scenario import catalogue
+
+        return [name for name in catalogue.names(section) if name.startswith(incomplete)]
+
+    return completed
+
+
 ScenarioArgument = Annotated[
-    str, typer.Argument(help="A name in the catalogue (`renew list`) or the path of a TOML file.")
+    str,
+    typer.Argument(
+        help="A name in the catalogue (`renew list`) or the path of a TOML file.",
+        autocompletion=_known_names("scenarios"),
+    ),
+]
+VesselOption = Annotated[
+    str,
+    typer.Option(
+        help="A vessel of the catalogue, or the path of a TOML file.",
+        autocompletion=_known_names("vessels"),
+    ),
+]
+QuietOption = Annotated[
+    bool,
+    typer.Option(
+        "--quiet", "-q", help="Print errors only: no progress, no notes, and no table at the end."
+    ),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object in place of the table.")
 ]
 
 OutputOption = Annotated[

@@ -8,7 +8,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from pipeline.outcome import STAGES, Event
+from pipeline.outcome import STAGES, Event, ignore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,8 +31,16 @@ _HEARTBEAT_S = 30.0
 
 
 @contextlib.contextmanager
-def progress(scenario: Scenario, notes: Sequence[str] = ()) -> Iterator[EventHandler]:
-    """Provide the event handler that suits standard error; report notes on the scenario first."""
+def progress(
+    scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False
+) -> Iterator[EventHandler]:
+    """Provide the event handler that suits standard error; report notes on the scenario first.
+
+    A quiet one reports nothing: errors end the run, and are reported then.
+    """
+    if quiet:
+        yield ignore
+        return
     seasons = [season.name for season in scenario.seasons]
     provider = _bar if sys.stderr.isatty() else _lines
     with provider(scenario.name, seasons, sys.stderr) as on_event:
@@ -74,6 +82,8 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
                 if event.stage == STAGES[0]:
                     bar.reset(task)  # it begins anew where the region is widened
                 bar.update(task, description=_DESCRIPTIONS[event.stage])
+            elif event.status == "part":
+                bar.update(task, description=f"{_DESCRIPTIONS[event.stage]} {event.detail}")
             elif event.status == "note":
                 console.print(f"note: {event.detail}", markup=False, highlight=False)
             else:

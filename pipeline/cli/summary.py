@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.text import days, gap_text, hours
+from pipeline.formats.shared.text import clearance, count, days, fuel, gap_text, hours, percent
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ _HEAD = (
     "way",
     "length {unit}",
     "duration",
-    "clearance {unit}",
+    "clearance",
     "fuel",
     "F/D",
     "gap",
@@ -62,10 +62,11 @@ def season_table(outcome: Outcome) -> str:
     ]
     lines += [f"\n{one.season}: {gap_text(one)}" for one in outcome.evaluation.gap_shares]
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
+    routes = count(len(outcome.evaluation.routes), "route", "routes")
+    classes = count(rejected, "rejected class", "rejected classes")
     lines.append(
-        "\nThe best route by each passage of the main island. All "
-        f"{len(outcome.evaluation.routes)} routes, and {rejected} rejected classes with their "
-        "reasons, are in report.html."
+        "\nThe best route by each passage of the main island. In report.html: "
+        f"{routes}; {classes}, with reasons."
     )
     return "\n".join(lines)
 
@@ -83,16 +84,16 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
     """Return one route's figures; `turns` are hard-over turns that met land, of all simulated."""
-    clearance = f"{row.clearance_m / unit_m:.2f}" if row.has_land else "-"
+    kept = clearance(row.clearance_m) if row.has_land else "-"
     return (
         row.season,
         str(row.rank),
         row.way or "-",
         f"{row.length_m / unit_m:.1f}",
         days(row.duration_s) or hours(row.duration_s),
-        clearance,
-        f"{row.fuel:.5g}",
+        kept,
+        fuel(row.fuel),
         f"{row.fuel_per_distance:.3f}",
-        f"{row.optimality_gap:.1%}" if math.isfinite(row.optimality_gap) else "-",
-        f"{row.collisions}/{row.trials}" if row.has_land else "-",
+        percent(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
+        f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
     )

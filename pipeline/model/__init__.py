@@ -20,6 +20,7 @@ from pipeline.model.evaluation import (
     ShoreCrossing,
     ShutStrait,
     Side,
+    SideBound,
 )
 from pipeline.model.land import (
     Credit,
@@ -57,6 +58,7 @@ __all__ = [
     "ShoreCrossing",
     "ShutStrait",
     "Side",
+    "SideBound",
     "Simplified",
     "Zone",
     "current_notes",

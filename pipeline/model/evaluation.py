@@ -164,6 +164,18 @@ class ClockWorth:
 
 
 @dataclass(frozen=True, slots=True)
+class SideBound:
+    """The fuel below which no way on the other side of a season's main island can stay.
+
+    That is, no way that keeps off the water between the island and the chart's edge through which
+    the best route passes; in the planner's units.
+    """
+
+    season: str
+    fuel: float
+
+
+@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
 
@@ -200,9 +212,10 @@ class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where none touches land, about a thousand per route are
-    stored. `shore_crossings` are those of all routes, `islands` those that name their ways,
-    `gap_shares` those of the seasons for which they were asked, `clock_worths` those of the seasons
-    whose currents change.
+    stored. `shore_crossings` are those of all routes, `islands` those that name their ways, the
+    main one first, `class_islands` the others in names of classes, `gap_shares` those of the
+    seasons for which they were asked, `clock_worths` those of the seasons whose currents change,
+    `side_bounds` those of the seasons whose routes differ in their side.
     """
 
     routes: tuple[RouteMetrics, ...]
@@ -211,6 +224,8 @@ class Evaluation:
     islands: tuple[NumberedIsland, ...] = ()
     gap_shares: tuple[GapShares, ...] = ()
     clock_worths: tuple[ClockWorth, ...] = ()
+    class_islands: tuple[NumberedIsland, ...] = ()
+    side_bounds: tuple[SideBound, ...] = ()
 
     def clock_worth_of(self, season: str) -> ClockWorth | None:
         """What the clock is worth in a season, if its current changes."""
@@ -219,3 +234,7 @@ class Evaluation:
     def gap_shares_of(self, season: str) -> GapShares | None:
         """The parts of a season's gap, if they were asked for."""
         return next((shares for shares in self.gap_shares if shares.season == season), None)
+
+    def side_bound_of(self, season: str) -> SideBound | None:
+        """The bound on the other sides of a season, if its routes differ in their side."""
+        return next((bound for bound in self.side_bounds if bound.season == season), None)

@@ -19,6 +19,8 @@ from pipeline.scenario.vessel import VesselSpec
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from pipeline.scenario.season import Season
+
 Section = Literal["scenarios", "vessels", "sources"]
 EXAMPLE = "`renew show palawan-season` prints one to start from"
 SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
@@ -79,6 +81,18 @@ class EmbeddedTableSpec(SourceBase):
     adapter: Literal["embedded-table"]
     table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
     seasons: dict[str, TableSeason]
+
+    def part(self, season: Season) -> str | None:
+        """The table's season for one of a scenario: of the same name, or for the month it is named.
+
+        Any other name is a slip of the pen.
+        """
+        if season.name in self.seasons:
+            return season.name
+        if season.name != season.valid:
+            return None
+        months = {month: name for name, it in self.seasons.items() for month in it.months}
+        return months.get(season.period.begin.month)
 
 
 class StillSpec(SourceBase):

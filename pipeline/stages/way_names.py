@@ -51,7 +51,19 @@ def with_way_names(
     rows = [
         replace(row, passages=namer.passages((row.season, row.rank))) for row in evaluation.routes
     ]
-    return replace(evaluation, routes=tuple(rows), islands=namer.islands())
+    rejected = {
+        number
+        for plan in plans
+        if plan.plan is not None
+        for one in plan.plan.rejected
+        for number in _letters(one.homotopy)
+    }
+    return replace(
+        evaluation,
+        routes=tuple(rows),
+        islands=namer.islands(),
+        class_islands=namer.class_islands(rejected),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +115,18 @@ class _WayNamer:
         return tuple(
             NumberedIsland(island, self._chart_name(island), *map(float, self._point(island)))
             for island in sorted(self._used)
+        )
+
+    def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
+        """Other islands in the names of classes, of routes or `rejected`: by their numbers alone.
+
+        Water that the current overpowers has numbers, too, and none on the map.
+        """
+        spelled = rejected.union(*(route.spelled for route in self._routes.values()))
+        known = spelled & set(self._rays.island.tolist())
+        return tuple(
+            NumberedIsland(island, "", *map(float, self._point(island)))
+            for island in sorted(known - self._used)
         )
 
     @cached_property

@@ -48,7 +48,9 @@ _REMEDIES = {
 }
 
 
-def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
+def write(
+    result: RunResult, directory: Path, on_file: Callable[[str], None] | None = None
+) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is created if needed.
 
     Files that the manifest of an earlier run names and this run does not write are removed: nobody
@@ -60,6 +62,8 @@ def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
         The planned and evaluated run.
     directory
         The run's own folder; see `output_directory`.
+    on_file
+        Called before each file is written, with its name and number: "report.html (3 of 12)".
 
     Returns
     -------
@@ -79,7 +83,9 @@ def write(result: RunResult, directory: Path) -> tuple[Path, ...]:
         _check_target(directory, [*formats, MANIFEST])
         with replacing(directory, lambda: _earlier_results(directory)) as staging:
             written = []
-            for name, writer in formats.items():
+            for number, (name, writer) in enumerate(formats.items(), start=1):
+                if on_file is not None:
+                    on_file(f"{name} ({number} of {len(formats)})")
                 writer(result, staging / name)
                 written.append(staging / name)
             write_manifest(result, staging / MANIFEST, written)

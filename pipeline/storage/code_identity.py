@@ -38,6 +38,7 @@ _ENTRIES = {
     "evaluate": ("pipeline.stages.evaluate", "pipeline.stages.gap_shares", "pipeline.model"),
     "night-chart": ("pipeline.nightly.planning.chart", "pipeline.model"),
     "night-case": ("pipeline.nightly.planning.worker", "pipeline.model"),
+    "sides": ("pipeline.stages.side_bounds", "pipeline.stages.way_names", "pipeline.model"),
     "straits": ("pipeline.stages.shut_straits", "pipeline.model"),
     "write": ("pipeline.stages.write", "pipeline.stages.way_names", "pipeline.model"),
 }

@@ -87,12 +87,14 @@ _ROUNDING = 1e-6
 _NARROWEST = 0.2
 
 
-def fuel_lower_bound(voyage: Voyage) -> float:
+def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     """Fuel below which no route from start to goal can stay, over all homotopy classes.
 
     Infinite if no water joins them. See the module for the proof and for which currents it holds.
+    The grid has at least so many `cells`, as far as a changing current's slices leave room: where
+    narrow land matters, a coarse one lets the front through.
     """
-    grid = _grid(voyage)
+    grid = _grid(voyage, cells)
     bounds = (bound for _, _, bound in _rounds(grid, voyage.start, voyage.goal))
     return voyage.vessel.fuel_rate * max(bounds)
 
@@ -120,15 +122,14 @@ def _rounds(
 # --- the grid ---------------------------------------------------------------------------------
 
 
-def _grid(voyage: Voyage) -> TravelGrid:
+def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
     """Grid over the extent's bounding box with a node at the start."""
     chart, start = voyage.chart, voyage.start
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
     slices = len(voyage.current.slice_times)
-    cells = _CELLS
-    if voyage.table.has_small_eddies:
-        cells = max(_CELLS, min(_CELLS_IN_EDDIES, _MAX_NODES // slices))
+    wanted = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else _CELLS
+    cells = max(_CELLS, min(max(wanted, least_cells), _MAX_NODES // slices))
     step = min(math.sqrt(wide * high / cells), wide / _MIN_CELLS, high / _MIN_CELLS)
     x = _axis(xmin, xmax, float(start[0]), max(step, wide / _MAX_CELLS))
     y = _axis(ymin, ymax, float(start[1]), max(step, high / _MAX_CELLS))

@@ -147,9 +147,11 @@ def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = Non
     ]
 
 
-def no_go_layers(result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
-    """Hard no-go zone, clipped to an area if one is given."""
-    no_go = _clipped(result.scene.chart.no_go, within)
+def no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+    """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
+    if result.scenario.is_planar:
+        return []
+    no_go = _visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
     return [
         patch(no_go, facecolor=COLOURS["land"], edgecolor="none", alpha=_ADDED_ALPHA, zorder=3.5)
     ]
@@ -194,13 +196,14 @@ def zone_handles(result: RunResult) -> list[Artist]:
 
 
 def land_handles(result: RunResult) -> list[Artist]:
-    """Legend of land and of the hard no-go zone."""
+    """Legend of land, of the hard no-go zone, and of shoals where there are any."""
     from matplotlib.patches import Patch
 
     added = [Patch(facecolor=COLOURS["land"], alpha=_ADDED_ALPHA, label="hard no-go zone")]
     return [
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
         *([] if result.scenario.is_planar else added),
+        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
     ]
 
 

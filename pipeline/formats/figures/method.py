@@ -48,7 +48,7 @@ def mesh_figure(result: RunResult, season: str) -> Figure:
     ]
     figure, [(axes, sea)] = map_figure(result, handles)
     layers = [
-        *no_go_layers(result),
+        *no_go_layers(axes, result),
         *land_layers(axes, result),
         lines(passing, COLOURS["other"], 0.5, 5),
         lines(constrained, COLOURS["ink"], 1.1, 6),
@@ -72,7 +72,7 @@ def channels_figure(result: RunResult, season: str) -> Figure:
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
         layers = [
-            *no_go_layers(result),
+            *no_go_layers(axes, result),
             *land_layers(axes, result),
             lines(passing, COLOURS["grid"], 0.5, 2),
             patch(

@@ -81,7 +81,7 @@ def padding_map_figure(result: RunResult, season: str) -> Figure:
     below = side + _BAR_PT if places else 0.0
     figure, [(axes, sea)] = map_figure(result, handles, below_pt=below)
     layers = [
-        *no_go_layers(result),
+        *no_go_layers(axes, result),
         *land_layers(axes, result),
         soft_layer(axes, best.route.soft_no_go),
         stroke(best.route.path, COLOURS["halo"], 3.2, 6),
@@ -158,7 +158,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
     turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
-        *no_go_layers(result, box),
+        *no_go_layers(axes, result, box),
         *land_layers(axes, result, box),
         soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
         stroke(route.path, COLOURS["halo"], 3.2, 6),

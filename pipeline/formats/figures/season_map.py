@@ -14,8 +14,10 @@ from pipeline.formats.figures.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
+    land_handles,
     land_layers,
     map_figure,
+    no_go_layers,
     soft_layer,
     zone_handles,
     zone_layers,
@@ -91,6 +93,7 @@ def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
             if not outline.is_empty
         ),
         *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
+        *no_go_layers(axes, result),
         *land_layers(axes, result),
         *zone_layers(result),
     ]
@@ -116,8 +119,7 @@ def _handles(result: RunResult) -> list[Artist]:
     handles: list[Artist] = [
         Line2D([], [], color=COLOURS["best"], linewidth=2.2, label="best route"),
         Line2D([], [], color=COLOURS["other"], linewidth=0.8, label="other classes"),
-        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
-        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
+        *land_handles(result),
         Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label="soft no-go"),
         *zone_handles(result),
     ]

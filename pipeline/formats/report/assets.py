@@ -11,7 +11,10 @@ from pathlib import Path
 _HERE = Path(__file__).parent
 _LEAFLET = _HERE / "vendor" / "leaflet"
 # In the order of their dependencies.
-_SCRIPTS = ("data", "text", "currents", "map", "voyage", "strip", "report")
+_SCRIPTS = (
+    *("data", "text", "units", "currents", "particles", "probe"),
+    *("map", "voyage", "strip", "report"),
+)
 # A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
 _FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
 

@@ -59,7 +59,7 @@ class EmbeddedTable:
     def identity(self, season: Season) -> tuple[str, ...]:
         """Hash of the table, and the season in it."""
         digest = hashlib.sha256(self._bytes).hexdigest()
-        part = self._part(season) or season.name
+        part = self.spec.part(season) or season.name
         return (self.spec.name, digest, part, self.spec.model_dump_json())
 
     def unavailable_reason(self) -> str:
@@ -68,7 +68,7 @@ class EmbeddedTable:
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
-        part = self._part(season)
+        part = self.spec.part(season)
         if season.is_changing:
             return (
                 f"{self.spec.name} has one field for a season, and season {season.name!r} has "
@@ -89,12 +89,12 @@ class EmbeddedTable:
 
     def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
         """Return the part that the table's cells cover."""
-        part = self._part(season)
+        part = self.spec.part(season)
         return None if part is None else common_bounds(region.bounds, self._bounds(part))
 
     def issue(self, season: Season) -> Issue:
         """Return the table's hash, and the last day of the season's part."""
-        part = self._part(season)
+        part = self.spec.part(season)
         digest = hashlib.sha256(self._bytes).hexdigest()
         if part is None:
             return Issue(None, None, None, digest)
@@ -104,7 +104,7 @@ class EmbeddedTable:
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the season's whole grid, as it is small."""
         del folder
-        part = self._part(season)
+        part = self.spec.part(season)
         if part is None:
             raise StageError(self.uncovered_reason(region, season))
         entry = self.spec.seasons[part]
@@ -120,18 +120,6 @@ class EmbeddedTable:
         lacking = water_without_data(Field(lon, lat, u, v), mask, region)
         notes = (lacking.note,) if lacking else ()
         return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
-
-    def _part(self, season: Season) -> str | None:
-        """The table's season for one of a scenario: of the same name, or for the month it is named.
-
-        Any other name is a slip of the pen.
-        """
-        if season.name in self.spec.seasons:
-            return season.name
-        if season.name != season.valid:
-            return None
-        months = {month: name for name, it in self.spec.seasons.items() for month in it.months}
-        return months.get(season.period.begin.month)
 
     def _bounds(self, part: str) -> Bounds:
         """Outer edges of the cells of one of the table's seasons."""

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 import tomllib
 import zipfile
 from importlib.metadata import PackageNotFoundError
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
+import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli import version as version_module
+from pipeline.cli.listing import listed
 from pipeline.cli.main import app
 from pipeline.loading import load_scenario
 from pipeline.scenario import catalogue
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pipeline.scenario.season import Season
+from pipeline.sources.registry import current_source
 
 
 def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> None:
@@ -33,6 +36,60 @@ def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> N
     missed = CliRunner().invoke(app, ["show", "usv-7"])
     assert missed.exit_code == 2
     assert "did you mean 'usv-7m'?" in missed.stderr
+
+
+def test_the_list_says_what_a_scenario_needs() -> None:
+    listed = json.loads(CliRunner().invoke(app, ["list", "--json"]).stdout)
+    needs = {entry["name"]: entry["needs"] for entry in listed["scenarios"]}
+    assert set(needs) == set(catalogue.names("scenarios"))
+    assert needs["palawan-season"] == needs["single-gyre"] == "runs offline"
+    for name in ("hansando", "far-east"):
+        assert needs[name].startswith("offline: winter; summer needs a Copernicus Marine account")
+    assert needs["boston-enc"].startswith("needs --charts with S-57 cells and a Copernicus")
+
+
+@pytest.mark.parametrize("name", catalogue.names("scenarios"))
+def test_what_runs_offline_has_a_current_there(name: str) -> None:
+    """The list's word against the sources': those that are asked for a current of the region."""
+    content = catalogue.entry("scenarios", name)
+    [entry] = [e for e in listed() if (e.section, e.name) == ("scenarios", name)]
+    region = shapely.box(*content["region"]["bbox"]) if "region" in content else None
+    for table in content["seasons"]:
+        season = Season.model_validate(table)
+        sources = [current_source(source) for source in season.currents]
+        offline = region is None or any(
+            not source.needs_network(region, season, Path())
+            and not source.uncovered_reason(region, season)
+            for source in sources
+        )
+        needs_account = f"{season.name} needs" in entry.needs or entry.needs.startswith("needs")
+        assert offline != needs_account, season.name
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
+    def completed(words: str) -> str:
+        # Each shell tells its words in its own way; fish and zsh give the whole line.
+        told = {
+            "_RENEW_COMPLETE": f"complete_{shell}",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(len(words.split()) - 1),
+            "_TYPER_COMPLETE_ARGS": words,
+            "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+        }
+        script = "from pipeline.cli.main import app; app(prog_name='renew')"
+        ended = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, **told},
+        )
+        return ended.stdout
+
+    assert "palawan-season" in completed("renew run pal")
+    assert "hansando" not in completed("renew run pal")
+    assert "usv-7m" in completed("renew go --vessel us")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["list"], ["show", "palawan-season"]])

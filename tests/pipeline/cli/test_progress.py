@@ -11,9 +11,12 @@ from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
 from pipeline.loading import parse_scenario
 from pipeline.outcome import Event
+from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pytest
 
 
@@ -49,3 +52,16 @@ def test_a_temporary_cache_of_machine_code_is_noted(
     with progress(parse_scenario(read_toml(scenario_path("single-gyre")))):
         pass
     assert "compiled again after a reboot" in capsys.readouterr().err
+
+
+def test_each_file_that_is_written_is_a_part_of_the_stage(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked = parse_scenario(read_toml(scenario_path("single-gyre")))
+    with progress(asked) as on_event:
+        outcome = run(asked, tmp_path, on_event=on_event)
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    parts = [line["detail"] for line in lines if line["event"] == "part"]
+    written = {path.name for path in outcome.directory.iterdir()} - {"manifest.json"}
+    assert {part.split(" (")[0] for part in parts} == written
+    assert parts[-1].endswith(f"({len(written)} of {len(written)})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import pytest
@@ -71,3 +72,23 @@ def test_strict_plans_nothing_on_a_stand_in(file: str, across_outputs: Path) -> 
     assert "season 'summer' would be planned on" in lines[0]
     assert "needs the network" in lines[0]
     assert set(across_outputs.glob(".artefacts/plan/*")) == plans
+
+
+def test_quiet_and_json_take_the_tables_place(file: str, across_outputs: Path) -> None:
+    arguments = ["run", file, "--offline", "--output", str(across_outputs)]
+    quiet = CliRunner().invoke(app, [*arguments, "--quiet"], catch_exceptions=False)
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
+    told = CliRunner().invoke(app, [*arguments, "--quiet", "--json"], catch_exceptions=False)
+    assert told.stderr == ""
+    assert [route["rank"] for route in json.loads(told.stdout)["routes"]] == [1]
+    wrong = CliRunner().invoke(app, ["run", "palawan-saeson", "--quiet"])
+    assert wrong.exit_code == 2
+    assert "palawan-season" in wrong.stderr
+
+
+def test_a_single_class_is_not_plural(file: str, across_outputs: Path) -> None:
+    arguments = ["run", file, "--offline", "--output", str(across_outputs)]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert "In report.html: 1 route; " in result.stdout
+    assert "1 classes" not in result.stdout
+    assert "1 routes" not in result.stdout

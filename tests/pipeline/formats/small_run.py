@@ -22,6 +22,7 @@ from pipeline.model import (
     RouteMetrics,
     Scene,
     SeasonPlan,
+    ShutStrait,
     Simplified,
     Zone,
     current_notes,
@@ -211,6 +212,11 @@ def with_zones(result: RunResult, name: str = "Whale & calf", rule: str = "") ->
     )
     land = replace(result.fetched.land, zones=zones)
     return replace(result, fetched=replace(result.fetched, land=land))
+
+
+def with_a_shut_strait(result: RunResult) -> RunResult:
+    """The same run with a strait between its islands that counts as shut."""
+    return replace(result, straits=(ShutStrait(119.7, 9.55, 900.0, 1000.0, "padding"),))
 
 
 def with_a_failed_season(result: RunResult) -> RunResult:

@@ -81,7 +81,7 @@ const CurrentArrows = L.Layer.extend({
     const corner = this._place();
     if (!this._current) return;
     const context = this._canvas.getContext("2d");
-    const chart = this._outline(corner);
+    const chart = chartOutline(this._map, this._chart, corner);
     // The canvas's transform applies to the outline but not to the point.
     const ratio = context.getTransform().a;
     const paths = this._limits.map(() => new Path2D());
@@ -96,20 +96,6 @@ const CurrentArrows = L.Layer.extend({
       context.fillStyle = this._colours(`speed${kind}`);
       context.fill(path);
     });
-  },
-
-  /** The chart's outline on the canvas. */
-  _outline(corner) {
-    const outline = new Path2D();
-    for (const ring of this._chart) {
-      ring.forEach((place, i) => {
-        const { x, y } = this._map.latLngToLayerPoint(place).subtract(corner);
-        if (i === 0) outline.moveTo(x, y);
-        else outline.lineTo(x, y);
-      });
-      outline.closePath();
-    }
-    return outline;
   },
 
   /** Call back with each arrow's position on the canvas, velocity (m/s) and spacing (px). */
@@ -129,6 +115,20 @@ const CurrentArrows = L.Layer.extend({
     }
   },
 });
+
+/** The chart's outline on a canvas whose upper left is at a layer point. */
+function chartOutline(map, chart, corner) {
+  const outline = new Path2D();
+  for (const ring of chart) {
+    ring.forEach((place, i) => {
+      const { x, y } = map.latLngToLayerPoint(place).subtract(corner);
+      if (i === 0) outline.moveTo(x, y);
+      else outline.lineTo(x, y);
+    });
+    outline.closePath();
+  }
+  return outline;
+}
 
 /** Stride in lattice steps from one arrow to the next, a power of two; `pixels` is the length of a step. */
 function arrowStride(pixels) {

@@ -37,6 +37,18 @@ function readRoute(route, stepM) {
   return read;
 }
 
+/** Longitudes and latitudes, degrees, at the corners of a grid over the chart; its size is in metres. */
+function readPositions({ cells, unit, size, lon, lat }, stepM) {
+  const read = (moves) => readSeries({ step: unit, moves });
+  return { cells, size: size.map((steps) => steps * stepM), lon: read(lon), lat: read(lat) };
+}
+
+/** Width and height of the chart, metres. */
+function chartSize({ extent }, stepM) {
+  const places = extent.flatMap((ring) => readLine(ring, stepM));
+  return [1, 0].map((axis) => Math.max(...places.map((place) => place[axis])));
+}
+
 /** All data that the template put into the page. */
 function readData() {
   const data = JSON.parse(document.getElementById("map-data").textContent);
@@ -44,9 +56,11 @@ function readData() {
   const lines = (rings) => rings.map((ring) => readLine(ring, stepM));
   return {
     planar: data.planar,
+    origin: data.origin,
     speedLimits: data.speedLimits,
     extent: lines(data.extent),
     land: data.land.map((ring) => readRing(ring, stepM)),
+    noGo: data.noGo.map((ring) => readRing(ring, stepM)),
     shoals: data.shoals.map((ring) => readRing(ring, stepM)),
     zones: data.zones.map((zone) => ({
       kind: zone.kind,
@@ -56,7 +70,9 @@ function readData() {
     })),
     start: readLine(data.start, stepM)[0],
     goal: readLine(data.goal, stepM)[0],
-    islands: data.islands.map(({ label, place }) => ({ label, place: readLine(place, stepM)[0] })),
+    islands: data.islands.map(({ label, names, place }) => ({ label, names, place: readLine(place, stepM)[0] })),
+    positions: data.positions && readPositions(data.positions, stepM),
+    size: chartSize(data, stepM),
     grid: data.grid.map((line) => ({
       label: line.label,
       meridian: line.meridian,

@@ -1,9 +1,14 @@
 // The interactive map: its layers and their colours. It does not depend on the controls.
 
-// Panes from the bottom up: water and grid, currents, soft no-go zone, land, routes, marks on them. Vessel and
-// labels are in Leaflet's own panes above.
-const PANES = { water: 210, currents: 220, soft: 230, land: 240, routes: 400, marks: 410 };
+// Panes from the bottom up: water and grid, currents as arrows and as particles, soft and hard no-go zones, land, routes,
+// marks on them. Vessel and labels are in Leaflet's own panes above.
+const PANES = { water: 210, currents: 220, particles: 225, soft: 230, nogo: 235, land: 240, routes: 400, marks: 410 };
+const BARE_PANES = ["currents", "particles"];
 const ZOOM_RANGE = 8;
+// Time for which the hint on the wheel is shown, milliseconds.
+const HINT_MS = 1600;
+// Side of the part of the map around a place that is looked for, as a share of the chart's shorter one.
+const SPOT_SHARE = 0.12;
 // Maximum length of the scale bar, in CSS pixels; at the largest zoom it stands for a metre.
 const SCALE_BAR = 100;
 const MAX_ZOOM = Math.log2(SCALE_BAR);
@@ -11,6 +16,8 @@ const MAX_ZOOM = Math.log2(SCALE_BAR);
 const LETTER_WIDTH = 6.5;
 const LABEL_GAP = 16;
 
+// As on the static maps.
+const NO_GO_OPACITY = 0.4;
 const ROUTE_SELECTED = { weight: 4, opacity: 1, dashArray: null };
 const ROUTE_UNSELECTED = { weight: 1.6, opacity: 0.6, dashArray: null };
 const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
@@ -24,6 +31,16 @@ function element(tag, className, text = "") {
   made.textContent = text;
   return made;
 }
+
+/** A scale bar in nautical miles. */
+const NauticalScale = L.Control.Scale.extend({
+  _updateMetric(maxMetres) {
+    const miles = maxMetres / MILE_M;
+    const power = 10 ** Math.floor(Math.log10(miles));
+    const round = [5, 2, 1].find((factor) => factor * power <= miles) * power;
+    this._updateScale(this._mScale, `${Number(round.toPrecision(1))} NM`, round / miles);
+  },
+});
 
 class VoyageMap {
   /** Draw what all seasons share; `onSelect(season, index)` is called when a route is clicked. */
@@ -52,7 +69,7 @@ class VoyageMap {
     this.renderers = {};
     for (const [name, height] of Object.entries(PANES)) {
       this.map.createPane(name).style.zIndex = height;
-      if (name !== "currents") this.renderers[name] = L.canvas({ pane: name, padding: 0.2, tolerance: 6 });
+      if (!BARE_PANES.includes(name)) this.renderers[name] = L.canvas({ pane: name, padding: 0.2, tolerance: 6 });
     }
     this.readColours();
     this.fit();
@@ -60,15 +77,36 @@ class VoyageMap {
     this.makeZones();
     this.currents = new CurrentArrows(data.extent, data.speedLimits, (role) => this.colour(role));
     this.currents.addTo(this.map);
+    this.particles = new CurrentParticles(data.extent, data.speedLimits, (role) => this.colour(role));
     this.makeRoutes();
     this.drawIslandLabels();
     this.drawStartAndGoal();
     this.vessel = this.makeVessel();
     L.control.zoom({ position: "topright" }).addTo(this.map);
-    L.control.scale({ imperial: false, position: "bottomright", maxWidth: SCALE_BAR }).addTo(this.map);
-    // The wheel scrolls the page until the map has the focus.
-    this.map.on("focus", () => this.map.scrollWheelZoom.enable());
-    this.map.on("blur", () => this.map.scrollWheelZoom.disable());
+    this.showScale();
+    this.listenToWheel(container);
+  }
+
+  /** The wheel scrolls the page; with Ctrl (or Cmd) it zooms the map. */
+  listenToWheel(container) {
+    const hint = container.parentElement.querySelector(".wheel-hint");
+    const listen = (event) => {
+      const zooms = event.ctrlKey || event.metaKey;
+      this.map.scrollWheelZoom[zooms ? "enable" : "disable"]();
+      // Before Leaflet listens, too, Ctrl and the wheel must not zoom or scroll the page.
+      if (zooms) event.preventDefault();
+      hint.hidden = zooms;
+      clearTimeout(this.hiding);
+      this.hiding = setTimeout(() => { hint.hidden = true; }, HINT_MS);
+    };
+    container.addEventListener("wheel", listen, { capture: true, passive: false });
+  }
+
+  /** Show the scale bar in the reader's units. */
+  showScale() {
+    if (this.scale) this.scale.remove();
+    this.scale = new (units.nautical ? NauticalScale : L.Control.Scale)({ imperial: false, position: "bottomright", maxWidth: SCALE_BAR });
+    this.scale.addTo(this.map);
   }
 
   /** A colour of the page, as last read by `readColours`. */
@@ -114,9 +152,10 @@ class VoyageMap {
 
   /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
-    const { extent, grid, land, shoals } = this.data;
+    const { extent, grid, land, noGo, shoals } = this.data;
     this.water = this.area(extent, "water", {}).addTo(this.map);
     this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
+    this.noGo = this.area(noGo, "nogo", { fillOpacity: NO_GO_OPACITY }).addTo(this.map);
     this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
     // Shoals are no-go, so they lie inside the areas drawn as land.
     this.shoals = this.area(shoals, "land", {}).addTo(this.map);
@@ -156,11 +195,25 @@ class VoyageMap {
     this.soft = this.area([], "soft", {});
     this.turns = L.layerGroup();
     this.closest = L.layerGroup();
+    this.spot = L.layerGroup().addTo(this.map);
   }
 
-  /** Numbers or names on the islands that tell ways apart. */
+  /** Numbers or names on the islands that tell ways apart, and smaller ones on those in other classes' names. */
   drawIslandLabels() {
-    for (const { label, place } of this.data.islands) this.label(place, label, "island-label", "center").addTo(this.map);
+    this.classLabels = L.layerGroup();
+    for (const { label, names, place } of this.data.islands) {
+      this.label(place, label, names ? "island-label" : "island-label minor", "center").addTo(names ? this.map : this.classLabels);
+    }
+  }
+
+  /** Show a place [y, x], m, that the page's text speaks of, with what it is. */
+  reveal(place, text) {
+    this.spot.clearLayers();
+    this.dot(place, { radius: 11, weight: 3, fill: false, spot: true }).addTo(this.spot);
+    this.label(place, text, "closest-label", this.labelSide(place)).addTo(this.spot);
+    const half = (SPOT_SHARE * Math.min(...this.data.size)) / 2;
+    this.map.fitBounds(L.latLngBounds([place[0] - half, place[1] - half], [place[0] + half, place[1] + half]), { animate: false });
+    this.recolour();
   }
 
   drawStartAndGoal() {
@@ -204,6 +257,9 @@ class VoyageMap {
     this.choice = choice;
     this.toggle(this.currents, choice.layers.currents && season.current !== null);
     this.currents.setCurrent(season.current);
+    this.toggle(this.particles, choice.layers.particles && season.current !== null);
+    this.particles.setCurrent(season.current);
+    this.toggle(this.classLabels, choice.layers.islands);
     this.toggle(this.zones, choice.layers.zones);
     this.zones.bringToBack();
     this.showRoutes(choice);
@@ -249,7 +305,7 @@ class VoyageMap {
     const least = Math.min(...route.clearance);
     const place = route.places[route.clearance.indexOf(least)];
     this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
-    this.label(place, `${formatDistance(least)} to land`, "closest-label", this.labelSide(place)).addTo(this.closest);
+    this.label(place, `${formatClearance(least)} to land`, "closest-label", this.labelSide(place)).addTo(this.closest);
     this.toggle(this.closest, true);
   }
 
@@ -266,6 +322,7 @@ class VoyageMap {
     this.water.setStyle({ fillColor: colour("water") });
     for (const line of this.grid) line.setStyle({ color: colour("grid") });
     this.shoals.setStyle({ fillColor: colour("shoal") });
+    this.noGo.setStyle({ fillColor: colour("land") });
     this.land.setStyle({ fillColor: colour("land"), color: colour("coast") });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
@@ -276,6 +333,9 @@ class VoyageMap {
     this.turns.eachLayer((dot) => {
       const { hit } = dot.options;
       dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });
+    });
+    this.spot.eachLayer((layer) => {
+      if (layer.options.spot) layer.setStyle({ color: colour("hit") });
     });
     this.closest.eachLayer((layer) => {
       if (layer.options.ring) layer.setStyle({ color: colour("ink") });

@@ -14,8 +14,19 @@ class Explorer {
       this.map.moveVessel(now.place, now.bearing);
       this.strip.move(share);
     });
+    this.probe = new Probe(this.map.map, this.data, root.querySelector(".probe"));
+    this.stillForReducedMotion();
     this.listen();
     this.update();
+  }
+
+  /** Particles stay off, until asked for, where the reader prefers less motion. */
+  stillForReducedMotion() {
+    const reduced = matchMedia("(prefers-reduced-motion: reduce)");
+    const box = this.root.querySelector("[data-layer=particles]");
+    const follow = () => { box.checked = !reduced.matches; };
+    reduced.addEventListener("change", () => { follow(); this.draw(); });
+    follow();
   }
 
   /** Rows of a route: in the list of routes, and in the season's table. */
@@ -34,9 +45,13 @@ class Explorer {
       button.addEventListener("click", () => {
         const [season, index] = button.dataset.select.split("-").map(Number);
         this.select(season, index);
-        if (!this.root.contains(button)) this.root.scrollIntoView();
+        if (!this.root.contains(button)) this.root.querySelector("#map").scrollIntoView({ block: "center" });
       });
     }
+    for (const button of document.querySelectorAll("[data-place]")) {
+      button.addEventListener("click", () => this.reveal(button));
+    }
+    new UnitSwitch(this.root.querySelector("#nautical"), document.querySelector("main"), () => this.changeUnits());
     for (const button of this.root.querySelectorAll("[data-all]")) {
       button.addEventListener("click", () => this.showAll(button.dataset.all === "all"));
     }
@@ -50,6 +65,20 @@ class Explorer {
     this.selected[season] = index;
     this.update();
     this.voyage.speakSoon();
+  }
+
+  /** Show the place that a button's row speaks of; its season, too, if it has one. */
+  reveal(button) {
+    if (button.dataset.season) this.select(Number(button.dataset.season), this.selected[Number(button.dataset.season)]);
+    const [x, y] = button.dataset.place.split(",").map(Number);
+    this.map.reveal([y, x], button.dataset.text);
+    this.root.querySelector("#map").scrollIntoView({ block: "center" });
+  }
+
+  /** Write every figure again. */
+  changeUnits() {
+    this.map.showScale();
+    this.update();
   }
 
   /** Show all routes of the season, or only the selected one. */
@@ -84,6 +113,8 @@ class Explorer {
   draw() {
     const layers = Object.fromEntries(this.layers.map((box) => [box.dataset.layer, box.checked]));
     const selected = this.selected[this.season];
+    const season = this.data.seasons[this.season];
+    this.probe.follow(season.current, season.routes[selected] || null);
     this.map.show({ season: this.season, selected, layers, shown: (s, r) => this.isShown(s, r) });
   }
 }

@@ -41,8 +41,8 @@ class Strip {
     const x = (value) => (value / time[time.length - 1]) * width;
     curve.setAttribute("d", series.map((value, i) => `${i ? "L" : "M"}${x(time[i]).toFixed(1)} ${y(value).toFixed(1)}`).join(""));
     zero.setAttribute("d", name === "current" ? `M0 ${y(0).toFixed(1)}H${width}` : "");
-    const format = name === "clearance" ? formatDistance : name === "fuel" ? formatNumber : (value) => formatDecimals(value, 2);
-    range.textContent = `${format(low)} to ${format(high)}${name === "speed" || name === "current" ? " m/s" : ""}`;
+    const format = name === "clearance" ? formatClearance : name === "fuel" ? formatFuel : formatSpeed;
+    range.textContent = `${format(low)} to ${format(high)}`;
   }
 
   move(share) {

@@ -1,6 +1,14 @@
-// Quantities as text, in the same form as `formats/shared/text.py`.
+// Quantities as text, in the same form as `formats/shared/text.py`; in nautical units if the reader asks for them.
 
 const ABSENT = "–";
+const MILE_M = 1852;
+const KNOT_M_S = 1852 / 3600;
+// Distance, metres, from which nautical miles are given, when they are asked for: a cable.
+const MILES_FROM_M = MILE_M / 10;
+const FUEL_UNITS = [[1e9, 1e9, " billion"], [1e6, 1e6, " million"], [1e5, 1e3, " thousand"]];
+
+/** The reader's units, the same for the whole page. */
+const units = { nautical: false };
 
 /** A number to significant digits without exponent, with thousands separators: 1,235. */
 function formatNumber(value, digits = 4) {
@@ -16,12 +24,37 @@ function formatDecimals(value, decimals) {
   return value.toLocaleString("en", form).replace("-", "−");
 }
 
-/** True metres: 712.1 km, 3.46 km, 820.4 m. */
+/** Fuel to four digits: 695.6, 16.82 million. */
+function formatFuel(value) {
+  const unit = FUEL_UNITS.find(([least]) => value >= least);
+  return unit ? `${formatNumber(value / unit[1])}${unit[2]}` : formatNumber(value);
+}
+
+/** True metres: 712.1 km, 3.46 km, 820.4 m; or 384.5 NM, 1.87 NM, 0.44 NM, 82.0 m. */
 function formatDistance(metres) {
   if (metres === null || !Number.isFinite(metres)) return ABSENT;
+  if (units.nautical && metres >= MILES_FROM_M) {
+    const miles = metres / MILE_M;
+    return `${formatDecimals(miles, miles >= 10 ? 1 : 2)} NM`;
+  }
   if (metres >= 100000) return `${formatDecimals(metres / 1000, 1)} km`;
   if (metres >= 1000) return `${formatDecimals(metres / 1000, 2)} km`;
   return `${formatNumber(metres, metres >= 100 ? 4 : 3)} m`;
+}
+
+/** True metres of clearance to three digits, rounded down: 3.46 km, 820 m, 12.6 m; or 1.86 NM. */
+function formatClearance(metres) {
+  if (metres === null || !Number.isFinite(metres)) return ABSENT;
+  let [unit, name, decimals] = metres >= 1000 ? [1000, "km"] : [1, "m"];
+  if (units.nautical && metres >= MILES_FROM_M) [unit, name, decimals] = [MILE_M, "NM", metres >= 10 * MILE_M ? 1 : 2];
+  if (decimals === undefined) decimals = metres > 0 ? Math.max(0, 2 - Math.floor(Math.log10(metres / unit))) : 2;
+  const down = Math.floor((metres / unit) * 10 ** decimals + 1e-4) / 10 ** decimals;
+  return `${formatDecimals(down, decimals)} ${name}`;
+}
+
+/** A speed: 1.22 m/s, or 2.37 kn. */
+function formatSpeed(speed, decimals = 2) {
+  return units.nautical ? `${formatDecimals(speed / KNOT_M_S, decimals)} kn` : `${formatDecimals(speed, decimals)} m/s`;
 }
 
 /** A duration in hours, minutes or seconds; the duration of the whole voyage decides the unit. */
@@ -38,11 +71,15 @@ function formatAngle(degrees, names) {
   return `${Math.floor(minutes / 600)}°${rest}′ ${names[degrees < 0 ? 1 : 0]}`;
 }
 
+/** A position on earth. */
+function formatLonLat(lon, lat) {
+  return `${formatAngle(lat, "NS")} ${formatAngle(((((lon + 180) % 360) + 360) % 360) - 180, "EW")}`;
+}
+
 /** A vessel's position: latitude and longitude, or metres in a plane. */
 function formatPosition(now, planar) {
   if (planar) return `x ${formatNumber(now.place[1])} m, y ${formatNumber(now.place[0])} m`;
-  const lon = ((((now.lon + 180) % 360) + 360) % 360) - 180;
-  return `${formatAngle(now.lat, "NS")} ${formatAngle(lon, "EW")}`;
+  return formatLonLat(now.lon, now.lat);
 }
 
 /** A course in three digits: 045°. */
@@ -53,5 +90,5 @@ function formatCourse(degrees) {
 /** The current's component along the course, with its sign. */
 function formatCurrent(speed) {
   const sign = speed < 0 ? "" : "+";
-  return `${sign}${formatDecimals(speed, 2)} m/s`;
+  return `${sign}${formatSpeed(speed)}`;
 }

@@ -53,10 +53,10 @@ class Voyage {
       time: formatTime(now.time, whole),
       place: formatPosition(now, this.planar),
       course: formatCourse(now.course),
-      speed: `${formatDecimals(now.speed, 2)} m/s`,
+      speed: formatSpeed(now.speed),
       current: formatCurrent(now.current),
-      clearance: formatDistance(now.clearance),
-      fuel: formatNumber(now.fuel),
+      clearance: formatClearance(now.clearance),
+      fuel: formatFuel(now.fuel),
       distance: formatDistance(now.distance),
     };
   }

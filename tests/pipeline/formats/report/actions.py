@@ -60,12 +60,14 @@ def season(page: Page, number: int) -> None:
 def closest(page: Page, place: str = "Goal") -> None:
     """Zoom in on a place as far as the map allows."""
     page.locator("#map").focus()
+    page.keyboard.down("Control")
     for _ in range(10):
         label = page.locator(".end-label", has_text=place).bounding_box()
         assert label is not None
         page.mouse.move(label["x"] + label["width"] + 8, label["y"] + label["height"] / 2)
         page.mouse.wheel(0, -400)
         page.wait_for_timeout(400)
+    page.keyboard.up("Control")
 
 
 def pixels(page: Page, pane: str) -> npt.NDArray[np.uint8]:

@@ -80,9 +80,7 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
             text = buttons.nth(index).inner_text()
-            assert " ".join(text.split()).startswith(
-                f"{m.rank} {m.way} {texts.number(m.fuel)} fuel"
-            )
+            assert " ".join(text.split()).startswith(f"{m.rank} {m.way} {texts.fuel(m.fuel)} fuel")
             buttons.nth(index).click()
             slide(page, 1000)
             assert now(page, "fuel") == texts.number(m.fuel)
@@ -102,17 +100,17 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
 def test_quantities_are_formatted_as_in_the_tables(browser: Browser) -> None:
     page = browser.new_page()
     code = (Path(assets.__file__).parent / "scripts" / "text.js").read_text(encoding="utf-8")
-    values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, -1.5]
+    values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, 2.5e7, -1.5]
     formatted = page.evaluate(
         f"values => {{ {code}; return values.map(v => [formatNumber(v), formatDistance(v),"
-        " formatTime(v)]); }",
+        " formatTime(v), formatClearance(v), formatFuel(v)]); }",
         values,
     )
-    assert [number for number, _, _ in formatted] == [
-        texts.number(v).replace("-", "\N{MINUS SIGN}") for v in values
-    ]
-    assert [far for _, far, _ in formatted[:-1]] == [texts.distance(v) for v in values[:-1]]
-    assert [time for _, _, time in formatted[:-1]] == [texts.hours(v) for v in values[:-1]]
+    forms = (texts.number, texts.distance, texts.hours, texts.clearance, texts.fuel)
+    for shown, value in zip(formatted, values, strict=True):
+        # There are no negative distances, times and fuels.
+        wanted = [form(value) for form in (forms if value > 0 else forms[:1])]
+        assert shown[: len(wanted)] == [text.replace("-", "\N{MINUS SIGN}") for text in wanted]
     page.close()
 
 

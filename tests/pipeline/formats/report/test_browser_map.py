@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.report import assets
+from pipeline.formats.shared.palette import season_colour
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, written
 
@@ -36,7 +37,7 @@ def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
     page.locator("[data-layer=others]").click()
     page.get_by_role("button", name="Only the selected one").click()
     shown = pixels(page, "routes").astype(float)
-    best, halo = (int(colour[3:5], 16) for colour in ("#c2185b", COLOURS["halo"]))
+    best, halo = (int(colour[3:5], 16) for colour in (season_colour(0), COLOURS["halo"]))
     weight = shown[..., 3] / 255 * np.clip((halo - shown[..., 1]) / (halo - best), 0, 1)
     columns = np.flatnonzero(weight.sum(axis=0) > 2)
     first = columns[len(columns) // 10 : len(columns) // 4]

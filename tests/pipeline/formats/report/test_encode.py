@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.formats.report.encode import Lattice, coarser, json_for_script, series, within
+from pipeline.formats.report.live_map.encode import (
+    Lattice,
+    coarser,
+    json_for_script,
+    series,
+    within,
+)
 
 PLACES = hnp.arrays(
     float, st.tuples(st.integers(1, 30), st.just(2)), elements=st.floats(-3000.0, 9000.0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.report.encode import Lattice
-from pipeline.formats.report.map_data import map_data
+from pipeline.formats.report.live_map.encode import Lattice
+from pipeline.formats.report.live_map.map_data import map_data
 from pipeline.model import Evaluation
 from tests.pipeline.formats import small_run
 

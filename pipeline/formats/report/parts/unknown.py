@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.shared.text import place
 from pipeline.formats.shared.unknowns import MAX_STRAITS
 
@@ -25,9 +28,10 @@ class RouteShares:
 
 @dataclass(frozen=True)
 class Strait:
-    """A strait that is shut: its place as text, widths in true metres, and what shuts it."""
+    """A strait that is shut: its place as text and for the map, widths in true metres, and why."""
 
     place: str
+    on_map: str
     width_m: float
     needed_m: float
     by: str
@@ -58,6 +62,9 @@ class Unknown:
             straits=tuple(
                 Strait(
                     place(one.lon, one.lat),
+                    place_on_map(
+                        result, result.scene.projection.to_plane(np.array([one.lon, one.lat]))
+                    ),
                     one.width_m,
                     one.needed_m,
                     ", ".join((one.by, *map(result.season_title, one.seasons))),

@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from pipeline.formats.figures.arrows import on_water
-from pipeline.formats.report.encode import Lattice, coarser, series, within
+from pipeline.formats.report.live_map.encode import Lattice, coarser, series, within
+from pipeline.formats.report.live_map.positions import positions
 from pipeline.formats.shared.text import zone_text
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ _MAX_TURNS = 80
 # Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
 # number of vertices of all routes' zones together.
 _SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
+# Tolerance of the hard no-go zone where it has more vertices than these, as a share of the same.
+_NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
 # Number of points along the best route, and along others.
 _POINTS_BEST, _POINTS = 200, 100
 
@@ -45,17 +48,24 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
+        "origin": [float(value) * scene.projection.scale for value in lattice.origin],
         "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),
+        "noGo": _no_go(result, lattice),
         "shoals": _areas(result, shoals, lattice),
         "zones": _zones(result, lattice),
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
         "goal": lattice.line(scene.goal[None, :]),
         "islands": [
-            {"label": island.label, "place": lattice.line(np.array([[island.x, island.y]]))}
-            for island in result.evaluation.islands
+            {
+                "label": island.label,
+                "names": island in result.evaluation.islands,
+                "place": lattice.line(np.array([[island.x, island.y]])),
+            }
+            for island in (*result.evaluation.islands, *result.evaluation.class_islands)
         ],
+        "positions": positions(result, lattice),
         "speedLimits": list(speed_limits),
         "seasons": _seasons(result, lattice),
     }
@@ -67,6 +77,19 @@ def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) 
         return []
     inside = within(areas, result.scene.chart.extent)
     return lattice.rings(coarser(inside, lattice.step, _MAX_VERTICES))
+
+
+def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
+    """Rings of the hard no-go zone, in the detail that a screen shows; none in a plane.
+
+    There it is the land itself.
+    """
+    if result.scenario.is_planar:
+        return []
+    no_go = within(np.array(result.scene.chart.no_go, dtype=object), result.scene.chart.extent)
+    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    tolerance = _NO_GO_TOLERANCE * max(xmax - xmin, ymax - ymin)
+    return lattice.rings(coarser(no_go, tolerance, _MAX_NO_GO_VERTICES))
 
 
 def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:

@@ -1,0 +1,90 @@
+"""What `renew list` prints: the catalogue, and what each scenario needs of the network."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from pipeline.scenario import catalogue
+from pipeline.scenario.season import Season
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_ACCOUNT = "a Copernicus Marine account"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An entry of the catalogue; `needs` is of scenarios alone."""
+
+    section: str
+    name: str
+    title: str
+    needs: str = ""
+
+
+def listed() -> list[Entry]:
+    """Return every entry, by section and name."""
+    return [
+        Entry(
+            section,
+            name,
+            str(content.get("title", "")),
+            _needs(content) if section == "scenarios" else "",
+        )
+        for section in catalogue.SECTIONS
+        for name in catalogue.names(section)
+        for content in [catalogue.entry(section, name)]
+    ]
+
+
+def as_text(entries: Sequence[Entry]) -> str:
+    """Spell entries for a reader, a line each."""
+    width = max(len(entry.name) for entry in entries) + 1
+    lines: list[str] = []
+    for section in catalogue.SECTIONS:
+        lines.append(f"{section}:")
+        for entry in entries:
+            if entry.section == section:
+                needs = f" ({entry.needs})" if entry.needs else ""
+                lines.append(f"  {entry.name:<{width}}{entry.title}{needs}")
+    return "\n".join(lines)
+
+
+def spelled_as_json(entries: Sequence[Entry]) -> str:
+    """Spell entries as one JSON object, by section."""
+    sections = {
+        section: [asdict(entry) for entry in entries if entry.section == section]
+        for section in catalogue.SECTIONS
+    }
+    return json.dumps(sections, ensure_ascii=False)
+
+
+def _needs(scenario: dict[str, Any]) -> str:
+    """Say whether a scenario runs offline, or what it needs."""
+    files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
+    seasons = [Season.model_validate(table) for table in scenario["seasons"]]
+    offline = [season.name for season in seasons if _runs_offline(season)]
+    if len(offline) == len(seasons):
+        return f"needs {files}" if files else "runs offline"
+    if not offline:
+        return f"needs {' and '.join(filter(None, (files, _ACCOUNT)))}, or --currents"
+    online = [season.name for season in seasons if season.name not in offline]
+    return f"offline: {', '.join(offline)}; {', '.join(online)} needs {_ACCOUNT}, or --currents"
+
+
+def _runs_offline(season: Season) -> bool:
+    """Whether a season has a current that needs neither account nor network."""
+    if not season.currents:
+        return True  # a formula
+    for name in season.currents:
+        if not isinstance(name, str):
+            continue  # files, which the catalogue can't have
+        source = catalogue.source(name)
+        if source.adapter == "still":
+            return True
+        if source.adapter == "embedded-table" and source.part(season) is not None:
+            return True
+    return False

@@ -1,0 +1,284 @@
+"""A season's card and section: the best route, why, its plots, all classes, the rejected ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from pipeline.formats.report.live_map.positions import place_on_map
+from pipeline.formats.report.parts.sentences import Season
+from pipeline.formats.shared import text
+from pipeline.formats.shared.departure_text import departure_text
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from markupsafe import Markup
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.model import RouteMetrics, SeasonPlan
+    from renew import Rejected
+
+    FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A route in a season's table.
+
+    `excess` is its fuel above the best route's, as a share; `bar_percent` is the length of its bar,
+    100 for the season's greatest excess. `of_still` and `of_shortest` are its fuel as a share of
+    that on the same way in still water, and of that of the shortest way.
+    """
+
+    metrics: RouteMetrics
+    excess: float
+    bar_percent: float
+    of_still: float
+    of_shortest: float
+
+
+@dataclass(frozen=True)
+class RejectedGroup:
+    """Classes rejected for the same reason, and the least fuel of any of them without padding.
+
+    `place` is where, for the map, or empty.
+    """
+
+    reason: str
+    homotopies: tuple[str, ...]
+    unpadded_fuel: float
+    place: str
+
+
+@dataclass(frozen=True)
+class SeasonPart:
+    """A season's part of the page; `rows` are empty if `failure` gives a reason.
+
+    `passage` is departure and arrival of the best route, empty where no departure is given; `lead`
+    says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
+    whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
+    plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
+    with a plot, where that was to be chosen.
+    """
+
+    title: str
+    anchor: str
+    failure: str
+    current: str
+    valid: str
+    passage: tuple[str, ...]
+    lead: str
+    because: str
+    certainty: str
+    verdict: tuple[str, ...]
+    remarks: tuple[str, ...]
+    rows: tuple[Row, ...]
+    rejected: tuple[RejectedGroup, ...]
+    thumbnail: Markup
+    picture: Markup
+    profile: Markup
+    padding: Markup
+    departure: tuple[str, ...] = ()
+    departure_plot: Markup | str = ""
+
+    @property
+    def best(self) -> RouteMetrics | None:
+        """The best route's figures."""
+        return self.rows[0].metrics if self.rows else None
+
+
+def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
+    """Gather a season's part."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures.season_map import season_svg
+    from pipeline.formats.report.parts.thumbnail import thumbnail
+
+    ranked = result.season_routes(entry.season)
+    metrics = [r.metrics for r in ranked]
+    anchor = f"season-{number}"
+    title = result.season_title(entry.season)
+    label = f"{title}: {_map_label(metrics)}"
+    picture = season_svg(result, entry.season, identity=anchor, label=f"Map of {label}")
+    profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
+    passage = result.scenario.passage(entry.season, metrics[0].duration_s) if ranked else None
+    said = _sentences(result, metrics)
+    rival = said.rival if said else None
+    shown = [one for one in ranked if one.metrics is metrics[0] or one.metrics is rival]
+    return SeasonPart(
+        title=title,
+        anchor=anchor,
+        failure=entry.failure,
+        current=_current(result, entry.season),
+        valid=result.valid_text(entry.season),
+        passage=tuple(map(text.moment_text, passage or ())),
+        lead=said.lead() if said else "",
+        because=said.because() if said else "",
+        certainty=said.certainty() if said else "",
+        verdict=said.verdict() if said else (),
+        remarks=_remarks(result, ranked[0]) if ranked else (),
+        rows=_rows(result, metrics),
+        rejected=_rejected(result, entry),
+        # The only text from elsewhere in figures is their label, which they escape.
+        thumbnail=Markup(thumbnail(result, shown, label)),  # noqa: S704 - our own SVG
+        picture=Markup(picture),  # noqa: S704 - our own
+        profile=Markup(profile),  # noqa: S704 - our own
+        padding=Markup(padding),  # noqa: S704 - our own
+        **_departure(result, entry.season, anchor),
+    )
+
+
+def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
+    """When to leave, as text and plot; nothing where the departure was given."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures.departure_plot import departure_svg
+
+    choice = result.departure_choice(season)
+    if choice is None:
+        return {}
+    sentences = departure_text(choice)
+    plot = departure_svg(choice, identity=f"{anchor}-departure", label=sentences[0])
+    return {"departure": sentences, "departure_plot": Markup(plot)}  # noqa: S704 - our own SVG
+
+
+def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
+    """What a season's sentences are made from; None without a route."""
+    from pipeline.formats.figures.arrows import arrows
+
+    if not metrics:
+        return None
+    season, evaluation = metrics[0].season, result.evaluation
+    speeds = arrows(result, season).speed
+    return Season(
+        metrics,
+        result.scene.vessel.speed,
+        float(speeds.mean()) if len(speeds) else 0.0,
+        evaluation.gap_shares_of(season),
+        evaluation.clock_worth_of(season),
+        evaluation.side_bound_of(season),
+    )
+
+
+def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
+    """Plot the best route's profile, and the reach of turns at its tightest place."""
+    from pipeline.formats.figures.plots import padding_svg, profile_svg
+
+    m = best.metrics
+    profile = profile_svg(
+        result,
+        best,
+        identity=f"{anchor}-profile",
+        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
+        f"ground, current along the course, and distance to land, at least "
+        f"{text.clearance(m.clearance_m)}",
+    )
+    padding = padding_svg(
+        result,
+        best,
+        identity=f"{anchor}-padding",
+        label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
+    )
+    return profile, padding
+
+
+def _map_label(metrics: list[RouteMetrics]) -> str:
+    """Describe a map for a screen reader."""
+    if not metrics:
+        return "land and currents; no route was found"
+    way = f", {metrics[0].way}," if metrics[0].way else ""
+    return (
+        f"the best route{way} of {text.distance(metrics[0].length_m)} and "
+        f"{len(metrics) - 1} other routes among land and currents"
+    )
+
+
+def _current(result: RunResult, season: str) -> str:
+    """Name of the source of a season's current."""
+    for grid in result.fetched.currents:
+        if grid.season == season:
+            return grid.credit.name
+    return "given in the scenario" if season in result.scene.currents else "none found"
+
+
+def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
+    """Compare each route's fuel with the best route's, with still water and the shortest way."""
+    if not metrics:
+        return ()
+    vessel = result.scene.vessel
+    excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
+    largest = max(abs(e) for e in excesses)
+    shortest = min(metrics, key=lambda row: row.length_m)
+    return tuple(
+        Row(
+            row,
+            excess,
+            100 * abs(excess) / largest if largest > 0 else 0.0,
+            row.fuel_per_distance * vessel.speed / vessel.fuel_rate,
+            row.fuel / shortest.fuel,
+        )
+        for row, excess in zip(metrics, excesses, strict=True)
+    )
+
+
+def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
+    """Group the rejected classes by reason, in order of first appearance."""
+    groups: dict[str, list[Rejected]] = {}
+    for rejected in entry.plan.rejected if entry.plan else ():
+        groups.setdefault(result.rejection_reason(entry.season, rejected), []).append(rejected)
+    return tuple(
+        RejectedGroup(
+            reason,
+            tuple(r.homotopy for r in group),
+            min(r.unpadded_fuel for r in group),
+            _place(result, group[0]),
+        )
+        for reason, group in groups.items()
+    )
+
+
+def _place(result: RunResult, rejected: Rejected) -> str:
+    """The middle of the places that a reason names, for the map; empty if it names none."""
+    named: list[FloatArray] = []
+
+    def noted(place: FloatArray) -> str:
+        named.append(np.asarray(place, dtype=float))
+        return ""
+
+    rejected.located_reason(noted)
+    return place_on_map(result, np.mean(named, axis=0)) if named else ""
+
+
+def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
+    """Warnings about the best route: its start and goal, and areas that it passes through."""
+    remarks = []
+    ends = [
+        name
+        for name, inside in (
+            ("start", best.route.starts_in_soft_no_go),
+            ("goal", best.route.ends_in_soft_no_go),
+        )
+        if inside
+    ]
+    if ends:
+        remarks.append(
+            f"The {' and the '.join(ends)} lie{'s' if len(ends) == 1 else ''} in the soft no-go "
+            "zone, as harbours do; inside it, a hard-over turn is not guaranteed to be safe."
+        )
+    if best.metrics.land_m > 0:
+        remarks.append(
+            f"{text.distance(best.metrics.land_m)} of the route lies over land, the most at "
+            f"{text.place(best.metrics.land_lon, best.metrics.land_lat)}."
+        )
+    path = shapely.LineString(best.route.path)
+    crossed = dict.fromkeys(
+        text.zone_text(zone) for zone, area in result.open_zones if area.intersects(path)
+    )
+    if crossed:
+        remarks.append(
+            f"The route runs through restricted areas or traffic schemes: {'; '.join(crossed)}."
+        )
+    return tuple(remarks)

@@ -1,0 +1,259 @@
+"""The page's sentences on a season: why this way, how sure that is, how safe it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.formats.shared.text import (
+    clearance,
+    count,
+    distance,
+    gap_text,
+    number,
+    percent,
+    speed_over_ground,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
+
+# Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
+_SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
+# Mean speed of the current, as a share of the vessel's, below which there is none to speak of, if
+# no route gains or loses as much by it either.
+_NO_CURRENT = 0.01
+
+
+@dataclass(frozen=True)
+class Season:
+    """What a season's sentences are made from.
+
+    `routes` are best first, at least one; `vessel_speed` is through water, m/s, and `current_speed`
+    the current's in the mean over the water. `gap` says what the best one's optimality gap is made
+    of, `worth` what it saves by knowing how the current changes, and `sides` how little fuel the
+    other sides can need, where that is known.
+    """
+
+    routes: Sequence[RouteMetrics]
+    vessel_speed: float
+    current_speed: float = math.inf
+    gap: GapShares | None = None
+    worth: ClockWorth | None = None
+    sides: SideBound | None = None
+
+    @property
+    def best(self) -> RouteMetrics:
+        """The route to take."""
+        return self.routes[0]
+
+    @property
+    def rival(self) -> RouteMetrics | None:
+        """Route to compare the best with: the best by another passage, else the next best.
+
+        None if there is only one.
+        """
+        others = self.routes[1:]
+        by_another = (r for r in others if r.main_passage != self.best.main_passage)
+        return next(by_another, others[0] if others else None)
+
+    @property
+    def is_still(self) -> bool:
+        """Whether there is no current to speak of."""
+        gains = [abs(_gain(route, self.vessel_speed)) for route in self.routes]
+        return max([self.current_speed, *gains]) < _NO_CURRENT * self.vessel_speed
+
+    def because(self) -> str:
+        """Say in one sentence why the best route is the one to take."""
+        rival = self.rival
+        if rival is None:
+            return "because no other class has a route."
+        if self.is_still:
+            return (
+                f"because there is no current to speak of ({self.current_speed:.3f} m/s in the "
+                f"mean), and {self._shorter(rival)}."
+            )
+        if self.best.fuel > rival.fuel:  # the sampled method
+            return "because the mean fuel of its class is the least, though not its own."
+        ours, theirs = (_gain(route, self.vessel_speed) for route in (self.best, rival))
+        helped = f"the current adds {_signed(ours)} m/s to its speed, {_signed(theirs)} m/s there"
+        if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
+            more = distance(self.best.length_m - rival.length_m)
+            return f"because {helped}: that outweighs {more} more."
+        if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
+            return f"because {helped}, over the same distance."
+        but = "and" if ours >= theirs else "which outweighs that"
+        return f"because {self._shorter(rival)}, {but} {helped}."
+
+    def lead(self) -> str:
+        """Say how much more fuel the closest rival needs; empty where it needs no more."""
+        rival = self.rival
+        if rival is None or rival.fuel <= self.best.fuel:
+            return ""
+        more = percent(rival.fuel / self.best.fuel - 1)
+        return f"{_capital(self._rival_name(rival))} needs {more} more fuel"
+
+    def certainty(self) -> str:
+        """Say whether the choice of side is proven; empty where there is none to make."""
+        rival = self.rival
+        if rival is None or rival.main_passage == self.best.main_passage:
+            return ""
+        if self.sides is not None and self.sides.fuel > self.best.fuel:
+            least = percent(self.sides.fuel / self.best.fuel - 1)
+            return f"The side is proven: any way on the other needs at least {least} more fuel."
+        if self.sides is not None:
+            return (
+                "The side is not proven: of the other it is only known that no way there saves "
+                f"more than {percent(1 - self.sides.fuel / self.best.fuel)}."
+            )
+        if not math.isfinite(self.best.optimality_gap):
+            return "The side is not proven: the fuel of the other has no lower bound."
+        saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
+        return (
+            "The side is not proven: it is only known that no way at all saves more than "
+            f"{percent(saved)}."
+        )
+
+    def verdict(self) -> tuple[str, ...]:
+        """Explain why the best route was chosen, how sure that is, and how safe it is."""
+        best, others = self.best, self.routes[1:]
+        sentences = [self._comparison(self.rival)] if self.rival else []
+        if not others:
+            sentences.append("It is the only class that has a route.")
+        if certain := self.certainty():
+            sentences.append(certain)
+        shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
+        if shorter:
+            shortest = min(shorter, key=lambda r: r.length_m)
+            sentences.append(
+                f"{count(len(shorter), 'class is', 'classes are')} shorter; the shortest (rank "
+                f"{shortest.rank}) saves {distance(best.length_m - shortest.length_m)} and needs "
+                f"{_difference(shortest.fuel, best.fuel)} fuel."
+            )
+        elif others:
+            sentences.append("It is also the shortest route found.")
+        sentences.append(_safety(best))
+        if self.gap is not None:
+            sentences.append(gap_text(self.gap))
+        if self.worth is not None:
+            sentences.append(clock_text(self.worth))
+        return tuple(sentences)
+
+    def _rival_name(self, rival: RouteMetrics) -> str:
+        """What the rival is called."""
+        if rival.main_passage != self.best.main_passage:
+            return f"the best way {rival.main_passage}"
+        return "the next best route"
+
+    def _shorter(self, rival: RouteMetrics) -> str:
+        """Say how the best route's length compares with its rival's."""
+        less = rival.length_m - self.best.length_m
+        if abs(less) <= _SAME_LENGTH * self.best.length_m:
+            return f"it is as long as {self._rival_name(rival)}"
+        side = "shorter" if less > 0 else "longer"
+        return f"it is {distance(abs(less))} {side} than {self._rival_name(rival)}"
+
+    def _comparison(self, rival: RouteMetrics) -> str:
+        """Compare two routes: fuel, length, and the current's effect on each."""
+        best = self.best
+        other = self._rival_name(rival)
+        is_other_side = rival.main_passage != best.main_passage
+        name = f"The way {best.main_passage}" if is_other_side else "The best route"
+        more = rival.fuel / best.fuel - 1
+        if more >= 0:
+            fuel = f"needs the least fuel: {other} (rank {rival.rank}) needs {percent(more)} more"
+        else:  # the sampled method chooses by the mean of each class
+            fuel = (
+                f"was chosen over {other} (rank {rival.rank}) by the mean fuel of its class, "
+                f"although that needs {percent(-more)} less fuel"
+            )
+        longer = best.length_m - rival.length_m
+        if abs(longer) < _SAME_LENGTH * best.length_m:
+            length = "over the same distance"
+        elif longer > 0:
+            length = f"although it is {distance(longer)} shorter"
+        else:
+            length = f"and is {distance(-longer)} longer"
+        ours, theirs = speed_over_ground(best), speed_over_ground(rival)
+        if not (math.isfinite(ours) and math.isfinite(theirs)):
+            return f"{name} {fuel}, {length}."
+        gains = _signed(ours - self.vessel_speed), _signed(theirs - self.vessel_speed)
+        if f"{ours:.2f}" == f"{theirs:.2f}":
+            speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
+        else:
+            speeds = (
+                f"the best averages {ours:.2f} m/s over ground ({gains[0]} m/s from the current), "
+                f"the other {theirs:.2f} m/s ({gains[1]} m/s)"
+            )
+        return f"{name} {fuel}, {length}: {speeds}."
+
+
+def clock_text(worth: ClockWorth) -> str:
+    """Say in a sentence what it is worth to know how the current changes."""
+    others = ", ".join(
+        f"{name} {_sailed(fuel, worth.best)}"
+        for name, fuel in (
+            ("the plan on the current at departure", worth.frozen),
+            ("the plan on its mean over the voyage", worth.mean),
+            ("the shortest safe path", worth.shortest),
+        )
+    )
+    return (
+        f"Sailed in the changing current from the same departure on, {others}. No route at all "
+        f"saves more than {percent(1 - worth.bound / worth.best)}."
+    )
+
+
+def _sailed(fuel: float, best: float) -> str:
+    """Say what a plan needs when it is sailed, against the best route."""
+    if not math.isfinite(fuel):
+        return "can't be sailed"
+    if abs(fuel / best - 1) < _SAME_FUEL:
+        return "needs as much fuel as this route"
+    return f"needs {_difference(fuel, best)} fuel than this route"
+
+
+def _safety(best: RouteMetrics) -> str:
+    """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
+    safe = (
+        f"It keeps at least {clearance(best.clearance_m)} from land"
+        if best.has_land
+        else "There is no land to keep clear of"
+    )
+    if best.collisions:
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
+    elif best.has_land:
+        safe += f"; none of {best.trials:,} simulated hard-over turns met land"
+    gap = ""
+    if math.isfinite(best.optimality_gap):
+        bound = best.fuel / (1 + best.optimality_gap)
+        gap = (
+            f". No route of any class, however close to land, can need less fuel than "
+            f"{number(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
+        )
+    return f"{safe}{gap}."
+
+
+def _gain(route: RouteMetrics, vessel_speed: float) -> float:
+    """Mean speed that the current adds, m/s; 0 where a route has no duration."""
+    gain = speed_over_ground(route) - vessel_speed
+    return gain if math.isfinite(gain) else 0.0
+
+
+def _capital(text: str) -> str:
+    """Begin a text with a capital."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _difference(value: float, than: float) -> str:
+    """Format a value's difference as a share: 3.1 % more."""
+    share = value / than - 1
+    return f"{percent(abs(share))} {'more' if share >= 0 else 'less'}"
+
+
+def _signed(value: float) -> str:
+    """Format a number with its sign, to two decimals."""
+    return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,92 @@
+"""A small picture of the way on a season's card: land, the best route, and its rival dashed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.report.live_map.encode import coarser, within
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Longer side, in units of the picture, and size of its details, as a share of that side.
+_SIDE, _DETAIL = 100.0, 0.006
+_MAX_VERTICES = 900
+# Ratio of the sides beyond which a chart is cropped around its routes.
+_MAX_RATIO = 1.6
+
+
+def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> str:
+    """An `<svg>` element; its colours are the page's, the first of the routes is in the season's.
+
+    `label` says what it shows, escaped here.
+    """
+    from markupsafe import escape
+
+    frame = _frame(result, shown)
+    xmin, ymin, xmax, ymax = frame
+    scale = _SIDE / max(xmax - xmin, ymax - ymin)
+
+    def placed(points: FloatArray) -> FloatArray:
+        return np.round((points - [xmin, ymax]) * [scale, -scale], 1)
+
+    box = shapely.intersection(result.scene.chart.extent, shapely.box(*frame))
+    land = within(np.array(result.scene.land, dtype=object), box)
+    land = coarser(land, _DETAIL * max(xmax - xmin, ymax - ymin), _MAX_VERTICES)
+    rings = shapely.get_rings(shapely.get_parts(land))
+    coast = "".join(_line(placed(shapely.get_coordinates(ring)[:-1])) + "Z" for ring in rings)
+    detail = _DETAIL * max(xmax - xmin, ymax - ymin) / 2
+    routes = [
+        _line(
+            placed(
+                shapely.get_coordinates(
+                    shapely.simplify(shapely.LineString(one.route.path), detail)
+                )
+            )
+        )
+        for one in shown
+    ]
+    water = _line(placed(shapely.get_coordinates(box)[:-1])) + "Z"
+    start, goal = placed(result.scene.start), placed(result.scene.goal)
+    width, height = scale * (xmax - xmin), scale * (ymax - ymin)
+    classes = ("way", "rival")
+    return (
+        f'<svg class="thumbnail" viewBox="0 0 {width:.1f} {height:.1f}" role="img" '
+        f'aria-label="{escape(label)}"><path class="sea" d="{water}"/><path class="shore" '
+        f'd="{coast}"/>'
+        + "".join(
+            f'<path class="{name}" d="{route}"/>'
+            for name, route in reversed([*zip(classes, routes, strict=False)])
+        )
+        + f'<circle cx="{start[0]:g}" cy="{start[1]:g}" r="3"/>'
+        f'<path class="goal" d="M{goal[0]:g} {goal[1] - 4:g}l4 4-4 4-4-4Z"/></svg>'
+    )
+
+
+def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
+    """The chart's bounds, cropped along a side that is much the longer where no route needs it."""
+    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
+    low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
+    if shown:
+        bounds = np.array(paths.bounds)
+        size = high - low
+        most = np.minimum(size, _MAX_RATIO * size.min())
+        middle = (bounds[:2] + bounds[2:]) / 2
+        half = np.maximum(most, 1.2 * (bounds[2:] - bounds[:2])) / 2
+        low, high = np.maximum(low, middle - half), np.minimum(high, middle + half)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _line(points: FloatArray) -> str:
+    """Points (n, 2) as the data of a path."""
+    return "M" + "L".join(f"{x:g} {y:g}" for x, y in points)
