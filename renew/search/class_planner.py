@@ -19,6 +19,7 @@ from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
+from renew.kernels.current_table import velocities
 from renew.kernels.ground_speed import Polar
 from renew.padding.padding_model import PaddingModel, region_of
 from renew.padding.passage_windows import passage_windows
@@ -256,16 +257,26 @@ class ClassPlanner:
     def _least_fuel_path_near_first(self, corridor: Corridor) -> tuple[Corridor, FloatArray]:
         """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
 
-        Where that comes so close to land that it needs more padding, which then stays, the path
-        near the best one within the channel is taken if it needs less fuel.
+        Where that comes so close to land that it needs more padding, which then stays, or where
+        tacking pays, the path near the best one within the channel is taken if it needs less fuel.
         """
         near = self._least_fuel_path(corridor, near_first)
-        if near[0].padded is corridor.padded:
+        if near[0].padded is corridor.padded and not self._pays_tacking(*near):
             return near
         with contextlib.suppress(InfeasibleError):
             bulging = self._least_fuel_path(corridor, _bulging)
             return min(near, bulging, key=lambda found: self.problem.voyage.fuel(found[1]))
         return near
+
+    def _pays_tacking(self, corridor: Corridor, path: FloatArray) -> bool:
+        """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): against more than v/2."""
+        if corridor.polar.crab:
+            return False
+        legs, voyage = np.diff(path, axis=0), self.problem.voyage
+        times = voyage.reading_times(path)[:-1]
+        velocity = velocities(voyage.table, path[:-1] + legs / 2, times)
+        along = (velocity * legs).sum(axis=1) / np.linalg.norm(legs, axis=1)
+        return bool((along < -voyage.vessel.speed / 2).any())
 
     def _least_fuel_path(
         self, corridor: Corridor, way: Callable[[Corridor], FloatArray]

@@ -12,6 +12,7 @@ import shapely
 from shapely import Polygon, box
 
 import renew
+from tests.published import ABLATION
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -171,3 +172,13 @@ def test_more_classes_keep_the_routes_of_fewer() -> None:
         for k in (2, 6)
     )
     assert few.items() <= many.items()
+
+
+def test_against_a_strong_current_eq_4_as_published_is_best_sailed_on_tacks() -> None:
+    # Due north against 0.8 v: northwards at (v - 0.8 v cos θ) cos θ, at most 5/16 v where
+    # cos θ = 5/8; the island is passed on a tack.
+    case = ABLATION[3]
+    plan = case.plan()
+    assert len(plan.routes) == 2
+    for route in plan.routes:
+        assert route.fuel == pytest.approx(80 / (5 / 16), rel=1e-3)
