@@ -131,7 +131,7 @@ def test_the_next_departures_path_is_sailed_where_it_arrives_earlier() -> None:
     policy = PaddingPolicy("adaptive", clearance=0.0, risk=0.05, seed=0)
     planner = ClassPlanner(problem, policy, PathMethod("optimal", samples=1, seed=0))
     sailings = Sailings(planner, classes=4)
-    early, late = sailings.sailing(0.0), sailings.sailing(5.0)
+    early, late = sailings.sailing(0.0), sailings.sailing(1.0)
     assert early.found is not None
     poor = replace(early, found=early.found._replace(fuel=early.found.fuel + 100.0))
     better, same = in_order_of_arrival([poor, late])
