@@ -60,6 +60,7 @@ def plan(
     risk_at: RiskAt = "route",
     departure: float = 0.0,
     lateness: float = 0.05,
+    min_lateness: float = 0.0,
     arrive_by: float | None = None,
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
@@ -104,6 +105,8 @@ def plan(
     lateness : float
         Share of the time since departure by which the vessel may be early or late anywhere: with
         adaptive padding it can turn away at all these times. Of no effect in a steady current.
+    min_lateness : float
+        Time (s) by which it may be early or late at least, but not before the departure.
     arrive_by : float, optional
         Leave as late as will do to be at the goal by this time (s), on the same clock, and not
         before `departure`.
@@ -141,6 +144,7 @@ def plan(
         order=order,
         risk_at=risk_at,
         lateness=lateness,
+        min_lateness=min_lateness,
     )
     check_options(**options, departure=departure, arrive_by=arrive_by)
     planner = _planner(chart, current, vessel, start, goal, departure, options)
@@ -254,6 +258,7 @@ def _planner(
         options["drift"],
         float(departure),
         float(options["lateness"]),
+        float(options["min_lateness"]),
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(

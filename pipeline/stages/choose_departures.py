@@ -19,6 +19,7 @@ from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import dated
 from pipeline.model import DepartureChoice
 from pipeline.scenario.interval import interval
+from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.storage.store import artefact_key
 
 if TYPE_CHECKING:
@@ -93,7 +94,10 @@ def _choice(
     scene: Scene, season: Season, options: PlannerOptions, say: Callable[[str], None]
 ) -> DepartureChoice:
     """Plan a season's departures."""
-    asked = options.model_dump() | {"clearance": options.clearance or 0.0}
+    asked = options.model_dump() | {
+        "clearance": options.clearance or 0.0,
+        "min_lateness": MIN_LATENESS_S,
+    }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
     first = scene.departures[season.name]
     if season.arrive_by is not None:

@@ -13,6 +13,7 @@ import renew
 from pipeline.geo.known_cells import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
+from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.second_shoreline import SecondShoreline
 from renew.turns.reach_bound import TurnReach
 
@@ -154,6 +155,7 @@ class _RouteEvaluator:
             seed=self._seed,
             drift=self._drift,
             lateness=self._lateness,
+            min_lateness=MIN_LATENESS_S,
         )
 
     def _clearance_m(self, line: shapely.LineString) -> float:

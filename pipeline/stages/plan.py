@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from pipeline.model import Scene
     from pipeline.scenario.model import PlannerOptions
 
+MIN_LATENESS_S = 3600.0
+"""Time by which a vessel may be early or late at least, in currents that change."""
+
 # What the planner says of a class that would arrive after the end of the currents.
 KNOWN_UNTIL = "the current is known until"
 
@@ -29,6 +32,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             scene.goal,
             # A run chooses the clearance for a chart before; a plane's is 0 where it is left out.
             **{**options.model_dump(), "clearance": options.clearance or 0.0},
+            min_lateness=MIN_LATENESS_S,
         )
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())

@@ -43,6 +43,7 @@ class PlanOptions(TypedDict, total=False):
     order: Order
     risk_at: RiskAt
     lateness: float
+    min_lateness: float
 
 
 MAX_CLASSES, MAX_SAMPLES, MAX_SEED = 10_000, 1_000_000, 2**63 - 1
@@ -70,6 +71,7 @@ def check_options(
     risk_at: object,
     departure: object,
     lateness: object,
+    min_lateness: object,
     arrive_by: object = None,
     to_within: object = None,
 ) -> None:
@@ -107,6 +109,8 @@ def check_options(
     ]
     if not (_is_number(lateness) and 0 <= lateness < 1):
         faults.append(f"lateness = {lateness!r} must be a share of at least 0 and below 1")
+    if not _is_length(min_lateness):
+        faults.append(f"min_lateness = {min_lateness!r} s must be finite and at least 0")
     faults += _time_faults(departure, arrive_by, to_within)
     if arrive_by is not None and method == "sampled":
         faults.append("arrive_by needs method = 'optimal', not 'sampled'")

@@ -13,6 +13,7 @@ from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
 from renew.inputs.fuel import Drift, fuel, passage_times
+from renew.inputs.punctuality import early_and_late
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import Table
 from renew.kernels.ground_speed import Polar
@@ -28,7 +29,7 @@ class Voyage:
     """A passage from `start` to `goal` (2,), m, by a drift model of Eq. 4.
 
     It begins at `departure` (s), on the clock of a current that changes, and may be early or late
-    by a share `lateness` of the time under way.
+    by a share `lateness` of the time under way, and at least by `min_lateness` (s).
     """
 
     chart: Chart
@@ -39,6 +40,7 @@ class Voyage:
     drift: Drift
     departure: float = 0.0
     lateness: float = 0.0
+    min_lateness: float = 0.0
 
     @cached_property
     def table(self) -> Table:
@@ -77,6 +79,10 @@ class Voyage:
     def polar(self) -> Polar:
         """Speed and drift model, for kernels."""
         return Polar(self.vessel.speed, self.drift == "crab")
+
+    def early_and_late(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s."""
+        return early_and_late(times, self.departure, self.lateness, self.min_lateness)
 
     def fuel(self, path: FloatArray) -> float:
         """Fuel by Eq. 4 along a path (n, 2); inf where no way can be made."""

@@ -29,6 +29,5 @@ def passage_windows(
     places = shapely.points(np.stack([enter, leave], axis=1))
     times = np.interp(shapely.line_locate_point(line, places), passed, voyage.reading_times(points))
     begin, end = times.min(axis=1), times.max(axis=1)
-    begin -= voyage.lateness * (begin - voyage.departure)
-    end += voyage.lateness * (end - voyage.departure) + voyage.vessel.turn_period
-    return np.stack([begin, end], axis=1)
+    (early, _), (_, late) = voyage.early_and_late(begin), voyage.early_and_late(end)
+    return np.stack([early, late + voyage.vessel.turn_period], axis=1)

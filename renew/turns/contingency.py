@@ -27,6 +27,7 @@ from renew.inputs.current import (
     sample_statistics,
 )
 from renew.inputs.fuel import Drift, ground_speed, reading_times
+from renew.inputs.punctuality import early_and_late
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import Table, velocity
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
@@ -77,6 +78,7 @@ def contingency(
     seed: int = 0,
     departure: float | None = None,
     lateness: float = 0.05,
+    min_lateness: float = 0.0,
     drift: Drift = "projected",
 ) -> Contingency:
     """Fly a full hard-over turn to both sides from points along a route.
@@ -103,6 +105,8 @@ def contingency(
         planned, or at 0.
     lateness : float
         Share of the time since departure by which the vessel may be early or late.
+    min_lateness : float
+        Time (s) by which it may be so at least.
     drift : {"projected", "crab"}
         Drift model by which the time of passage is reckoned.
 
@@ -120,12 +124,17 @@ def contingency(
         raise ParameterError(f"spacing = {spacing!r} m must be finite and above 0")
     if not 0 <= lateness < 1:
         raise ParameterError(f"lateness = {lateness!r} must be at least 0 and below 1")
+    if not 0 <= min_lateness < math.inf:
+        raise ParameterError(f"min_lateness = {min_lateness!r} s must be finite and at least 0")
     field, path = as_field(current), np.asarray(route.path, dtype=float)
     if departure is None:
         departure = float(getattr(route, "times", np.zeros(1))[0])
     points, course = stations(path, spacing)
     times = reading_times(points, field, vessel, drift=drift, departure=departure)
-    delays = (0.0,) if field.is_steady else (-lateness, 0.0, lateness)
+    passed: tuple[FloatArray, ...] = (times,)
+    if not field.is_steady:
+        early, late = early_and_late(times, departure, lateness, min_lateness)
+        passed = (early, times, late)
     # Only turns within reach of land can touch it; the others are counted without being flown.
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
@@ -135,13 +144,12 @@ def contingency(
         near[np.unique(found[0])] = True
     hits = np.zeros(len(points), dtype=np.int64)
     deviations = _drawn_deviations(len(points), seed)
-    for delay in delays:
-        begin = times[near] + delay * (times[near] - departure)
-        turns = fly_turns(points[near], course[near], field, vessel, deviations[near], begin)
+    for begin in passed:
+        turns = fly_turns(points[near], course[near], field, vessel, deviations[near], begin[near])
         if chart.no_go and near.any():
             hits[near] += _touching(turns, tree).sum(axis=1)
     return Contingency(
-        trials=2 * (1 + _DRAWS) * len(points) * len(delays),
+        trials=2 * (1 + _DRAWS) * len(points) * len(passed),
         collisions=int(hits.sum()),
         points=points,
         collided=hits > 0,

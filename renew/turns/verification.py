@@ -91,8 +91,8 @@ def passed_stations(
     times = voyage.reading_times(points)
     if voyage.current.is_steady:
         return points, course, times
-    delays = voyage.lateness * np.array([-1.0, 0.0, 1.0])
-    begin = times[:, None] + delays * (times - voyage.departure)[:, None]
+    early, late = voyage.early_and_late(times)
+    begin = np.stack([early, times, late], axis=1)
     return np.repeat(points, 3, axis=0), np.repeat(course, 3), begin.ravel()
 
 

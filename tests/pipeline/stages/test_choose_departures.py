@@ -163,6 +163,7 @@ def test_the_choice_is_of_what_renew_plans(result: Any, tmp_path: Path) -> None:
             result.scene.start,
             result.scene.goal,
             departure=at,
+            min_lateness=3600.0,
             **options.model_dump(),
         )
         assert plan.best.fuel == pytest.approx(fuel, rel=2e-3)
