@@ -23,7 +23,7 @@ from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pipeline.formats.gis.layers import Layer
+    from pipeline.formats.gis.columns import Layer
     from pipeline.formats.gis.map_crs import MapCrs, ReferenceSystem
     from pipeline.formats.gis.view import SeasonView, View
     from pipeline.formats.shared.result import RunResult
@@ -32,13 +32,15 @@ if TYPE_CHECKING:
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
-    *("islands", "waypoints", "routes", "contingency"),
-    *("no_go", "soft_no_go", "channels", "currents"),
+    *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+    *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {
-    "waypoints": True,
+    "passage": True,
     "routes": True,
+    "legs": True,
+    "path_points": False,
     "contingency": False,
     "channels": False,
     "soft_no_go": True,
@@ -109,6 +111,7 @@ def _document(
     parent = etree.SubElement(root, "projectlayers")
     for layer in layers:
         _put_layer(parent, layer, result, columns[layer.layer.name], file_name)
+    _put_relations(root, layers)
     _put_themes(root, layers, view)
     _put_properties(root, result)
     _put_metadata(root, result, title)
@@ -214,6 +217,24 @@ def _put_canvas(root: Element, crs: MapCrs) -> None:
     _put_system(full, crs.system)
     etree.SubElement(canvas, "rotation").text = "0"
     _put_system(etree.SubElement(canvas, "destinationsrs"), crs.system)
+
+
+def _put_relations(root: Element, layers: Sequence[_ProjectLayer]) -> None:
+    """Relate waypoints and legs to their route, whose form then lists them."""
+    relations = etree.SubElement(root, "relations")
+    for one in layers:
+        if one.layer.name not in {"passage", "legs"} or one.season is None:
+            continue
+        relation = etree.SubElement(
+            relations,
+            "relation",
+            id=f"{one.identity}_of_route",
+            name=one.layer.title,
+            strength="Association",
+            referencingLayer=one.identity,
+            referencedLayer=replace(one, layer=_LAYERS["routes"]).identity,
+        )
+        etree.SubElement(relation, "fieldRef", referencingField="rank", referencedField="rank")
 
 
 def _put_themes(root: Element, layers: Sequence[_ProjectLayer], view: View) -> None:
