@@ -16,6 +16,7 @@ from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layout import put_layouts
 from pipeline.formats.gis.map_crs import lonlat_system, map_crs
 from pipeline.formats.gis.styles import style
 from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
@@ -113,7 +114,8 @@ def _document(
         _put_layer(parent, layer, result, columns[layer.layer.name], file_name)
     _put_relations(root, layers)
     _put_themes(root, layers, view)
-    _put_properties(root, result)
+    put_layouts(root, crs, title, _credits(result))
+    _put_properties(root, result, title)
     _put_metadata(root, result, title)
     document: bytes = etree.tostring(
         root,
@@ -249,8 +251,8 @@ def _put_themes(root: Element, layers: Sequence[_ProjectLayer], view: View) -> N
                 etree.SubElement(theme, "layer", id=one.identity, style="default", visible="1")
 
 
-def _put_properties(root: Element, result: RunResult) -> None:
-    """Set the colour of the water, and show the credits on the map."""
+def _put_properties(root: Element, result: RunResult, title: str) -> None:
+    """Set the colour of the water, and show title, scale and small credits on the map."""
     properties = etree.SubElement(root, "properties")
     gui = etree.SubElement(properties, "Gui")
     for name, value in zip(
@@ -261,9 +263,15 @@ def _put_properties(root: Element, result: RunResult) -> None:
     etree.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"
     paths = etree.SubElement(properties, "Paths")
     etree.SubElement(paths, "Absolute", type="bool").text = "false"
-    label = etree.SubElement(properties, "CopyrightLabel")
-    etree.SubElement(label, "Enabled", type="bool").text = "true"
-    etree.SubElement(label, "Label", type="QString").text = _credits(result)
+    shown = ("TitleLabel", title, 14), ("CopyrightLabel", _credits(result), 7)
+    for decoration, text, size_pt in shown:
+        label = etree.SubElement(properties, decoration)
+        etree.SubElement(label, "Enabled", type="bool").text = "true"
+        etree.SubElement(label, "Label", type="QString").text = text
+        font = f'<text-style fontSize="{size_pt}" fontSizeUnit="Point" textColor="38,50,60,255"/>'
+        etree.SubElement(label, "Font", type="QString").text = font
+    scale = etree.SubElement(properties, "ScaleBar")
+    etree.SubElement(scale, "Enabled", type="bool").text = "true"
     measure = etree.SubElement(properties, "Measure")
     etree.SubElement(measure, "Ellipsoid", type="QString").text = "EPSG:7030"
 
