@@ -28,12 +28,13 @@ class Credit:
 class Zone:
     """An area of a chart to be shown on maps (lon/lat degrees).
 
-    A `shoal` is too shallow for the vessel, an `uncharted` area is covered by no source: both are
-    no-go, and so also among the polygons of their Land. A `restricted` area and a `traffic` scheme
-    may be entered; `rule` is what the chart prescribes there for a passing vessel, if anything.
+    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
+    area is covered by no source: all are no-go, and so also among the polygons of their Land. A
+    `restricted` area and a `traffic` scheme may be entered; `rule` is what the chart prescribes
+    there for a passing vessel, if anything.
     """
 
-    kind: Literal["shoal", "uncharted", "restricted", "traffic"]
+    kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic"]
     name: str
     rule: str
     area: BaseGeometry

@@ -124,6 +124,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     """Return a run's files by name, and the function that writes each."""
     from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
+    from pipeline.formats.paper.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
     from pipeline.formats.tables.metrics import write_metrics
     from pipeline.formats.tables.scenario_file import write_scenario
@@ -137,6 +138,8 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
     if exchange.can_write(result):
+        if result.routes:
+            formats["passage-plan.pdf"] = write_passage_plan
         for season in result.scenario.seasons:
             if result.season_routes(season.name):
                 formats |= _season_formats(result.scenario, season)
@@ -157,11 +160,11 @@ def season_stem(scenario: str, season: str) -> str:
 
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of a season that has routes, for navigation devices."""
-    from pipeline.formats.exchange.geojson import write_geojson
     from pipeline.formats.exchange.gpx import write_gpx
     from pipeline.formats.exchange.kml import write_kml
     from pipeline.formats.exchange.missions import write_mission, write_plan
     from pipeline.formats.exchange.rtz import write_rtz
+    from pipeline.formats.gis.geojson import write_geojson
 
     name, departure, version = season.name, season.departure, scenario.outputs.rtz_version
 

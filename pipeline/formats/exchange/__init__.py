@@ -1,4 +1,4 @@
-"""Routes for an ECDIS, a plotter or a phone: RTZ, GPX and GeoJSON with the same waypoints."""
+"""Routes for an ECDIS, a plotter, a vehicle: RTZ, GPX, KML and missions with the same waypoints."""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lxml import etree
 
-from pipeline.formats.exchange.geojson import split_at_antimeridian
 from pipeline.formats.exchange.text import (
     attribution,
     document_title,
@@ -23,6 +22,7 @@ from pipeline.formats.exchange.text import (
 )
 from pipeline.formats.exchange.tracks import tracks
 from pipeline.formats.exchange.waypoints import both_sides
+from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.text import route_summary
 from pipeline.formats.shared.xml_text import xml_text

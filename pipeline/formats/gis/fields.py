@@ -41,7 +41,11 @@ FIELDS = {
     "trials": Field("Hard-over turns", "Hard-over turns simulated along the route"),
     "collisions": Field("Collisions", "Hard-over turns that met land"),
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
-    "name": Field("Name", "Of the island in the chart; empty where it has none"),
+    "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
+    "kind": Field(
+        "Kind", "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered"
+    ),
+    "rule": Field("Rule", "What the chart says or prescribes there"),
     "filled_share": Field(
         "Current filled (share)",
         "Share of the length in cells where the current's source has no figure: it was filled from "
@@ -51,13 +55,16 @@ FIELDS = {
         "Depth uncharted (share)",
         "Share of the length where no depth is charted; empty for a chart without depths",
     ),
-    "sequence": Field("Number", "Number of the waypoint in the route; 1 is the start"),
+    "sequence": Field("Number", "Of the point in the route, 1 is the start; of a leg, its begin's"),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
     "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),
     "time_s": Field("Time (s)", "Since departure, at true scale"),
     "speed_over_ground_m_s": Field(
         "Speed over ground (m/s)", "Mean of the leg that leaves here, current included"
     ),
+    "turn_radius_m": Field("Turning radius (m)", "At the waypoint; 0 at start and goal"),
+    "port_m": Field("Limit to port (m)", "Cross-track limit of the leg"),
+    "starboard_m": Field("Limit to starboard (m)", "Cross-track limit of the leg"),
     "rejected_because": Field("Rejected because", "Empty if the class has a route"),
     "triangles": Field("Triangles", "Number of triangles in the channel"),
     "vertices": Field("Vertices", "Number of vertices of the polygon"),

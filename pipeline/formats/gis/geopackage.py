@@ -1,4 +1,4 @@
-"""`routes.gpkg`: eight layers in lon/lat (EPSG:4326), GeoPackage 1.3.
+"""`routes.gpkg`: layers in lon/lat (EPSG:4326), GeoPackage 1.3.
 
 GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Straight lines
 of the plane are split into short pieces first, so that a GIS, which draws straight lines in

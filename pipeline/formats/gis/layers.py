@@ -1,51 +1,39 @@
-"""The eight layers of a run in lon/lat: names, descriptions and columns."""
+"""The layers of a run in lon/lat: names, descriptions and columns."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.legs import legs
+from pipeline.formats.gis.chart_layers import chart_areas, coast, hazards, islands, no_go
+from pipeline.formats.gis.columns import (
+    ROUTE_STEP_M,
+    ZONE_STEP_M,
+    Layer,
+    Table,
+    concatenated,
+    integer,
+    real,
+    route_key,
+    stack,
+    text,
+    to_lonlat,
+)
+from pipeline.formats.gis.passage_layers import legs, passage
+from pipeline.formats.shared.legs import legs as planned_legs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.formats.shared.result import RunResult
 
-# Maximum length, true metres, of a segment of a route. A straight line of the plane departs from
-# the straight line in degrees by s²/8R·tan(latitude): by 0.1 m at 10 degrees, 0.2 m at 70.
-_STEP_M = 2_000.0
-# The same for the edges of zones, which are no more accurate than the chart.
-_ZONE_STEP_M = 10_000.0
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.
 _MAX_TURNS = 2_000
-
-
-@dataclass(frozen=True)
-class Table:
-    """A layer's content: geometries, and columns of the same length in order."""
-
-    geometry: npt.NDArray[np.object_]
-    columns: Mapping[str, npt.NDArray[Any]]
-
-
-@dataclass(frozen=True)
-class Layer:
-    """A layer of the file: name, title and description for readers, and its content."""
-
-    name: str
-    title: str
-    description: str
-    geometry_type: str
-    table: Callable[[RunResult], Table]
 
 
 def _routes(result: RunResult) -> Table:
@@ -53,39 +41,39 @@ def _routes(result: RunResult) -> Table:
     ranked = result.routes
     metrics = [r.metrics for r in ranked]
     return Table(
-        _to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], _STEP_M),
+        to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M),
         {
-            **_route_key(ranked),
-            "homotopy": _text([m.homotopy for m in metrics]),
-            "way": _text([m.way for m in metrics]),
-            "fuel": _real([m.fuel for m in metrics]),
-            "fuel_per_distance": _real([m.fuel_per_distance for m in metrics]),
-            "length_m": _real([m.length_m for m in metrics]),
-            "clearance_m": _real([m.clearance_m for m in metrics]),
-            "duration_s": _real([m.duration_s for m in metrics]),
-            "optimality_gap": _real([m.optimality_gap for m in metrics]),
-            "trials": _integer([m.trials for m in metrics]),
-            "collisions": _integer([m.collisions for m in metrics]),
-            "filled_share": _real([m.filled_share for m in metrics]),
-            "uncharted_share": _real([m.uncharted_share for m in metrics]),
+            **route_key(ranked),
+            "homotopy": text([m.homotopy for m in metrics]),
+            "way": text([m.way for m in metrics]),
+            "fuel": real([m.fuel for m in metrics]),
+            "fuel_per_distance": real([m.fuel_per_distance for m in metrics]),
+            "length_m": real([m.length_m for m in metrics]),
+            "clearance_m": real([m.clearance_m for m in metrics]),
+            "duration_s": real([m.duration_s for m in metrics]),
+            "optimality_gap": real([m.optimality_gap for m in metrics]),
+            "trials": integer([m.trials for m in metrics]),
+            "collisions": integer([m.collisions for m in metrics]),
+            "filled_share": real([m.filled_share for m in metrics]),
+            "uncharted_share": real([m.uncharted_share for m in metrics]),
         },
     )
 
 
-def _waypoints(result: RunResult) -> Table:
+def _path_points(result: RunResult) -> Table:
     """Vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
-    tables = [legs(r, result) for r in ranked]
+    tables = [planned_legs(r, result) for r in ranked]
     counts = [len(t.lonlat) for t in tables]
     return Table(
-        shapely.points(_stack([t.lonlat for t in tables])),
+        shapely.points(stack([t.lonlat for t in tables])),
         {
-            **_route_key(ranked, counts),
-            "sequence": _integer(np.concatenate([[0], *(np.arange(1, n + 1) for n in counts)])[1:]),
-            "course_deg": _concatenated([t.course_deg for t in tables]),
-            "leg_length_m": _concatenated([t.length_m for t in tables]),
-            "time_s": _concatenated([t.time_s for t in tables]),
-            "speed_over_ground_m_s": _concatenated([t.speed_m_s for t in tables]),
+            **route_key(ranked, counts),
+            "sequence": integer(np.concatenate([[0], *(np.arange(1, n + 1) for n in counts)])[1:]),
+            "course_deg": concatenated([t.course_deg for t in tables]),
+            "leg_length_m": concatenated([t.length_m for t in tables]),
+            "time_s": concatenated([t.time_s for t in tables]),
+            "speed_over_ground_m_s": concatenated([t.speed_m_s for t in tables]),
         },
     )
 
@@ -107,36 +95,14 @@ def _channels(result: RunResult) -> Table:
         ]
     outlines = [_outline(triangles) for *_, triangles in rows]
     return Table(
-        _to_lonlat(result, outlines, _ZONE_STEP_M),
+        to_lonlat(result, outlines, ZONE_STEP_M),
         {
-            "season": _text([row[0] for row in rows]),
-            "rank": _integer([row[1] for row in rows]),
-            "homotopy": _text([row[2] for row in rows]),
-            "rejected_because": _text([row[3] for row in rows]),
-            "triangles": _integer([len(row[4]) for row in rows]),
+            "season": text([row[0] for row in rows]),
+            "rank": integer([row[1] for row in rows]),
+            "homotopy": text([row[2] for row in rows]),
+            "rejected_because": text([row[3] for row in rows]),
+            "triangles": integer([len(row[4]) for row in rows]),
         },
-    )
-
-
-def _islands(result: RunResult) -> Table:
-    """Points on the islands by which ways are told apart."""
-    islands = result.evaluation.islands
-    places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
-    return Table(
-        shapely.points(result.scene.projection.to_lonlat(places)),
-        {
-            "number": _integer([island.number for island in islands]),
-            "name": _text([island.name for island in islands]),
-        },
-    )
-
-
-def _no_go(result: RunResult) -> Table:
-    """Hard no-go zone, the same in every season."""
-    polygons = result.simplified.polygons
-    return Table(
-        _multi(polygons),
-        {"vertices": _integer([len(shapely.get_coordinates(p)) for p in polygons])},
     )
 
 
@@ -146,12 +112,12 @@ def _soft_no_go(result: RunResult) -> Table:
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
     return Table(
-        _to_lonlat(result, [r.route.soft_no_go for r in ranked], _ZONE_STEP_M),
+        to_lonlat(result, [r.route.soft_no_go for r in ranked], ZONE_STEP_M),
         {
-            **_route_key(ranked),
-            "homotopy": _text([r.metrics.homotopy for r in ranked]),
-            "padding_min_m": _real([p.min(initial=np.inf) for p in paddings]),
-            "padding_max_m": _real([p.max(initial=-np.inf) for p in paddings]),
+            **route_key(ranked),
+            "homotopy": text([r.metrics.homotopy for r in ranked]),
+            "padding_min_m": real([p.min(initial=np.inf) for p in paddings]),
+            "padding_max_m": real([p.max(initial=-np.inf) for p in paddings]),
         },
     )
 
@@ -160,18 +126,18 @@ def _currents(result: RunResult) -> Table:
     """Current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
-    velocity = _stack([v for _, v in samples])
+    velocity = stack([v for _, v in samples])
     u, v = velocity[:, 0], velocity[:, 1]
     return Table(
-        shapely.points(_stack([lonlat for lonlat, _ in samples])),
+        shapely.points(stack([lonlat for lonlat, _ in samples])),
         {
-            "season": _text(
+            "season": text(
                 [s for s, (at, _) in zip(seasons, samples, strict=True) for _ in range(len(at))]
             ),
-            "u": _real(u),
-            "v": _real(v),
-            "speed": _real(np.hypot(u, v)),
-            "direction": _real(np.degrees(np.arctan2(u, v)) % 360),
+            "u": real(u),
+            "v": real(v),
+            "speed": real(np.hypot(u, v)),
+            "direction": real(np.degrees(np.arctan2(u, v)) % 360),
         },
     )
 
@@ -184,9 +150,9 @@ def _contingency(result: RunResult) -> Table:
     points = [np.asarray(t.points)[chosen] for t, chosen in zip(turns, shown, strict=True)]
     collided = [np.asarray(t.collided)[chosen] for t, chosen in zip(turns, shown, strict=True)]
     return Table(
-        shapely.points(result.scene.projection.to_lonlat(_stack(points))),
+        shapely.points(result.scene.projection.to_lonlat(stack(points))),
         {
-            **_route_key(ranked, [len(p) for p in points]),
+            **route_key(ranked, [len(p) for p in points]),
             "collided": np.concatenate([np.empty(0, dtype=bool), *collided]),
         },
     )
@@ -197,6 +163,11 @@ def _shown(collided: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
     harmless = np.flatnonzero(~collided)
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
+
+
+def _outline(triangles: npt.NDArray[np.float64]) -> BaseGeometry:
+    """Merge triangles (n, 3, 2) into one area."""
+    return shapely.union_all(shapely.polygons(np.asarray(triangles, dtype=float)))
 
 
 LAYERS = (
@@ -211,12 +182,29 @@ LAYERS = (
         _routes,
     ),
     Layer(
-        "waypoints",
+        "passage",
         "Waypoints",
-        "Vertices of the routes, each with the leg that leaves it: course in degrees true, length "
-        "in metres, time since departure in seconds, speed over ground in m/s.",
+        "Waypoints of the routes, as in RTZ and GPX: few, and clear of the soft no-go zones; each "
+        "with the leg that leaves it: course in degrees true, length in metres, time since "
+        "departure in seconds, mean speed over ground in m/s.",
         "Point",
-        _waypoints,
+        passage,
+    ),
+    Layer(
+        "legs",
+        "Cross-track limits",
+        "The water beside each leg of a route within its cross-track limits, in which the vessel "
+        "can turn away everywhere; none where start or goal lie in the soft no-go zone.",
+        "MultiPolygon",
+        legs,
+    ),
+    Layer(
+        "path_points",
+        "Points of the planned path",
+        "Vertices of the routes as planned, each with the leg that leaves it: course in degrees "
+        "true, length in metres, time since departure in seconds, speed over ground in m/s.",
+        "Point",
+        _path_points,
     ),
     Layer(
         "channels",
@@ -231,14 +219,38 @@ LAYERS = (
         "Islands by which the ways of the routes are told apart: their numbers in homotopy "
         "classes, and their names in the chart, if it has any.",
         "Point",
-        _islands,
+        islands,
+    ),
+    Layer(
+        "coast",
+        "Land",
+        "Land as the source has it, before simplification.",
+        "MultiPolygon",
+        coast,
+    ),
+    Layer(
+        "hazards",
+        "Hazards",
+        "Rocks, wrecks, obstructions and marks of the chart in water that is deep enough, with the "
+        "room that is left around them: no-go.",
+        "MultiPolygon",
+        hazards,
+    ),
+    Layer(
+        "chart_areas",
+        "Areas of the chart",
+        "Water too shallow for the vessel and areas that no chart covers, both no-go; restricted "
+        "areas and traffic schemes, which may be entered.",
+        "MultiPolygon",
+        chart_areas,
     ),
     Layer(
         "no_go",
         "Hard no-go zone",
-        "Land as the planner uses it: simplified, and covering all of the source's land.",
+        "All that no route may enter, as the planner uses it: simplified, and covering all of the "
+        "source's land, shallow water and hazards.",
         "MultiPolygon",
-        _no_go,
+        no_go,
     ),
     Layer(
         "soft_no_go",
@@ -265,69 +277,3 @@ LAYERS = (
         _contingency,
     ),
 )
-
-
-def _route_key(
-    ranked: tuple[RankedRoute, ...], repeats: list[int] | None = None
-) -> dict[str, npt.NDArray[Any]]:
-    """Columns season and rank, repeated for each of a route's features."""
-    counts = [1] * len(ranked) if repeats is None else repeats
-    return {
-        "season": _text([r.season for r, n in zip(ranked, counts, strict=True) for _ in range(n)]),
-        "rank": _integer([r.rank for r, n in zip(ranked, counts, strict=True) for _ in range(n)]),
-    }
-
-
-def _to_lonlat(
-    result: RunResult, geometries: list[BaseGeometry], step_m: float
-) -> npt.NDArray[np.object_]:
-    """Transform planar geometries to lon/lat, with segments of at most `step_m` true metres.
-
-    Areas become MultiPolygons.
-    """
-    array = np.empty(len(geometries), dtype=object)
-    array[:] = geometries
-    lonlat = result.scene.projection.geometry_to_lonlat(array, densify_m=step_m)
-    areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
-    return _multi(lonlat) if areas else lonlat
-
-
-def _outline(triangles: npt.NDArray[np.float64]) -> BaseGeometry:
-    """Merge triangles (n, 3, 2) into one area."""
-    return shapely.union_all(shapely.polygons(np.asarray(triangles, dtype=float)))
-
-
-def _multi(areas: Any) -> npt.NDArray[np.object_]:  # noqa: ANN401 - any sequence of geometries
-    """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
-    multis = np.empty(len(areas), dtype=object)
-    for index, area in enumerate(areas):
-        parts = [p for p in shapely.get_parts(area) if isinstance(p, shapely.Polygon)]
-        multis[index] = shapely.MultiPolygon(parts)
-    return multis
-
-
-def _text(values: list[str]) -> npt.NDArray[np.object_]:
-    """Column of strings."""
-    return np.array(values, dtype=object)
-
-
-def _integer(values: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Column of whole numbers."""
-    return np.array(values, dtype=np.int64)
-
-
-def _real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Column of numbers; any that is not finite becomes NaN, which is written as NULL."""
-    column = np.array(values, dtype=np.float64)
-    column[~np.isfinite(column)] = np.nan
-    return column
-
-
-def _concatenated(columns: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Columns of numbers, concatenated."""
-    return _real(np.concatenate([np.empty(0), *columns]))
-
-
-def _stack(points: list[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Points (n, 2), concatenated."""
-    return np.concatenate([np.empty((0, 2)), *points])

@@ -16,6 +16,7 @@ from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layout import put_layouts
 from pipeline.formats.gis.map_crs import lonlat_system, map_crs
 from pipeline.formats.gis.styles import style
 from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
@@ -23,7 +24,7 @@ from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pipeline.formats.gis.layers import Layer
+    from pipeline.formats.gis.columns import Layer
     from pipeline.formats.gis.map_crs import MapCrs, ReferenceSystem
     from pipeline.formats.gis.view import SeasonView, View
     from pipeline.formats.shared.result import RunResult
@@ -32,13 +33,15 @@ if TYPE_CHECKING:
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
-    *("islands", "waypoints", "routes", "contingency"),
-    *("no_go", "soft_no_go", "channels", "currents"),
+    *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+    *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {
-    "waypoints": True,
+    "passage": True,
     "routes": True,
+    "legs": True,
+    "path_points": False,
     "contingency": False,
     "channels": False,
     "soft_no_go": True,
@@ -109,8 +112,10 @@ def _document(
     parent = etree.SubElement(root, "projectlayers")
     for layer in layers:
         _put_layer(parent, layer, result, columns[layer.layer.name], file_name)
+    _put_relations(root, layers)
     _put_themes(root, layers, view)
-    _put_properties(root, result)
+    put_layouts(root, crs, title, _credits(result))
+    _put_properties(root, result, title)
     _put_metadata(root, result, title)
     document: bytes = etree.tostring(
         root,
@@ -216,6 +221,24 @@ def _put_canvas(root: Element, crs: MapCrs) -> None:
     _put_system(etree.SubElement(canvas, "destinationsrs"), crs.system)
 
 
+def _put_relations(root: Element, layers: Sequence[_ProjectLayer]) -> None:
+    """Relate waypoints and legs to their route, whose form then lists them."""
+    relations = etree.SubElement(root, "relations")
+    for one in layers:
+        if one.layer.name not in {"passage", "legs"} or one.season is None:
+            continue
+        relation = etree.SubElement(
+            relations,
+            "relation",
+            id=f"{one.identity}_of_route",
+            name=one.layer.title,
+            strength="Association",
+            referencingLayer=one.identity,
+            referencedLayer=replace(one, layer=_LAYERS["routes"]).identity,
+        )
+        etree.SubElement(relation, "fieldRef", referencingField="rank", referencedField="rank")
+
+
 def _put_themes(root: Element, layers: Sequence[_ProjectLayer], view: View) -> None:
     """Add a map theme for each season by itself."""
     themes = etree.SubElement(root, "visibility-presets")
@@ -228,8 +251,8 @@ def _put_themes(root: Element, layers: Sequence[_ProjectLayer], view: View) -> N
                 etree.SubElement(theme, "layer", id=one.identity, style="default", visible="1")
 
 
-def _put_properties(root: Element, result: RunResult) -> None:
-    """Set the colour of the water, and show the credits on the map."""
+def _put_properties(root: Element, result: RunResult, title: str) -> None:
+    """Set the colour of the water, and show title, scale and small credits on the map."""
     properties = etree.SubElement(root, "properties")
     gui = etree.SubElement(properties, "Gui")
     for name, value in zip(
@@ -240,9 +263,15 @@ def _put_properties(root: Element, result: RunResult) -> None:
     etree.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"
     paths = etree.SubElement(properties, "Paths")
     etree.SubElement(paths, "Absolute", type="bool").text = "false"
-    label = etree.SubElement(properties, "CopyrightLabel")
-    etree.SubElement(label, "Enabled", type="bool").text = "true"
-    etree.SubElement(label, "Label", type="QString").text = _credits(result)
+    shown = ("TitleLabel", title, 14), ("CopyrightLabel", _credits(result), 7)
+    for decoration, text, size_pt in shown:
+        label = etree.SubElement(properties, decoration)
+        etree.SubElement(label, "Enabled", type="bool").text = "true"
+        etree.SubElement(label, "Label", type="QString").text = text
+        font = f'<text-style fontSize="{size_pt}" fontSizeUnit="Point" textColor="38,50,60,255"/>'
+        etree.SubElement(label, "Font", type="QString").text = font
+    scale = etree.SubElement(properties, "ScaleBar")
+    etree.SubElement(scale, "Enabled", type="bool").text = "true"
     measure = etree.SubElement(properties, "Measure")
     etree.SubElement(measure, "Ellipsoid", type="QString").text = "EPSG:7030"
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 _COLLISION_COLOUR = "#d50000"
 _HALO, _INK = colour(COLOURS["halo"]), colour(COLOURS["ink"])
 _SOFT_OPACITY = 0.38
+# Water that simplification and margins add to land, and the room around hazards.
+_NO_GO_COLOUR, _HAZARD_COLOUR = "#e2d3b8", "#7b1fa2"
 _BEST, _OTHER = '"rank" = 1', '"rank" > 1'
 _AT_GOAL = '"course_deg" IS NULL'
 # Minimum and maximum length of the strongest arrows on paper, mm; closer points are thinned out.
@@ -115,20 +117,19 @@ def _routes(view: View) -> Style:
     return Style(renderer, labeling(labels))
 
 
-def _waypoints(view: View) -> Style:
-    """Mark start and goal; at larger scales, the waypoints between, with numbers and courses."""
+def _passage(view: View) -> Style:
+    """Mark waypoints, start and goal of the best routes; at larger scales, with courses."""
 
     def rules(season: SeasonView) -> list[Rule]:
         own = colour(season.colour)
         between = f'{_BEST} AND "sequence" > 1 AND NOT ({_AT_GOAL})'
         small = marker("circle", colour(season.colour, 0.6), _HALO, 0.9)
-        among = marker("circle", _HALO, own, 1.3, 0.3, level=1)
+        among = marker("circle", _HALO, own, 1.8, 0.4, level=1)
         start = marker("circle", _HALO, own, 3.4, 0.8, level=2)
         goal = marker("diamond", _HALO, own, 4.0, 0.8, level=2)
         return [
             Rule("Waypoints of the other classes", _OTHER, [small], finer_than=closer),
-            # On a map of the whole, the many waypoints of a long route would hide it.
-            Rule("Waypoints", between, [among], finer_than=view.full_scale / 2),
+            Rule("Waypoints", between, [among]),
             Rule("Start", f'{_BEST} AND "sequence" = 1', [start]),
             Rule("Goal", f"{_BEST} AND {_AT_GOAL}", [goal]),
         ]
@@ -137,15 +138,38 @@ def _waypoints(view: View) -> Style:
     labels = []
     for season in view.seasons:
         if season.leads or len(view.seasons) == 1:
-            at_start = f'{_BEST} AND "sequence" = 1 AND {_of(season)}'
-            at_goal = f"{_BEST} AND {_AT_GOAL} AND {_of(season)}"
-            labels += [
-                Label(literal("Start"), at_start, _INK, 10),
-                Label(literal("Goal"), at_goal, _INK, 10),
-            ]
-    course = f"\"sequence\" || ': ' || lpad(round(\"course_deg\") % 360, 3, '0') || {literal('°')}"
+            ends = f'{_BEST} AND ("sequence" = 1 OR {_AT_GOAL}) AND {_of(season)}'
+            labels.append(Label('"name"', ends, _INK, 10))
+    course = f"\"name\" || ': ' || lpad(round(\"course_deg\") % 360, 3, '0') || {literal('°')}"
     labels.append(Label(course, f"{_BEST} AND NOT ({_AT_GOAL})", _INK, 8, finer_than=closer))
     return Style(rule_renderer("marker", _by_season(view, rules), levels=True), labeling(labels))
+
+
+def _legs(view: View) -> Style:
+    """Fill the water within the cross-track limits of the best routes."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        inside, edge = colour(season.colour, 0.18), colour(season.colour, 0.7)
+        return [
+            Rule("Of the best route", _BEST, [fill(inside, edge, 0.15)]),
+            Rule("Of the other classes", _OTHER, [fill(inside, edge, 0.1)], on=False),
+        ]
+
+    return Style(rule_renderer("fill", _by_season(view, rules)))
+
+
+def _path_points(view: View) -> Style:
+    """Dot the points of the planned paths."""
+
+    def rules(season: SeasonView) -> list[Rule]:
+        dot = marker("circle", colour(season.colour), _HALO, 0.9)
+        faint = marker("circle", colour(season.colour, 0.5), _HALO, 0.7)
+        return [
+            Rule("Of the best route", _BEST, [dot]),
+            Rule("Of the other classes", _OTHER, [faint], on=False),
+        ]
+
+    return Style(rule_renderer("marker", _by_season(view, rules)))
 
 
 def _channels(view: View) -> Style:
@@ -172,11 +196,39 @@ def _islands(view: View) -> Style:
     return Style(rule_renderer("marker", [Rule("Islands", "", [none])]), labeling(labels))
 
 
-def _no_go(view: View) -> Style:
+def _coast(view: View) -> Style:
     """Draw land brown, as the report does."""
     del view
     land = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
     return Style(rule_renderer("fill", [Rule("Land", "", [land])]))
+
+
+def _no_go(view: View) -> Style:
+    """Draw what is no-go beside the land in a lighter brown."""
+    del view
+    zone = fill(colour(_NO_GO_COLOUR), colour(COLOURS["coast"]), 0.1, dotted=True)
+    return Style(rule_renderer("fill", [Rule("Hard no-go zone", "", [zone])]))
+
+
+def _hazards(view: View) -> Style:
+    """Draw hazards so that they are seen on a map of the whole."""
+    del view
+    zone = fill(colour(_HAZARD_COLOUR, 0.5), colour(_HAZARD_COLOUR), 0.3)
+    return Style(rule_renderer("fill", [Rule("Hazards", "", [zone])]))
+
+
+def _chart_areas(view: View) -> Style:
+    """Fill what is no-go; outline what may be entered."""
+    del view
+    faint = {kind: colour(COLOURS[kind], 0.06) for kind in ("restricted", "traffic")}
+    symbols = {
+        "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
+        "uncharted": ("Uncharted", fill(colour(COLOURS["grid"]))),
+        "restricted": ("Restricted", fill(faint["restricted"], colour(COLOURS["restricted"]), 0.3)),
+        "traffic": ("Traffic scheme", fill(faint["traffic"], colour(COLOURS["traffic"]), 0.3)),
+    }
+    rules = [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in symbols.items()]
+    return Style(rule_renderer("fill", rules))
 
 
 def _soft_no_go(view: View) -> Style:
@@ -275,9 +327,14 @@ def _of(season: SeasonView) -> str:
 
 _STYLES: dict[str, Callable[[View], Style]] = {
     "routes": _routes,
-    "waypoints": _waypoints,
+    "passage": _passage,
+    "legs": _legs,
+    "path_points": _path_points,
     "channels": _channels,
     "islands": _islands,
+    "coast": _coast,
+    "hazards": _hazards,
+    "chart_areas": _chart_areas,
     "no_go": _no_go,
     "soft_no_go": _soft_no_go,
     "currents": _currents,

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.formats.figures.arrows import SpeedScale, speed_scale
-from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.palette import season_colour
 from pipeline.geo.earth import METRES_PER_DEGREE
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
-# Colours of the seasons' routes, distinct from each other (in lightness too) and from land, water
-# and currents.
-_SEASON_COLOURS = (COLOURS["best"], "#4a148c", "#e65100", "#00695c", "#827717")
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25
 # Spacing of arrows without a grid, as a share of the chart's longer side.
@@ -79,7 +76,7 @@ def view(result: RunResult) -> View:
                 number=index + 1,
                 name=entry.season,
                 title=result.season_title(entry.season),
-                colour=_SEASON_COLOURS[index % len(_SEASON_COLOURS)],
+                colour=season_colour(index),
                 leads=entry.season == lead,
                 planned=entry.season in planned,
                 spacing_m=spacing_m,

@@ -53,8 +53,8 @@ _PACKAGES = (
 )
 
 
-# An absolute path inside a text: no part of an address or of a fraction.
-_ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)*([^\s/'\",;]+)")
+# An absolute path inside a text, of two parts at the least: no address, fraction or tag.
+_ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")
 
 
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:

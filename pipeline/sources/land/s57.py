@@ -55,6 +55,14 @@ _FLOATING = (
     *("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"),
     *("LITFLT", "LITVES", "MORFAC"),
 )
+# What a hazard is called, by its class or else by its group.
+_HAZARDS = {
+    "OBSTRN": "obstruction",
+    "WRECKS": "wreck",
+    "UWTROC": "rock",
+    "MARCUL": "marine farm",
+    "LNDARE": "islet",
+}
 _TRAFFIC = {
     "TSSLPT": "traffic lane",
     "TSEZNE": "traffic separation zone",
@@ -119,7 +127,7 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
     shoals = [merged(area[~(depth >= safety_depth_m)]) for area, depth in depths]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
     sea = subtract(sea, merged(np.array(shoals, dtype=object)))
-    dangers = np.concatenate([_dangers(part, sea, safety_depth_m) for part in parts])
+    hazards = [zone for part in parts for zone in _hazards(part, sea, safety_depth_m)]
     unsafe = extract_polygons(np.array([subtract(covered, sea)], dtype=object))
     uncharted = subtract(box, covered)
     zones = [
@@ -127,7 +135,7 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         for part, shoal in zip(parts, shoals, strict=True)
         if not shoal.is_empty
     ]
-    zones += [zone for part in parts for zone in _zones(part)]
+    zones += [*hazards, *(zone for part in parts for zone in _zones(part))]
     if not uncharted.is_empty:
         zones.append(Zone("uncharted", "", "no S-57 cell covers it", uncharted))
     used = [part for part in parts if part.area.intersects(region)]
@@ -136,7 +144,10 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         "under-keel clearance, at chart datum, without tide)"
     )
     return Land(
-        polygons=(*unsafe.tolist(), *extract_polygons(dangers).tolist()),
+        polygons=(
+            *unsafe.tolist(),
+            *extract_polygons(np.array([zone.area for zone in hazards], dtype=object)).tolist(),
+        ),
         credits=tuple(_credits([part.cell for part in parts])),
         accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
         notes=(depth_note, *_notes(parts, sea, region)),
@@ -191,16 +202,15 @@ def _cut_to(geometries: Geometries, area: BaseGeometry) -> Geometries:
     return cut
 
 
-def _dangers(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Geometries:
-    """Return the objects of a part that are dangers in the safe water, as areas."""
+def _hazards(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Iterator[Zone]:
+    """Yield the objects of a part that are dangers in the safe water, as areas."""
     drawn_m = _DRAWING_ACCURACY_M * part.cell.scale
     kinds = (
-        (_SUNKEN, max(_MIN_FIXED_RADIUS_M, drawn_m)),
-        (_FIXED, max(_MIN_FIXED_RADIUS_M, drawn_m)),
-        (_FLOATING, max(_MIN_FLOATING_RADIUS_M, drawn_m)),
+        (_SUNKEN, "sunken object", max(_MIN_FIXED_RADIUS_M, drawn_m)),
+        (_FIXED, "fixed object", max(_MIN_FIXED_RADIUS_M, drawn_m)),
+        (_FLOATING, "floating object", max(_MIN_FLOATING_RADIUS_M, drawn_m)),
     )
-    found: list[Geometries] = [np.empty(0, dtype=object)]
-    for names, radius_m in kinds:
+    for names, group, radius_m in kinds:
         for name in names:
             objects = part.cell.objects.get(name)
             if objects is None:
@@ -209,8 +219,8 @@ def _dangers(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Geometrie
             if names is _SUNKEN:
                 # An unknown depth is NaN, and so not deep enough.
                 is_danger &= ~(objects.numbers("VALSOU") >= safety_depth_m)
-            found.append(_areas_in(sea, objects.geometry[is_danger], radius_m))
-    return np.concatenate(found)
+            for area in _areas_in(sea, objects.geometry[is_danger], radius_m):
+                yield Zone("hazard", _HAZARDS.get(name, group), "", area)
 
 
 def _areas_in(sea: BaseGeometry, geometry: Geometries, radius_m: float) -> Geometries:

@@ -31,7 +31,14 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 FILES = sorted(
-    ["manifest.json", "metrics.csv", "report.html", "routes.gpkg", "scenario.toml"]
+    [
+        "manifest.json",
+        "passage-plan.pdf",
+        "metrics.csv",
+        "report.html",
+        "routes.gpkg",
+        "scenario.toml",
+    ]
     + [
         f"small-run-{season}{ending}"
         for season in ("summer", "winter")

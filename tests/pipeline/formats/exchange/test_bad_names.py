@@ -11,14 +11,17 @@ import pyogrio
 import pytest
 from lxml import etree
 
-from pipeline.formats.exchange.geojson import write_geojson
 from pipeline.formats.exchange.gpx import write_gpx
+from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.exchange.rtz import write_rtz
+from pipeline.formats.gis.geojson import write_geojson
+from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.shared.json_values import encodable_text
 from pipeline.formats.shared.xml_text import xml_text
 from pipeline.stages.write import safe_name
 from tests.pipeline.formats.exchange import runs
 from tests.pipeline.formats.exchange.test_gpx import check_order
+from tests.pipeline.formats.exchange.test_kml import schema
 from tests.pipeline.formats.exchange.test_rtz import VERSIONS
 from tests.validators import rtz_faults
 
@@ -67,8 +70,9 @@ def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None
     root = etree.parse(path).getroot()
     assert not any(rtz_faults(root, version))
     assert root[0].get("routeName") == path.stem
-    # An attribute's white space is spaces.
-    assert root[0].get("vesselName").split() == xml_text(name).split()
+    # An attribute's white space is spaces; a long title gives way to the vessel's name.
+    short = name if len(name) <= 32 else result.scenario.vessel.name
+    assert root[0].get("vesselName").split() == xml_text(short).split()
     texts = {element.tag.rpartition("}")[2]: element.text for element in root.iter()}
     assert texts["title"].startswith(xml_text(name))
     assert texts["description"] == xml_text(name)
@@ -78,13 +82,28 @@ def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None
 def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.gpx"
-    write_gpx(result, runs.SEASON, path)
+    write_gpx(result, runs.SEASON, path, every=True)
     check_order(etree.parse(path).getroot())
     gpx = gpxpy.parse(path.read_text(encoding="utf-8"))
     assert (gpx.name or "").startswith(xml_text(name))
     assert (gpx.description or "").count(xml_text(name)) == 2
     assert xml_text(name).split()[0] in (gpx.copyright_author or "")
     assert len(pyogrio.read_dataframe(path, layer="routes")) == len(result.routes)
+
+
+def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
+    name, result = named
+    path = tmp_path / f"{safe_name(name)}.kml"
+    write_kml(result, runs.SEASON, path)
+    root = etree.parse(path).getroot()
+    schema().assertValid(root)
+    assert root[0][0].text.startswith(xml_text(name))
+
+
+def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
+    """Every name is drawn, with what the font lacks as white squares: no warning, no fault."""
+    write_passage_plan(named[1], tmp_path / "passage-plan.pdf")
+    assert (tmp_path / "passage-plan.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_geojson(named: tuple[str, RunResult], tmp_path: Path) -> None:

@@ -15,9 +15,10 @@ import pyproj
 import pytest
 import shapely
 
+from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.tables.manifest import manifest
-from pipeline.model import Evaluation, SeasonPlan
+from pipeline.model import Evaluation, SeasonPlan, Zone
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.exchange import runs
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
@@ -31,9 +32,14 @@ if TYPE_CHECKING:
 GEOD = pyproj.Geod(ellps="WGS84")
 LAYERS = {
     "routes": "LineString",
-    "waypoints": "Point",
+    "passage": "Point",
+    "legs": "MultiPolygon",
+    "path_points": "Point",
     "channels": "MultiPolygon",
     "islands": "Point",
+    "coast": "MultiPolygon",
+    "hazards": "MultiPolygon",
+    "chart_areas": "MultiPolygon",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
@@ -61,7 +67,7 @@ def without_routes(result: RunResult) -> RunResult:
     return replace(result, plans=plans, evaluation=Evaluation((), {}))
 
 
-def test_is_a_geopackage_1_3_with_the_eight_layers(package: Path) -> None:
+def test_is_a_geopackage_1_3_with_its_layers(package: Path) -> None:
     assert query(package, "PRAGMA application_id") == [(int.from_bytes(b"GPKG", "big"),)]
     assert query(package, "PRAGMA user_version") == [(10300,)]
     assert query(package, "PRAGMA integrity_check") == [("ok",)]
@@ -115,7 +121,7 @@ def test_a_route_drawn_in_degrees_is_the_route_planned(package: Path, result: Ru
 
 def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> None:
     """Each leg, followed by course and length, ends at the next waypoint at the time given."""
-    waypoints = layer(package, "waypoints")
+    waypoints = layer(package, "path_points")
     for ranked in result.routes:
         chosen = (waypoints.season == ranked.season) & (waypoints["rank"] == ranked.rank)
         mine = waypoints[chosen]
@@ -134,9 +140,51 @@ def test_waypoints_lead_from_start_to_goal(package: Path, result: RunResult) -> 
         assert mine.course_deg.isna().tolist() == [False] * len(legs) + [True]
 
 
+def test_the_passage_is_what_the_bridge_steers(package: Path, result: RunResult) -> None:
+    """The waypoints of RTZ and GPX; each leg's area holds it, and is as wide as its limits."""
+    passage, legs = layer(package, "passage"), layer(package, "legs")
+    for season in ("summer", "winter"):
+        for points in season_waypoints(result, season):
+            mine, areas = (
+                table[(table.season == season) & (table["rank"] == points.ranked.rank)]
+                for table in (passage, legs)
+            )
+            at = np.stack([mine.geometry.x, mine.geometry.y], axis=-1)
+            assert at == pytest.approx(points.lonlat)
+            assert mine.name.tolist()[:2] == ["Start", "WP02" if len(at) > 2 else "Goal"]
+            assert mine.sequence.tolist() == list(range(1, len(at) + 1))
+            assert areas.sequence.tolist() == mine.sequence.tolist()[:-1]
+            assert areas.port_m.tolist() == points.port_m[:-1].tolist()
+            for row, begin, end in zip(areas.itertuples(), at[:-1], at[1:], strict=True):
+                wide = row.port_m + row.starboard_m
+                found = abs(GEOD.geometry_area_perimeter(row.geometry)[0])
+                assert found == pytest.approx(wide * row.leg_length_m, rel=0.01)
+                middle = shapely.Point((begin + end) / 2)
+                assert row.geometry.distance(middle) < 1e-4
+
+
+def test_the_coast_is_the_sources_own(result: RunResult, tmp_path: Path) -> None:
+    """Land without shoals and hazards, which are layers of their own."""
+    rock = shapely.Point(119.2, 9.2).buffer(0.01)
+    zoned = small_run.with_zones(result)
+    land = zoned.fetched.land
+    zones = (*land.zones, Zone("hazard", "rock", "", rock))
+    land = replace(land, zones=zones, polygons=(*land.polygons, rock))
+    path = tmp_path / "routes.gpkg"
+    write_geopackage(replace(zoned, fetched=replace(zoned.fetched, land=land)), path)
+    coast, no_go = layer(path, "coast").union_all(), layer(path, "no_go").union_all()
+    (shoal,) = zoned.shoals
+    expected = shapely.union_all(result.fetched.land.polygons).difference(shoal)
+    assert coast.symmetric_difference(expected).area < 1e-12
+    assert no_go.area > coast.area
+    hazards, areas = layer(path, "hazards"), layer(path, "chart_areas")
+    assert hazards.name.tolist() == ["rock"]
+    assert areas.kind.tolist() == [zone.kind for zone in zoned.fetched.land.zones]
+
+
 def test_a_following_current_makes_the_leg_faster(package: Path) -> None:
     """Summer sets east at 0.2 to 0.4 m/s: eastward legs are faster than through water."""
-    waypoints = layer(package, "waypoints")
+    waypoints = layer(package, "path_points")
     east = waypoints[(waypoints.season == "summer") & waypoints.course_deg.between(60, 120)]
     assert len(east) > 0
     assert (east.speed_over_ground_m_s > 1.05).all()
@@ -284,6 +332,9 @@ def test_across_180_degrees_layers_are_continuous(result: RunResult, tmp_path: P
     for name in LAYERS:
         here, there = layer(ours, name), layer(theirs, name)
         assert len(here) == len(there)
+        if here.empty:
+            assert name in {"hazards", "chart_areas"}, "a chart without depths"
+            continue
         shift = np.array([60.4, 0.0, 60.4, 0.0])
         assert there.total_bounds - here.total_bounds == pytest.approx(shift, abs=1e-6)
         assert there.geometry.length.to_numpy() == pytest.approx(

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 LAYERS = {
-    *("routes", "waypoints", "channels", "islands"),
-    *("no_go", "soft_no_go", "currents", "contingency"),
+    *("routes", "passage", "legs", "path_points", "channels", "islands"),
+    *("coast", "hazards", "chart_areas", "no_go", "soft_no_go", "currents", "contingency"),
 }
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
@@ -75,7 +75,8 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 
 
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
-    kinds = {"routes": "line", "no_go": "fill", "soft_no_go": "fill", "channels": "fill"}
+    areas = ("legs", "coast", "hazards", "chart_areas", "no_go", "soft_no_go", "channels")
+    kinds = {"routes": "line", **dict.fromkeys(areas, "fill")}
     for layer, root in styles(package).items():
         renderer = root.find("renderer-v2")
         symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
@@ -117,7 +118,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
     best = {r.season: r.metrics.fuel for r in result.routes if r.rank == 1}
     lead = min(best, key=lambda season: best[season])
     root = project(package)
-    first, second, islands, land = root.find("layer-tree-group").xpath(
+    first, second, *chart = root.find("layer-tree-group").xpath(
         "./layer-tree-group | ./layer-tree-layer"
     )
     assert first.get("name").lower().startswith(lead)
@@ -125,8 +126,11 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
         {node.get("name") for node in group if node.get("checked") == "Qt::Checked"}
         for group in (first, second)
     ]
-    assert on == [{"Routes", "Waypoints", "Soft no-go zones", "Currents"}, {"Routes"}]
-    assert {land.get("checked"), islands.get("checked")} == {"Qt::Checked"}
+    shown = {"Routes", "Waypoints", "Cross-track limits", "Soft no-go zones", "Currents"}
+    assert on == [shown, {"Routes"}]
+    assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
+    names = ["Islands", "Hazards", "Land", "Areas of the chart", "Hard no-go zone"]
+    assert [layer.get("name") for layer in chart] == names
 
 
 def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -> None:
@@ -135,8 +139,8 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert root.find("layer-tree-group/custom-order").get("enabled") == "1"
     kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
     assert sorted(set(kinds), key=kinds.index) == [
-        *("islands", "waypoints", "routes", "contingency"),
-        *("no_go", "soft_no_go", "channels", "currents"),
+        *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+        *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     ]
     # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)
@@ -164,6 +168,31 @@ def test_credits_and_title_stand_in_the_project(package: Path) -> None:
     assert {node.text for node in root.findall("projectMetadata/license")} == {
         *("none", "CC0", "CC BY 4.0")
     }
+
+
+def test_a_layout_for_each_page_shows_all_of_the_chart(package: Path, result: RunResult) -> None:
+    """With title, legend, scale bar and credits, and no item beyond the page."""
+    west, south, east, north = map_crs(result).bounds
+    layouts = list(project(package).iter("Layout"))
+    assert [layout.get("name") for layout in layouts] == ["Two islands (A4)", "Two islands (A3)"]
+    for layout, page in zip(layouts, ((297, 210), (420, 297)), strict=True):
+        items = layout.findall("LayoutItem")
+        assert sorted(item.get("type") for item in items) == [
+            *("65639", "65641", "65641", "65642", "65646")
+        ]
+        for item in items:
+            place = [float(value) for value in item.get("position").split(",")[:2]]
+            size = [float(value) for value in item.get("size").split(",")[:2]]
+            assert all(a >= 0 and a + b <= c for a, b, c in zip(place, size, page, strict=True))
+        (frame,) = (item for item in items if item.get("type") == "65639")
+        extent = {side: float(value) for side, value in frame.find("Extent").items()}
+        assert extent["xmin"] <= west + 1e-6
+        assert extent["xmax"] >= east - 1e-6
+        assert extent["ymin"] <= south + 1e-6
+        assert extent["ymax"] >= north - 1e-6
+        texts = [item.get("labelText") for item in items if item.get("labelText")]
+        assert texts[0] == "Two islands"
+        assert small_run.LAND.text in texts[1]
 
 
 def test_the_water_is_coloured_as_in_the_report(package: Path) -> None:
@@ -199,7 +228,7 @@ def test_a_failed_season_shows_its_currents_only(result: RunResult, tmp_path: Pa
     path = tmp_path / "routes.gpkg"
     write_geopackage(small_run.with_a_failed_season(result), path)
     groups = [g for g in project(path).iter("layer-tree-group") if g.get("name")]
-    assert [len(list(group)) for group in groups] == [6, 1]
+    assert [len(list(group)) for group in groups] == [8, 1]
 
 
 @given(st.text())

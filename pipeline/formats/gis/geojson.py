@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import shapely
 from pipeline.formats.exchange.text import attribution, document_title, waypoint_name
 from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import json_value
 
 if TYPE_CHECKING:
@@ -57,29 +57,6 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
-    """Cut a line (n, 2) in degrees, continuous across 180, into parts within -180 to 180 degrees.
-
-    Both parts end at the cut, at an interpolated latitude. A line that only touches 180 degrees
-    stays whole; one that runs along it is at -180.
-    """
-    turn = _turns(points[:, 0])
-    parts: list[list[FloatArray]] = [[points[0] - _shift(turn[0])]]
-    for (one, other), (begin, end) in zip(
-        itertools.pairwise(points), itertools.pairwise(turn), strict=True
-    ):
-        step = int(np.sign(end - begin))
-        for band in range(begin, end, step or 1):
-            edge = 360.0 * (band + (step > 0)) - 180.0
-            share = (edge - one[0]) / (other[0] - one[0])
-            crossing = np.array([edge, one[1] + share * (other[1] - one[1])])
-            parts[-1].append(crossing - _shift(band))
-            parts.append([crossing - _shift(band + step)])
-        parts[-1].append(other - _shift(end))
-    whole = [part for part in map(np.array, parts) if len(np.unique(part, axis=0)) > 1]
-    return whole or [np.array(parts[-1])]
-
-
 def _routes(result: RunResult, season: str) -> tuple[list[Feature], FloatArray]:
     """Features of the season's routes, and the corners (2, 2) of their bounding box in degrees."""
     table = next(layer for layer in LAYERS if layer.name == "routes").table(result)
@@ -111,7 +88,7 @@ def _waypoints(points: Waypoints) -> list[Feature]:
     }
     return [
         _feature(
-            {"type": "Point", "coordinates": _positions(_within(point[None]))[0]},
+            {"type": "Point", "coordinates": _positions(within_180(point[None]))[0]},
             "waypoint",
             {
                 "season": points.ranked.season,
@@ -147,25 +124,10 @@ def bounding_box(corners: FloatArray) -> list[float]:
     (west, south), (east, north) = corners
     if east - west >= 360:
         west, east = -180.0, 180.0
-    ends = _within(np.array([[west, south]])), _within(np.array([[east, north]]))
+    ends = within_180(np.array([[west, south]])), within_180(np.array([[east, north]]))
     # An eastern limit of 180 degrees must not become -180.
     ends[1][0, 0] = 180.0 if ends[1][0, 0] == -180 else ends[1][0, 0]
     return [float(value) for end in ends for value in np.round(end[0], _DECIMALS)]
-
-
-def _within(points: FloatArray) -> FloatArray:
-    """Points (n, 2) with longitudes from -180 to below 180 degrees."""
-    return points - np.stack([360.0 * _turns(points[:, 0]), np.zeros(len(points))], axis=-1)
-
-
-def _turns(longitude: FloatArray) -> npt.NDArray[np.int64]:
-    """Whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
-    return np.floor((longitude + 180) / 360).astype(np.int64)
-
-
-def _shift(turns: int) -> FloatArray:
-    """Shift (2,) in degrees for whole turns of longitude."""
-    return np.array([360.0 * turns, 0.0])
 
 
 def _positions(points: FloatArray) -> list[list[float]]:

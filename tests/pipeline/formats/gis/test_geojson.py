@@ -14,9 +14,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.formats.exchange.geojson import bounding_box, split_at_antimeridian, write_geojson
 from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.gis.geojson import bounding_box, write_geojson
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from tests.pipeline.formats.exchange import runs
 
 if TYPE_CHECKING:

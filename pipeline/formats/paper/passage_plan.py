@@ -1,0 +1,224 @@
+"""`passage-plan.pdf`: the best route of each season as a navigator files it, A4 to print."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.exchange.text import (
+    KNOTS_PER_M_S,
+    attribution,
+    document_title,
+    duration,
+    route_name,
+    time_after,
+    vessel_name,
+)
+from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.paper.legs_table import HEADINGS, distance_text, rows, tightest_text
+from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.text import percent, speed_over_ground
+from pipeline.formats.shared.unknowns import route_unknowns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.paper.legs_table import Row
+    from pipeline.formats.shared.result import RunResult
+
+# A4, landscape, in points; margins, and the height of a line of text.
+_WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
+_LINE_PT, _ROW_PT = 11.0, 15.0
+_SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
+# Left edges of the table's columns, points from the margin; the last begins a text.
+_COLUMNS = (0, 52, 114, 180, 218, 256, 298, 350, 436, 504, 580, 634)
+# Size of the map on a season's first page, points, and the chart around the route, as a share.
+_MAP_PT, _MAP_MARGIN = (250.0, 168.0), 0.06
+# Characters of a line across the page, and beside the map; rows on a first and a further page.
+_WIDE, _BESIDE_MAP = 190, 100
+_FIRST_ROWS, _MORE_ROWS = 18, 30
+
+
+def write_passage_plan(result: RunResult, path: Path) -> None:
+    """Write the passage plan of every season that has a route.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    """
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    about = {
+        "Title": drawable(f"Passage plan: {result.scenario.title or result.scenario.name}", 120),
+        "Author": "RENEW",
+        "CreationDate": result.created,
+    }
+    with path.open("wb") as file, PdfPages(file, metadata=about) as pages:
+        for index, entry in enumerate(result.plans):
+            if result.season_routes(entry.season):
+                for page in _season_pages(result, entry.season, season_colour(index)):
+                    pages.savefig(page)
+
+
+def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figure]:
+    """Yield the pages of a season: facts, map and table first, then the rest of the table."""
+    departure = next(one.departure for one in result.scenario.seasons if one.name == season)
+    points = season_waypoints(result, season)[0]
+    table = rows(points, result, departure)
+    pages = [table[:_FIRST_ROWS]]
+    pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
+    notes = _notes(points, result)
+    for number, part in enumerate(pages, start=1):
+        page = _page(result, points, f"page {number} of {len(pages)}")
+        top = _HEIGHT - _MARGIN - 30
+        if number == 1:
+            facts = _facts(points, result)
+            _paragraphs(page, facts, top, _BESIDE_MAP)
+            _put_map(page, points, result, colour, top + 14)
+            top -= _MAP_PT[1] - 4
+        top = _put_table(page, part, top)
+        if number == len(pages):
+            _paragraphs(page, notes, top - 14, _WIDE, size=_SMALL)
+        yield page
+
+
+def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
+    """Start a page with its title and foot."""
+    from matplotlib.figure import Figure
+
+    page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
+    title = f"Passage plan: {document_title(result, points.ranked.season)}"
+    _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
+    foot = f"{route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
+    _write(page, drawable(foot, 120), _MARGIN, _MARGIN - 16, _SMALL)
+    _write(page, number, _WIDTH - _MARGIN, _MARGIN - 16, _SMALL, right=True)
+    return page
+
+
+def _facts(points: Waypoints, result: RunResult) -> list[str]:
+    """Facts of the route, a paragraph each."""
+    metrics, vessel = points.ranked.metrics, result.scenario.vessel
+    departure = next(one.departure for one in result.scenario.seasons if one.name == metrics.season)
+    when = "Times are since departure: none was given."
+    if departure is not None:
+        arrival = time_after(departure, metrics.duration_s)
+        when = (
+            f"Departure {time_after(departure, 0):%Y-%m-%d %H:%M} UTC, arrival "
+            f"{arrival:%Y-%m-%d %H:%M} UTC."
+        )
+    knots, through = (
+        speed * KNOTS_PER_M_S for speed in (speed_over_ground(metrics), vessel.speed_m_s)
+    )
+    length = points.length_m[:-1].sum() / NAUTICAL_MILE_M
+    ship = f"{vessel_name(result)}; {through:.2f} kn through the water"
+    way = f"{metrics.way or 'the only one'}; {length:.1f} NM by waypoints"
+    turns = f"{metrics.collisions:,} of {metrics.trials:,} simulated hard-over turns met land"
+    least, gap = distance_text(metrics.clearance_m), percent(metrics.optimality_gap)
+    passage = f"{duration(metrics.duration_s)}, {knots:.2f} kn over ground on average"
+    current = result.valid_text(metrics.season)
+    return [
+        f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
+        f"Way: {way}, {passage}. {when}",
+        f"Least clearance of the planned path: {least}; {turns}. Optimality gap {gap}.",
+        tightest_text(points, result),
+        f"Current: {current}." if current else "",
+        "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
+        f"Legs are {points.curve.lower()}s; positions are WGS 84.",
+    ]
+
+
+def _notes(points: Waypoints, result: RunResult) -> list[str]:
+    """What is not known, and the credits."""
+    unknown = route_unknowns(result, points.ranked.metrics)
+    return [
+        f"Not known: {'; '.join(unknown)}." if unknown else "",
+        f"Sources: {attribution(result)}.",
+        "Not for navigation without the official charts and the navigator's own judgement.",
+    ]
+
+
+def _put_table(page: Figure, part: Sequence[Row], top: float) -> float:
+    """Write rows of the table below `top`, points; returns the lower end."""
+    from matplotlib.lines import Line2D
+
+    for left, text in zip(_COLUMNS, HEADINGS, strict=True):
+        _write(page, text, _MARGIN + left, top, _SMALL, bold=True)
+    level = top - 28
+    for row in part:
+        rule = [(level + 11) / _HEIGHT] * 2
+        span = [_MARGIN / _WIDTH, 1 - _MARGIN / _WIDTH]
+        page.add_artist(Line2D(span, rule, color=COLOURS["grid"], linewidth=0.5))
+        for left, text in zip(_COLUMNS, row, strict=True):
+            _write(page, text, _MARGIN + left, level + 7, _PLAIN)
+        level -= _ROW_PT
+    return level
+
+
+def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, top: float) -> None:
+    """Draw the route with its waypoints' numbers over the land, in the upper right corner."""
+    width, height = _MAP_PT
+    axes = axes_at(page, (_WIDTH - _MARGIN - width, top - height, width, height))
+    way = result.scene.projection.to_plane(points.lonlat)
+    low, high = way.min(axis=0), way.max(axis=0)
+    reach = max((high - low) * np.array([height / width, 1.0])) * (0.5 + _MAP_MARGIN)
+    middle, size = (low + high) / 2, reach * np.array([width / height, 1.0])
+    frame = shapely.box(*(middle - size), *(middle + size))
+    land = np.array(result.scene.land, dtype=object)
+    near = shapely.clip_by_rect(land[shapely.intersects(land, frame)], *frame.bounds)
+    axes.set_xlim(middle[0] - size[0], middle[0] + size[0])
+    axes.set_ylim(middle[1] - size[1], middle[1] + size[1])
+    axes.add_patch(patch(np.array([frame]), facecolor=COLOURS["water"], edgecolor=COLOURS["frame"]))
+    axes.add_patch(
+        patch(near, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.3)
+    )
+    axes.add_line(stroke(way, colour, 1.2, 3))
+    axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
+    for number, (x, y) in enumerate(way, start=1):
+        axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
+
+
+def _paragraphs(
+    page: Figure, texts: Sequence[str], top: float, width: int, size: float = _PLAIN
+) -> None:
+    """Write paragraphs below `top`, points, wrapped at a number of characters."""
+    level = top
+    for text in texts:
+        for line in textwrap.wrap(text, width):
+            _write(page, drawable(line, width), _MARGIN, level, size)
+            level -= _LINE_PT
+        level -= _LINE_PT * 0.3 * bool(text)
+
+
+def _write(
+    page: Figure,
+    text: str,
+    left: float,
+    top: float,
+    size: float,
+    *,
+    bold: bool = False,
+    right: bool = False,
+) -> None:
+    """Write text at a place of the page, points from its lower left corner."""
+    page.text(
+        left / _WIDTH,
+        top / _HEIGHT,
+        text,
+        fontsize=size,
+        weight="bold" if bold else "normal",
+        color=COLOURS["ink"],
+        ha="right" if right else "left",
+        va="top",
+        parse_math=False,
+        linespacing=1.15,
+    )
