@@ -53,7 +53,7 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
     folder = output / "single-gyre" / "figures"
     assert drawn.directory == folder
     assert [file.name for file in drawn.files] == [
-        f"gyre-{kind}.png" for kind in ("mesh", "channels", "padding", "routes", "along")
+        f"gyre-{kind.value}.png" for kind in Kind.selected(())
     ]
     assert sorted(folder.iterdir()) == sorted(drawn.files)
     after = tree(output)
@@ -148,10 +148,10 @@ def test_no_run_replaces_the_folder_while_figures_are_saved(
 ) -> None:
     save = plot_module._save
 
-    def run_meanwhile(drawing: Figure, path: Path) -> Path:
+    def run_meanwhile(drawing: Figure, path: Path, title: str) -> Path:
         with pytest.raises(StageError, match="another run of 'single-gyre'"):
             run(scenario(title="Another"), output)
-        return save(drawing, path)
+        return save(drawing, path, title)
 
     monkeypatch.setattr(plot_module, "_save", run_meanwhile)
     (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
