@@ -74,7 +74,7 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     room = _MARGIN * float((high - low).max())
     axes.set_xlim(low[0] - room, high[0] + room)
     axes.set_ylim(min(low[1], -gap) - room, high[1] + room)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.annotate(
         f"no-go zone, {distance(found.gap * scale)} off",
         (0.01, -gap),
