@@ -40,7 +40,7 @@ from pipeline.cli.options import (
     ScenarioArgument,
     StrictOption,
 )
-from pipeline.formats.figures.kinds import Form, Kind
+from pipeline.formats.figures.kinds import Form, Kind, Width
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -160,6 +160,9 @@ def plot(
         typer.Option(help="What to draw; may be repeated. Everything if left out."),
     ] = None,
     form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
+    width: Annotated[
+        Width, typer.Option(help="A journal's column (3.3 in) or page (7 in), or a screen's.")
+    ] = Width.SCREEN,
     output: OutputOption = Path("outputs"),
     offline: OfflineOption = False,
     charts: ChartsOption = None,
@@ -181,6 +184,7 @@ def plot(
                 seasons=season or (),
                 kinds=figure or (),
                 form=form,
+                width=width,
                 offline=offline,
                 origin=wanted.origin,
                 on_event=on_event,

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import secrets
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
+from pipeline.cli.plot_variants import compared_variants
 from pipeline.errors import RequestError, StageError
-from pipeline.formats.figures.kinds import Form, Kind, figure
+from pipeline.formats.figures.kinds import Form, Kind, Width, figure
 from pipeline.run import planned_scenario
 from pipeline.stages.write import output_directory, safe_name
 
@@ -28,7 +30,7 @@ FOLDER = "figures"
 # Resolution of PNG files, dots per inch.
 _DPI = 200
 # Without dates, so that the same figure is the same file.
-_METADATA: dict[str, dict[str, None]] = {
+_METADATA: dict[str, dict[str, str | None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
@@ -51,6 +53,7 @@ def plot(
     seasons: Sequence[str] = (),
     kinds: Sequence[Kind] = (),
     form: Form = Form.PNG,
+    width: Width = Width.SCREEN,
     offline: bool = False,
     origin: Origin | None = None,
     on_event: EventHandler | None = None,
@@ -65,6 +68,8 @@ def plot(
         Names of seasons; all if empty.
     kinds, form
         Which figures, all if empty; and the format of their files.
+    width
+        A journal's column or page, or as large as a screen reads it.
     offline, origin, on_event
         As for `run`.
 
@@ -78,10 +83,13 @@ def plot(
     known = [season.name for season in scenario.seasons]
     _refuse_unknown(seasons, known, scenario.name)
     chosen = [name for name in known if not seasons or name in seasons]
+    selected = Kind.selected(tuple(kinds))
+    planned = partial(
+        planned_scenario, output=output, offline=offline, origin=origin, on_event=on_event
+    )
+    variants = compared_variants(scenario, selected, planned)
     # Saved in the block: a run that replaced the folder meanwhile would lose them.
-    with planned_scenario(
-        scenario, output, offline=offline, origin=origin, on_event=on_event
-    ) as result:
+    with planned(scenario) as result:
         failures = {
             entry.season: f"season {entry.season!r}: {entry.failure}"
             for entry in result.plans
@@ -90,12 +98,14 @@ def plot(
         directory = output_directory(output.resolve(), scenario.name) / FOLDER
         files = [
             _save(
-                figure(result, name, kind),
+                figure(result, name, kind, width, variants),
                 directory / f"{safe_name(name)}-{kind.value}.{form.value}",
+                f"{result.scenario.title or scenario.name}, {result.season_title(name)}: "
+                f"{kind.value}",
             )
             for name in chosen
             if name not in failures
-            for kind in Kind.selected(tuple(kinds))
+            for kind in selected
         ]
     return Drawn(directory, tuple(files), tuple(failures.values()))
 
@@ -111,8 +121,8 @@ def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str)
         raise RequestError(faults)
 
 
-def _save(drawing: Figure, path: Path) -> Path:
-    """Write a figure under a temporary name, and rename it once it is complete."""
+def _save(drawing: Figure, path: Path, title: str) -> Path:
+    """Write a figure with its title under a temporary name; rename it once it is complete."""
     import matplotlib as mpl
 
     form = path.suffix[1:]
@@ -122,7 +132,7 @@ def _save(drawing: Figure, path: Path) -> Path:
         try:
             # Text stays text in PDF files, and ids in SVG files depend on the figure only.
             with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"}):
-                drawing.savefig(fresh, dpi=_DPI, metadata=_METADATA[form])
+                drawing.savefig(fresh, dpi=_DPI, metadata={**_METADATA[form], "Title": title})
             fresh.replace(path)
         finally:
             fresh.unlink(missing_ok=True)

@@ -12,6 +12,7 @@ from pipeline.experiments.baselines.registry import PLANNERS
 from pipeline.experiments.plan_of_jobs import TIMED
 from pipeline.experiments.tables.summary import Runs
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.turning import draw_reaches
 from renew.padding.turn_reach import turn_reach
 
 if TYPE_CHECKING:
@@ -37,19 +38,20 @@ def turning_circles(vessel: renew.Vessel) -> Figure:
     left.axhline(0, color=COLOURS["coast"], lw=2)
     left.annotate("edge of the no-go zone", (-3.8, 0.2), fontsize=8)
     rng = np.random.default_rng(0)
+    samples: list[tuple[str, FloatArray, str]] = []
     signs = (("towards the edge", 1.0), ("away from the edge", -1.0))
     for (name, sign), published, colour in zip(signs, _PUBLISHED, _COLOURS, strict=False):
         angle = sign * np.pi / 4 + rng.normal(0, _DIRECTION_SPREAD, _DRAWS)
         speed = _SPEED * np.maximum(0.0, 1 + rng.normal(0, _SPEED_SPREAD, _DRAWS))
         current = speed[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        reach = np.sort(turn_reach(vessel, np.zeros(_DRAWS), current, np.array([0.0, 1.0])))
+        reach = turn_reach(vessel, np.zeros(_DRAWS), current, np.array([0.0, 1.0]))
         padding = float(np.quantile(reach, 1 - _RISK))
         middle = _SPEED * np.array([np.cos(np.pi / 4), sign * np.sin(np.pi / 4)])
         plain = float(turn_reach(vessel, np.asarray(0.0), middle, np.array([0.0, 1.0])))
         label = (
             f"{name}: {padding:.2f} m; without spread {plain:.2f} m (published {published:.2f} m)"
         )
-        right.plot(reach, np.arange(1, _DRAWS + 1) / _DRAWS, color=colour, label=label)
+        samples.append((label, reach, colour))
         right.axvline(padding, color=colour, ls=":", lw=1)
         for side in (1, -1):
             track = _turn(vessel, middle, side) - [0.0, padding]
@@ -60,7 +62,7 @@ def turning_circles(vessel: renew.Vessel) -> Figure:
     left.set_title("Hard-over turns in 0.30 m/s at 45° to the edge", fontsize=10, loc="left")
     left.set_ylim(-10.5, 1.2)
     left.legend(fontsize=8, loc="lower left")
-    right.axhline(1 - _RISK, color=COLOURS["frame"], lw=0.8)
+    draw_reaches(right, samples, _RISK)
     right.set(xlabel="reach towards the edge (m)", ylabel="share of drawn turns")
     right.set_title(
         "Reach of drawn turns: the padding is the 95 % quantile", fontsize=10, loc="left"

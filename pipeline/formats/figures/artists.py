@@ -17,6 +17,7 @@ from pipeline.formats.shared.text import shortened
 
 if TYPE_CHECKING:
     import numpy.typing as npt
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
@@ -157,6 +158,33 @@ def drawable(text: str, limit: int = 60) -> str:
     known = _glyphs()
     shown = "".join(c if c.isprintable() and ord(c) in known else "\N{WHITE SQUARE}" for c in text)
     return shortened(shown, limit)
+
+
+def in_season_colour(drawn: Artist, colour: str) -> None:
+    """Draw what a figure, or a part of it, has in the best route's colour in a season's.
+
+    As a page does by `var(--map-best)`.
+    """
+    from matplotlib.colors import same_color
+
+    for artist in drawn.findobj():
+        for name in ("color", "edgecolor", "markeredgecolor", "markerfacecolor"):
+            get = getattr(artist, f"get_{name}", None)
+            value = get() if get is not None else None
+            if isinstance(value, str) and same_color(value, COLOURS["best"]):
+                getattr(artist, f"set_{name}")(colour)
+
+
+@cache
+def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
+    """Width of a text in the default font, points."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
+    if not text.strip():
+        return 0.0
+    return float(TextPath((0, 0), text, size=size_pt, prop=font, usetex=False).get_extents().width)
 
 
 @cache

@@ -6,6 +6,7 @@ Maps are in the planner's plane, so that shapes and angles are true, with a lon/
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +15,14 @@ import shapely
 from pipeline.formats.figures.artists import (
     PLAIN_PT,
     POINTS_PER_INCH,
+    SMALL_PT,
     axes_at,
     draw_scale_bar,
     drawable,
     label,
     patch,
     point,
+    text_width,
 )
 from pipeline.formats.figures.graticule import graticule
 from pipeline.formats.figures.palette import COLOURS
@@ -53,6 +56,33 @@ _ADDED_ALPHA = 0.4
 # Distance from a marker to its label.
 _LABEL_GAP_PT = 8.0
 _TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
+_LEGEND_TEXT_PT = 7.5
+# Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
+_LEGEND_EXTRA = 4.2
+# Least width of a map in a figure of a given width, and room between a text and the figure's edge.
+_MIN_WIDTH_PT, _EDGE_PT = 160.0, 3.0
+# Room of a parallel's label beside its text.
+_LABEL_ROOM_PT = 9.0
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Room around a map, points: for the labels of its grid at the left, and half of one right."""
+
+    left: float
+    right: float
+
+    @classmethod
+    def of(cls, result: RunResult) -> Margins:
+        """The room that the longest labels of a scene take."""
+        scene = result.scene
+        grid = graticule(scene.projection, scene.chart.extent, in_metres=result.scenario.is_planar)
+        parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
+        meridians = [text_width(g.label, SMALL_PT) / 2 for g in grid if g.is_meridian]
+        return cls(
+            max(LEFT_PT, _LABEL_ROOM_PT + max(parallels, default=0.0)),
+            max(RIGHT_PT, _EDGE_PT + max(meridians, default=0.0)),
+        )
 
 
 def map_figure(
@@ -61,23 +91,28 @@ def map_figure(
     *,
     titles: Sequence[tuple[str, str]] = (),
     columns: int = 1,
-    legend_columns: int = 2,
     below_pt: float = 0.0,
+    width_pt: float | None = None,
 ) -> tuple[Figure, list[tuple[Axes, PathPatch]]]:
     """Make a figure with a map under each title (two lines), and one legend.
 
     Returns the axes of each map, and its water as a patch to clip layers to. Without titles there
-    is one map; `below_pt` points are left free between the maps and the legend.
+    is one map; `below_pt` points are left free between the maps and the legend. A figure of a given
+    width has as many columns as fit, and no more than `columns`; else each map has `WIDTH_PT`.
     """
     from matplotlib.figure import Figure
 
-    width, height = _map_size_pt(result)
+    margins = Margins.of(result)
+    whole_width = width_pt or columns * WIDTH_PT
+    columns = max(1, min(columns, int(whole_width / _MIN_WIDTH_PT)))
+    width = whole_width / columns
+    height = _map_height_pt(result, width, margins)
     row_height = height + (_TITLE_PT if titles else 0.0)
     count = max(1, len(titles))
-    rows = math.ceil(count / columns)
+    legend_columns = _legend_columns(handles, whole_width)
     lines = math.ceil(len(handles) / legend_columns)
     legend = _LEGEND_PT + lines * _LEGEND_ROW_PT if handles else 0.0
-    whole_width, whole_height = columns * width, rows * row_height + below_pt + legend
+    whole_height = math.ceil(count / columns) * row_height + below_pt + legend
     figure = Figure(
         figsize=(whole_width / POINTS_PER_INCH, whole_height / POINTS_PER_INCH),
         facecolor=COLOURS["halo"],
@@ -86,35 +121,54 @@ def map_figure(
     for index in range(count):
         row, column = divmod(index, columns)
         left, bottom = column * width, whole_height - (row + 1) * row_height
-        box_pt = (
-            left + LEFT_PT,
-            bottom + BOTTOM_PT,
-            width - LEFT_PT - RIGHT_PT,
-            height - BOTTOM_PT - TOP_PT,
-        )
+        inner = width - margins.left - margins.right
+        box_pt = (left + margins.left, bottom + BOTTOM_PT, inner, height - BOTTOM_PT - TOP_PT)
         maps.append(_map_axes(figure, result, box_pt))
-        for text, up_pt, size_pt, weight in (
-            (
-                (titles[index][0], 20.0, 11.0, "bold"),
-                (titles[index][1], 6.0, PLAIN_PT, "normal"),
-            )
-            if titles
-            else ()
-        ):
-            figure.text(
-                (left + LEFT_PT + (width - LEFT_PT - RIGHT_PT) / 2) / whole_width,
-                (bottom + height + up_pt) / whole_height,
-                drawable(text),
-                ha="center",
-                va="center",
-                color=COLOURS["ink"],
-                fontsize=size_pt,
-                fontweight=weight,
-                parse_math=False,
-            )
+        if titles:
+            middle = left + margins.left + inner / 2
+            _draw_titles(figure, titles[index], (middle, bottom + height), width)
     if handles:
         _draw_legend(figure, handles, legend_columns, 0.5 * legend / whole_height)
     return figure, maps
+
+
+def _draw_titles(
+    figure: Figure, titles: tuple[str, str], foot_pt: tuple[float, float], width_pt: float
+) -> None:
+    """Write a map's two titles above its upper edge, no wider than the map's part of the figure."""
+    width, height = figure.get_size_inches() * POINTS_PER_INCH
+    middle, bottom = foot_pt
+    room = 2 * min(middle, width - middle, width_pt / 2) - 2 * _EDGE_PT
+    for text, up_pt, size_pt, weight in (
+        (titles[0], 20.0, 11.0, "bold"),
+        (titles[1], 6.0, PLAIN_PT, "normal"),
+    ):
+        shown = drawable(text)
+        wide = text_width(shown, size_pt, bold=weight == "bold")
+        figure.text(
+            middle / width,
+            (bottom + up_pt) / height,
+            shown,
+            ha="center",
+            va="center",
+            color=COLOURS["ink"],
+            fontsize=size_pt * min(1.0, room / max(wide, 1.0)),
+            fontweight=weight,
+            parse_math=False,
+        )
+
+
+def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
+    """Number of columns of a legend that fit into a width; entries run down the columns."""
+    from matplotlib.artist import Artist as Base
+
+    wide = [text_width(str(Base.get_label(h)), _LEGEND_TEXT_PT) for h in handles]
+    for columns in range(len(wide), 1, -1):
+        rows = math.ceil(len(wide) / columns)
+        needed = sum(max(wide[i : i + rows]) for i in range(0, len(wide), rows))
+        if needed + columns * _LEGEND_EXTRA * _LEGEND_TEXT_PT <= width_pt - 2 * _EDGE_PT:
+            return columns
+    return 1
 
 
 def add_layers(axes: Axes, layers: Sequence[Artist], sea: PathPatch) -> None:
@@ -207,6 +261,13 @@ def land_handles(result: RunResult) -> list[Artist]:
     ]
 
 
+def soft_handle(text: str = "soft no-go: the padding") -> Artist:
+    """Legend of a soft no-go zone."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label=text)
+
+
 def line_handle(role: str, width_pt: float, text: str) -> Artist:
     """Legend of a line."""
     from matplotlib.lines import Line2D
@@ -265,11 +326,11 @@ def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     draw_scale_bar(axes, result.scene.projection)
 
 
-def _map_size_pt(result: RunResult) -> tuple[float, float]:
-    """Width and height of one map with its margins, in points."""
+def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> float:
+    """Height of one map with its margins, for its width with them, in points."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
-    return WIDTH_PT, (WIDTH_PT - LEFT_PT - RIGHT_PT) * ratio + BOTTOM_PT + TOP_PT
+    return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
 
 
 def _visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
@@ -336,7 +397,7 @@ def _draw_legend(figure: Figure, handles: Sequence[Artist], columns: int, centre
         bbox_to_anchor=(0.5, centre),
         ncols=columns,
         frameon=False,
-        fontsize=7.5,
+        fontsize=_LEGEND_TEXT_PT,
         labelcolor=COLOURS["ink"],
         handlelength=1.6,
         columnspacing=1.2,

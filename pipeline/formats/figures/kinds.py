@@ -1,4 +1,4 @@
-"""Kinds and file types of a season's figures."""
+"""Kinds, widths and file types of a season's figures."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from matplotlib.figure import Figure
 
+    from pipeline.formats.figures.variants import Variant
     from pipeline.formats.shared.result import RunResult
 
 
@@ -19,6 +22,10 @@ class Kind(StrEnum):
     PADDING = "padding"
     ROUTES = "routes"
     ALONG = "along"
+    TURNS = "turns"
+    REACH = "reach"
+    CLASSES = "classes"
+    PADDINGS = "paddings"
     ALL = "all"
 
     @classmethod
@@ -26,6 +33,20 @@ class Kind(StrEnum):
         """Selected kinds, each once and in the order above; all kinds if none is selected."""
         every = tuple(kind for kind in cls if kind is not cls.ALL)
         return tuple(kind for kind in every if kind in (kinds or every) or cls.ALL in kinds)
+
+
+class Width(StrEnum):
+    """Width of a figure: a journal's column or page, or as large as a screen reads it."""
+
+    COLUMN = "column"
+    PAGE = "page"
+    SCREEN = "screen"
+
+    @property
+    def points(self) -> float | None:
+        """In points, 72 to an inch; None where each map has its own width."""
+        inches = {Width.COLUMN: 3.3, Width.PAGE: 7.0}.get(self)
+        return None if inches is None else 72 * inches
 
 
 class Form(StrEnum):
@@ -36,18 +57,44 @@ class Form(StrEnum):
     PDF = "pdf"
 
 
-def figure(result: RunResult, season: str, kind: Kind) -> Figure:
-    """Draw a figure, of any kind but `all`, of a season that has a route."""
+def figure(
+    result: RunResult,
+    season: str,
+    kind: Kind,
+    width: Width = Width.SCREEN,
+    variants: Mapping[Kind, Sequence[Variant]] | None = None,
+) -> Figure:
+    """Draw a figure, of any kind but `all`, of a season that has a route.
+
+    `variants` are the runs with other options that `classes` and `paddings` compare.
+    """
+    from pipeline.formats.figures.artists import in_season_colour
     from pipeline.formats.figures.method import channels_figure, mesh_figure
     from pipeline.formats.figures.padding_map import padding_map_figure
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
+    from pipeline.formats.figures.turning import reach_figure, turns_figure
+    from pipeline.formats.figures.variants import variants_figure
+    from pipeline.formats.shared.palette import season_colour
+
+    size = width.points
+
+    def compared() -> Figure:
+        chosen = (variants or {})[kind]
+        padded = kind is Kind.PADDINGS
+        return variants_figure(result, season, chosen, with_padding=padded, width_pt=size)
 
     draws = {
-        Kind.MESH: lambda: mesh_figure(result, season),
-        Kind.CHANNELS: lambda: channels_figure(result, season),
-        Kind.PADDING: lambda: padding_map_figure(result, season),
-        Kind.ROUTES: lambda: overview_figure(result, [season]),
-        Kind.ALONG: lambda: profile_figure(result, result.season_routes(season)[0]),
+        Kind.MESH: lambda: mesh_figure(result, season, size),
+        Kind.CHANNELS: lambda: channels_figure(result, season, size),
+        Kind.PADDING: lambda: padding_map_figure(result, season, size),
+        Kind.ROUTES: lambda: overview_figure(result, [season], size),
+        Kind.ALONG: lambda: profile_figure(result, result.season_routes(season)[0], size),
+        Kind.TURNS: lambda: turns_figure(result, season, size),
+        Kind.REACH: lambda: reach_figure(result, season, size),
+        Kind.CLASSES: compared,
+        Kind.PADDINGS: compared,
     }
-    return draws[kind]()
+    drawn = draws[kind]()
+    in_season_colour(drawn, season_colour(result.season_index(season)))
+    return drawn

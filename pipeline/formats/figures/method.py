@@ -23,7 +23,7 @@ from pipeline.formats.figures.chart_map import (
 )
 from pipeline.formats.figures.island_labels import draw_island_labels
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
-from pipeline.formats.shared.text import distance, number
+from pipeline.formats.shared.text import distance, fuel
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _CHANNEL_ALPHA = 0.3
 
 
-def mesh_figure(result: RunResult, season: str) -> Figure:
+def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
     """Draw the triangles of the water, and the constrained edges, which bound the no-go zone."""
     mesh = _triangulation(result, season)
     passing, constrained = _passing_edges(mesh), mesh.constrained_edges
@@ -46,7 +46,7 @@ def mesh_figure(result: RunResult, season: str) -> Figure:
         line_handle("other", 0.8, f"{len(passing):,} passing edges"),
         line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
     ]
-    figure, [(axes, sea)] = map_figure(result, handles)
+    figure, [(axes, sea)] = map_figure(result, handles, width_pt=width_pt)
     layers = [
         *no_go_layers(axes, result),
         *land_layers(axes, result),
@@ -59,7 +59,7 @@ def mesh_figure(result: RunResult, season: str) -> Figure:
     return figure
 
 
-def channels_figure(result: RunResult, season: str) -> Figure:
+def channels_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
     """Draw the channels of triangles of the best classes with their routes, on a map each.
 
     The best class by every passage of the main island is among them.
@@ -67,7 +67,10 @@ def channels_figure(result: RunResult, season: str) -> Figure:
     chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
     figure, maps = map_figure(
-        result, titles=[_class_title(ranked) for ranked in chosen], columns=min(2, len(chosen))
+        result,
+        titles=[_class_title(ranked) for ranked in chosen],
+        columns=min(2, len(chosen)),
+        width_pt=width_pt,
     )
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
@@ -126,4 +129,4 @@ def _class_title(ranked: RankedRoute) -> tuple[str, str]:
     """Title of a class's map, and its route's length and fuel."""
     metrics = ranked.metrics
     way = metrics.way or f"class {metrics.rank}"
-    return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {number(metrics.fuel)}"
+    return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel)}"

@@ -23,10 +23,8 @@ from pipeline.formats.figures.artists import (
 )
 from pipeline.formats.figures.chart_map import (
     BOTTOM_PT,
-    LEFT_PT,
-    RIGHT_PT,
-    SOFT_ALPHA,
     WIDTH_PT,
+    Margins,
     add_layers,
     draw_frame,
     draw_start_and_goal,
@@ -35,6 +33,7 @@ from pipeline.formats.figures.chart_map import (
     line_handle,
     map_figure,
     no_go_layers,
+    soft_handle,
     soft_layer,
 )
 from pipeline.formats.figures.palette import COLOURS
@@ -63,23 +62,22 @@ _STATIONS = 400
 _MAX_BESIDE = 4
 
 
-def padding_map_figure(result: RunResult, season: str) -> Figure:
+def padding_map_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
     """Draw the best route's soft no-go zone, and hard-over turns at its tightest places."""
-    from matplotlib.patches import Patch
-
     best = result.season_routes(season)[0]
     places = _tightest(best.route)
     handles = [
         *land_handles(result),
-        Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label="soft no-go: the padding"),
+        soft_handle(),
         line_handle("best", 2.2, "best route"),
         line_handle("ink", 1.0, "hard-over turns in the current"),
     ]
-    width = WIDTH_PT - LEFT_PT - RIGHT_PT
+    margins = Margins.of(result)
+    width = (width_pt or WIDTH_PT) - margins.left - margins.right
     side = (width - (_MAX_WINDOWS - 1) * _GAP_PT) / _MAX_WINDOWS
-    first = LEFT_PT + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
+    first = margins.left + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
     below = side + _BAR_PT if places else 0.0
-    figure, [(axes, sea)] = map_figure(result, handles, below_pt=below)
+    figure, [(axes, sea)] = map_figure(result, handles, below_pt=below, width_pt=width_pt)
     layers = [
         *no_go_layers(axes, result),
         *land_layers(axes, result),

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.formats.figures.artists import text_width
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import distance, number, percent, plain
 
 if TYPE_CHECKING:
@@ -78,14 +80,14 @@ def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
     return page_svg(figure, identity=identity, label=label)
 
 
-def profile_figure(result: RunResult, ranked: RankedRoute) -> Figure:
+def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
     """Figure for `profile_svg`: four panels, or three without land."""
     profile = route_profile(ranked, result)
     plot = _ProfilePlot(result, ranked, profile, *_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
     if np.isfinite(profile.clearance_m).all():
         draws.append(plot.draw_clearance)
-    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT)
+    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT, width_pt or _WIDTH_PT)
     for axes, draw in zip(panels, draws, strict=True):
         draw(axes)
         axes.set_xlim(0, plot.run[-1])
@@ -107,7 +109,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     marks = [
         _Mark(float(np.median(reach_m)), "median", "ink"),
         _Mark(padding_m, "padding", "other", f", exceeded by {percent(beyond)}"),
-        _Mark(gap_m, "route to coast", "best"),
+        _Mark(gap_m, "route to no-go zone", "best"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
     shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
@@ -251,7 +253,7 @@ class _ProfilePlot:
             clip_on=False,
             zorder=4,
         )
-        text = f"Distance to land, {unit}: least {distance(self.profile.clearance_m[least])}"
+        text = f"Distance to land, {unit}: least {kept(self.profile.clearance_m[least])}"
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:
@@ -271,23 +273,25 @@ def _unit(longest_m: float) -> tuple[str, float]:
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
-def plot_panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
-    """Make a figure of the page's width, with panels of equal height below each other."""
+def plot_panels(
+    count: int, height_pt: float, gap_pt: float, width_pt: float = _WIDTH_PT
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure of a width, with panels of equal height below each other."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
     whole = _TOP_PT + count * height_pt + (count - 1) * gap_pt + _BOTTOM_PT
     figure = Figure(
-        figsize=(_WIDTH_PT / _POINTS_PER_INCH, whole / _POINTS_PER_INCH), facecolor=COLOURS["halo"]
+        figsize=(width_pt / _POINTS_PER_INCH, whole / _POINTS_PER_INCH), facecolor=COLOURS["halo"]
     )
     panels = []
     for row in range(count):
         bottom = whole - _TOP_PT - (row + 1) * height_pt - row * gap_pt
         axes = figure.add_axes(
             (
-                _LEFT_PT / _WIDTH_PT,
+                _LEFT_PT / width_pt,
                 bottom / whole,
-                1 - (_LEFT_PT + _RIGHT_PT) / _WIDTH_PT,
+                1 - (_LEFT_PT + _RIGHT_PT) / width_pt,
                 height_pt / whole,
             )
         )
@@ -307,10 +311,21 @@ def plot_panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, li
 
 
 def plot_title(axes: Axes, title: str, note: str) -> None:
-    """Write a panel's title above its left end, and a note on its lines above its right end."""
+    """Write a panel's title above its left end, and a note on its lines above its right end.
+
+    In a narrow figure, which has not room for both, the note stands inside the panel.
+    """
     ink = COLOURS["ink"]
     axes.set_title(title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5)
-    axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5)
+    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * _POINTS_PER_INCH
+    wide = text_width(title, _TITLE_PT, bold=True) + text_width(note, _TEXT_PT)
+    if wide + _TEXT_PT <= room:
+        axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5)
+    else:
+        axes.set_title(title, loc="left", fontsize=_TEXT_PT, fontweight="bold", color=ink, pad=5)
+        axes.text(
+            1.0, 0.98, note, transform=axes.transAxes, ha="right", va="top", fontsize=7, color=ink
+        )
 
 
 def _draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:

@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.arrows import arrows, speed_scale
-from pipeline.formats.figures.artists import patch, stroke
+from pipeline.formats.figures.artists import in_season_colour, patch, stroke
 from pipeline.formats.figures.chart_map import (
-    SOFT_ALPHA,
     add_layers,
     draw_frame,
     draw_start_and_goal,
@@ -18,6 +17,7 @@ from pipeline.formats.figures.chart_map import (
     land_layers,
     map_figure,
     no_go_layers,
+    soft_handle,
     soft_layer,
     zone_handles,
     zone_layers,
@@ -25,7 +25,8 @@ from pipeline.formats.figures.chart_map import (
 from pipeline.formats.figures.island_labels import draw_island_labels
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.shared.text import distance, number
+from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.text import distance, fuel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,20 +46,21 @@ def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> 
     return page_svg(figure, identity=identity, label=label)
 
 
-def overview_figure(result: RunResult, seasons: Sequence[str] = ()) -> Figure:
+def overview_figure(
+    result: RunResult, seasons: Sequence[str] = (), width_pt: float | None = None
+) -> Figure:
     """Draw seasons side by side, each under its title; all seasons if none are given."""
     chosen = seasons or [entry.season for entry in result.plans]
-    handles = _handles(result)
     figure, maps = map_figure(
         result,
-        handles,
+        _handles(result, chosen),
         titles=[_titles(result, season) for season in chosen],
         columns=len(chosen),
-        # The figure of one season is narrow: its legend has two rows.
-        legend_columns=len(handles) if len(chosen) > 1 else 5,
+        width_pt=width_pt,
     )
     for season, (axes, sea) in zip(chosen, maps, strict=True):
         _draw_season(axes, sea, result, season)
+        in_season_colour(axes, season_colour(result.season_index(season)))
     return figure
 
 
@@ -70,7 +72,7 @@ def _titles(result: RunResult, season: str) -> tuple[str, str]:
         return title, "no route"
     best = ranked[0].metrics
     way = f"{best.main_passage}, " if best.way else ""
-    return title, f"{way}{distance(best.length_m)}, fuel {number(best.fuel)}"
+    return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel)}"
 
 
 def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
@@ -111,16 +113,32 @@ def _route_layers(result: RunResult, season: str) -> list[Artist]:
     return layers
 
 
-def _handles(result: RunResult) -> list[Artist]:
+def _best_handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
+    """Legend of the best routes: one colour a season."""
+    from matplotlib.lines import Line2D
+
+    several = len(seasons) > 1
+    return [
+        Line2D(
+            [],
+            [],
+            color=season_colour(result.season_index(season)),
+            linewidth=2.2,
+            label=f"best route, {season}" if several else "best route",
+        )
+        for season in seasons
+    ]
+
+
+def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
     """Legend of lines, areas and speeds."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     handles: list[Artist] = [
-        Line2D([], [], color=COLOURS["best"], linewidth=2.2, label="best route"),
+        *_best_handles(result, seasons),
         Line2D([], [], color=COLOURS["other"], linewidth=0.8, label="other classes"),
         *land_handles(result),
-        Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label="soft no-go"),
+        soft_handle("soft no-go"),
         *zone_handles(result),
     ]
     labels = speed_scale(result).labels

@@ -136,6 +136,10 @@ class RunResult:
         """Whether the season's current is not the one that the scenario asks for first."""
         return any(grid.is_stand_in for grid in self.fetched.currents if grid.season == season)
 
+    def season_index(self, season: str) -> int:
+        """Position of a season among the scenario's, from 0: of its colour in the palette."""
+        return [entry.season for entry in self.plans].index(season)
+
     def season_title(self, season: str) -> str:
         """The season's name for readers, with its title if that adds anything.
 

@@ -24,6 +24,7 @@ from pipeline.formats.figures.padding_map import padding_map_figure
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.model import Passage
 from tests.pipeline.formats import small_run
+from tests.pipeline.formats.figures.test_widths import variants
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -215,7 +216,7 @@ def test_texts_of_a_figure_do_not_overlap_or_leave_it(
     planar: bool,
 ) -> None:
     result = small_run.parts(planar=planar)
-    drawn = figure(result, result.plans[0].season, kind)
+    drawn = figure(result, result.plans[0].season, kind, variants=variants(result))
     canvas = FigureCanvasAgg(drawn)
     drawn.draw(canvas.get_renderer())  # type: ignore[no-untyped-call]
     axes = [axis for panel in drawn.axes for axis in (panel.xaxis, panel.yaxis)]

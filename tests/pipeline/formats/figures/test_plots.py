@@ -168,14 +168,14 @@ def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
     text = text_of(axes)
     assert "median 2.00 km" in text
     assert "padding 2.90 km, exceeded by 5.0 %" in text
-    assert "route to coast 3.20 km" in text
+    assert "route to no-go zone 3.20 km" in text
 
 
 def test_a_distant_coast_is_only_written_so_that_bars_stay_readable() -> None:
     (axes,) = padding_figure(tight(2.9, 50.0, np.linspace(1.0, 3.0, 401)), 1.0).axes
     assert drawn(axes, "best") == []
     assert axes.get_xlim()[1] < 4
-    assert "route to coast 50.0 m \N{RIGHTWARDS ARROW}" in text_of(axes)
+    assert "route to no-go zone 50.0 m \N{RIGHTWARDS ARROW}" in text_of(axes)
 
 
 def test_turns_of_equal_reach_are_one_bar() -> None:

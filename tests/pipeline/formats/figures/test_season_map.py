@@ -11,8 +11,10 @@ import pytest
 import shapely
 from matplotlib.image import imread
 
+from pipeline.formats.figures.chart_map import Margins
 from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.figures.season_map import overview_figure, season_svg
+from pipeline.formats.shared.palette import season_colour
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
@@ -26,8 +28,9 @@ HOSTILE = "<script>alert(1)</script> ../ \N{ROCKET} \u202egnp.exe $x_{" + "long 
 
 
 def share(picture: npt.NDArray[np.float64], role: str) -> float:
-    """Share of a picture's pixels that have a role's colour, near enough."""
-    wanted = np.array([int(COLOURS[role][i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    """Share of a picture's pixels that have the colour of a role, or one given, near enough."""
+    colour = COLOURS.get(role, role)
+    wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     return float((np.abs(picture[..., :3] - wanted).max(axis=-1) < 0.02).mean())
 
 
@@ -39,13 +42,14 @@ def test_every_role_has_a_colour_of_its_own_and_a_dark_one() -> None:
 def test_the_picture_shows_land_as_large_as_it_is(result: RunResult, tmp_path: Path) -> None:
     overview_figure(result, ["winter"]).savefig(tmp_path / "map.png", dpi=200)
     picture = imread(tmp_path / "map.png")
-    sea = sum(share(picture, role) for role in ("water", "land", "best", "speed0", "speed1"))
+    best = season_colour(1)
+    sea = sum(share(picture, role) for role in ("water", "land", best, "speed0", "speed1"))
     extent = result.scene.chart.extent
     land = shapely.union_all(result.scene.land).intersection(extent).area / extent.area
     # Part of the picture is margin; on the map itself land has its true share, less what arrows and
     # lines cover.
     assert share(picture, "land") / sea == pytest.approx(land, rel=0.2)
-    assert 0.002 < share(picture, "best") < 0.02
+    assert 0.002 < share(picture, best) < 0.02
     assert share(picture, "other") > 0.0005
 
 
@@ -61,9 +65,11 @@ def test_the_best_route_runs_where_it_was_planned(result: RunResult) -> None:
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     for place, whole in ((drawn[0], path[0]), (drawn[-1], path[-1])):
         across = (whole[0] - xmin) / (xmax - xmin), (whole[1] - ymin) / (ymax - ymin)
-        # Margins: 36 left, 18 right of 374 points; 10 above, 40 below.
-        assert place[0] == pytest.approx(36 + across[0] * (374 - 54), abs=0.2)
-        height = (374 - 54) * (ymax - ymin) / (xmax - xmin)
+        # Margins: as wide as the grid's labels at the sides; 10 above, 40 below.
+        margins = Margins.of(result)
+        width = 374 - margins.left - margins.right
+        assert place[0] == pytest.approx(margins.left + across[0] * width, abs=0.2)
+        height = width * (ymax - ymin) / (xmax - xmin)
         assert place[1] == pytest.approx(10 + (1 - across[1]) * height, abs=0.2)
 
 

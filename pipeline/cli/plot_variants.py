@@ -1,0 +1,63 @@
+"""The runs that `renew plot` compares: few and many classes; adaptive, none and fixed padding."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pipeline.errors import RequestError, StageError
+from pipeline.formats.figures.kinds import Kind
+from pipeline.formats.figures.variants import Variant
+from pipeline.formats.shared.text import distance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
+
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.scenario.model import Scenario
+
+    Planned = Callable[[Scenario], AbstractContextManager[RunResult]]
+
+
+def compared_variants(
+    scenario: Scenario, kinds: Sequence[Kind], planned: Planned
+) -> dict[Kind, list[Variant]]:
+    """Plan what the kinds of figures compare; each run is in the store afterwards.
+
+    The classes are those of a depth-first search, as in the paper. The fixed padding is the widest
+    that adaptive padding has on any season's best route: as safe as that everywhere.
+    """
+    variants: dict[Kind, list[Variant]] = {}
+    if Kind.CLASSES in kinds:
+        many = scenario.planner.classes
+        variants[Kind.CLASSES] = [
+            _variant(scenario, planned, f"k = {k}", classes=k, order="depth-first")
+            for k in dict.fromkeys((many if many > 1 else 16, 1))
+        ]
+    if Kind.PADDINGS in kinds:
+        adaptive = _variant(scenario, planned, "adaptive padding", padding="adaptive")
+        variants[Kind.PADDINGS] = [
+            adaptive,
+            _variant(scenario, planned, "no padding", padding="none", clearance=0.0),
+        ]
+        widest = _widest(adaptive.result)
+        if widest > 0:
+            title = f"fixed padding, {distance(widest * scenario.scale)}"
+            variants[Kind.PADDINGS].append(_variant(scenario, planned, title, padding=widest))
+    return variants
+
+
+def _variant(scenario: Scenario, planned: Planned, title: str, **options: object) -> Variant:
+    """Plan a scenario with other options of the planner; where that fails, say why."""
+    planner = scenario.planner.model_copy(update=options)
+    try:
+        with planned(scenario.model_copy(update={"planner": planner})) as result:
+            return Variant(title, result)
+    except (RequestError, StageError) as error:
+        return Variant(title, None, str(error))
+
+
+def _widest(result: RunResult | None) -> float:
+    """The widest padding of any season's best route, planar metres."""
+    best = [one.route for one in result.routes if one.rank == 1] if result else []
+    return max((float(route.padding_used[:, 4].max(initial=0.0)) for route in best), default=0.0)

@@ -1,0 +1,198 @@
+"""Hard-over turns at a route's tightest place under noise, and the distribution of their reach.
+
+The padding of an edge is the quantile of the reaches of turns in draws of the current (RENEW,
+AAAI 2026); both figures are of the draws that set it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.errors import StageError
+from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
+from pipeline.formats.figures.chart_map import WIDTH_PT
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.text import distance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Number of drawn turns to either side, and the seed of their draws.
+_TURNS, _SEED = 60, 0
+_POINTS_PER_INCH = 72.0
+_HEIGHT_SHARE, _MIN_HEIGHT_PT = 0.62, 190.0
+_KILOMETRES_FROM_M = 2_000.0
+# Share of a turn by which the picture reaches beyond the turns and the edge.
+_MARGIN = 0.15
+
+
+def turns_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+    """Draw turns to both sides in draws of the current's spread, with the padding of the edge."""
+    from renew.inputs.current import as_field
+    from renew.turns.contingency import fly_turns
+
+    ranked = result.season_routes(season)[0]
+    found = _tightest(result, ranked)
+    scale = result.scene.projection.scale
+    deviations = np.random.default_rng(_SEED).standard_normal((1, _TURNS, 2))
+    (tracks,) = fly_turns(
+        found.point[None],
+        np.array([found.heading]),
+        as_field(result.scene.currents[season]),
+        result.scene.vessel,
+        deviations,
+        np.array([_passed(ranked, found.point)]),
+    )
+    unit, unit_m = _unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
+    # Along the edge to the right, and away from it upwards.
+    along = found.edge[1] - found.edge[0]
+    along = along / np.linalg.norm(along)
+    away = np.array([-along[1], along[0]])
+    if (found.point - found.edge[0]) @ away < 0:
+        along, away = -along, -away
+    local = (tracks - found.point) @ np.stack([along, away]).T * scale / unit_m
+    figure, axes = _axes(width_pt)
+    for track in local:
+        axes.plot(*track.T, color=COLOURS["other"], linewidth=0.5, alpha=0.35, zorder=2)
+    gap, padding = found.gap * scale / unit_m, found.padding * scale / unit_m
+    axes.axhline(-gap, color=COLOURS["coast"], linewidth=2.2, zorder=3)
+    axes.axhspan(-gap, padding - gap, color=COLOURS["soft"], alpha=0.3, linewidth=0, zorder=1)
+    axes.plot([0], [0], "o", color=COLOURS["best"], markersize=5, zorder=4)
+    low, high = local.reshape(-1, 2).min(axis=0), local.reshape(-1, 2).max(axis=0)
+    room = _MARGIN * float((high - low).max())
+    axes.set_xlim(low[0] - room, high[0] + room)
+    axes.set_ylim(min(low[1], -gap) - room, high[1] + room)
+    axes.set_aspect("equal", adjustable="box")
+    axes.annotate(
+        f"no-go zone, {distance(found.gap * scale)} off",
+        (0.01, -gap),
+        xycoords=("axes fraction", "data"),
+        xytext=(2, -3),
+        textcoords="offset points",
+        va="top",
+        fontsize=SMALL_PT,
+        color=COLOURS["ink"],
+    )
+    axes.annotate(
+        f"padding {distance(found.padding * scale)}",
+        (0.01, padding - gap),
+        xycoords=("axes fraction", "data"),
+        xytext=(2, 2),
+        textcoords="offset points",
+        fontsize=SMALL_PT,
+        color=COLOURS["ink"],
+    )
+    axes.set_xlabel(f"along the no-go zone's edge, {unit}", fontsize=SMALL_PT)
+    axes.set_ylabel(f"away from it, {unit}", fontsize=SMALL_PT)
+    _title(axes, "Hard-over turns at the tightest place, in draws of the current")
+    return figure
+
+
+def reach_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+    """Draw the distribution of the reach of turns at the tightest place, and its quantile."""
+    ranked = result.season_routes(season)[0]
+    found = _tightest(result, ranked)
+    scale, risk = result.scene.projection.scale, result.scenario.planner.risk
+    reach_m = np.asarray(found.reaches, dtype=float) * scale
+    unit, unit_m = _unit(float(reach_m.max()))
+    figure, axes = _axes(width_pt)
+    draw_reaches(axes, [("", reach_m / unit_m, COLOURS["other"])], risk)
+    for value, name, colour in (
+        (float(np.quantile(reach_m, 1 - risk)), "quantile", "other"),
+        (found.padding * scale, "padding", "soft"),
+        (found.gap * scale, "route to no-go zone", "best"),
+    ):
+        axes.axvline(
+            value / unit_m,
+            color=COLOURS[colour],
+            linewidth=1.6,
+            label=f"{name} {distance(value)}",
+        )
+    axes.set_xlabel(f"reach towards the no-go zone, {unit}", fontsize=SMALL_PT)
+    axes.set_ylabel("share of drawn turns", fontsize=SMALL_PT)
+    axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none")
+    _title(axes, f"Reach of hard-over turns: {100 * (1 - risk):g} % stay within the quantile")
+    return figure
+
+
+def draw_reaches(
+    axes: Axes, samples: Sequence[tuple[str, FloatArray, str]], risk: float
+) -> list[float]:
+    """Draw the distribution of each sample (label, reaches (n,), colour); return the quantiles."""
+    quantiles = []
+    for label, reaches, colour in samples:
+        ordered = np.sort(reaches)
+        shares = np.arange(1, len(ordered) + 1) / len(ordered)
+        axes.plot(ordered, shares, color=colour, label=label or "_reaches")
+        quantiles.append(float(np.quantile(ordered, 1 - risk)))
+    axes.axhline(1 - risk, color=COLOURS["frame"], linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.set_ylim(0, 1.05)
+    return quantiles
+
+
+def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
+    """The tightest place of a route; an error where its padding is none."""
+    found = renew.tightest(
+        ranked.route,
+        result.scene.currents[ranked.season],
+        result.scene.vessel,
+        seed=result.scenario.planner.seed,
+    )
+    if found is None:
+        raise StageError(
+            f"plot: season {ranked.season!r} has no padding at all, so no tightest place: choose "
+            "other figures with --figure, or planner.padding = 'adaptive'"
+        )
+    return found
+
+
+def _passed(ranked: RankedRoute, point: FloatArray) -> float:
+    """When a route passes a point (2,) of it, s on the current's clock."""
+    path = np.asarray(ranked.route.path)
+    passed = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))
+    along = float(shapely.line_locate_point(shapely.LineString(path), shapely.Point(point)))
+    return float(np.interp(along, np.append(0.0, passed), ranked.route.times))
+
+
+def _unit(longest_m: float) -> tuple[str, float]:
+    """Unit for distances up to `longest_m`, and its length in metres."""
+    return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
+
+
+def _axes(width_pt: float | None) -> tuple[Figure, Axes]:
+    """A figure with one plot."""
+    from matplotlib.figure import Figure
+
+    width = width_pt or WIDTH_PT
+    height = max(_MIN_HEIGHT_PT, _HEIGHT_SHARE * width)
+    figure = Figure(
+        figsize=(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH),
+        facecolor=COLOURS["halo"],
+        layout="constrained",
+    )
+    axes = figure.subplots()
+    axes.tick_params(labelsize=SMALL_PT, labelcolor=COLOURS["ink"], color=COLOURS["frame"])
+    axes.grid(color=COLOURS["grid"], linewidth=0.5)
+    axes.set_axisbelow(True)
+    for spine in axes.spines.values():
+        spine.set_color(COLOURS["frame"])
+    return figure, axes
+
+
+def _title(axes: Axes, text: str) -> None:
+    """Write a plot's title, in two lines where it would be wider than the figure."""
+    axes.set_title(
+        text, fontsize=PLAIN_PT, fontweight="bold", color=COLOURS["ink"], loc="left", wrap=True
+    )

@@ -1,0 +1,96 @@
+"""The same season planned in other ways, side by side: few and many classes, kinds of padding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.formats.figures.artists import stroke
+from pipeline.formats.figures.chart_map import (
+    add_layers,
+    draw_frame,
+    draw_start_and_goal,
+    land_handles,
+    land_layers,
+    line_handle,
+    map_figure,
+    no_go_layers,
+    soft_handle,
+    soft_layer,
+)
+from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.text import clearance, distance, fuel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pipeline.formats.shared.result import RunResult
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A run with other options, or why it has no route."""
+
+    title: str
+    result: RunResult | None
+    failure: str = ""
+
+
+def variants_figure(
+    result: RunResult,
+    season: str,
+    variants: Sequence[Variant],
+    *,
+    with_padding: bool,
+    width_pt: float | None = None,
+) -> Figure:
+    """Draw a season's routes in each variant on a map of its own, with the soft no-go zone."""
+    handles = [
+        *land_handles(result),
+        *([soft_handle()] if with_padding else []),
+        line_handle("best", 2.2, "best route"),
+        line_handle("other", 0.8, "other classes"),
+    ]
+    figure, maps = map_figure(
+        result,
+        handles,
+        titles=[(one.title, _figures(one, season)) for one in variants],
+        columns=len(variants),
+        width_pt=width_pt,
+    )
+    for one, (axes, sea) in zip(variants, maps, strict=True):
+        layers = _layers(axes, one.result or result, one, season, with_padding=with_padding)
+        add_layers(axes, layers, sea)
+        ranked = one.result.season_routes(season) if one.result else ()
+        draw_start_and_goal(axes, result, [r.route.path for r in ranked])
+        draw_frame(axes, result, sea)
+    return figure
+
+
+def _figures(variant: Variant, season: str) -> str:
+    """A variant's fuel, length and clearance; or that it has no route."""
+    ranked = variant.result.season_routes(season) if variant.result else ()
+    if not ranked:
+        return "no route"
+    best = ranked[0].metrics
+    return (
+        f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"
+    )
+
+
+def _layers(
+    axes: Axes, result: RunResult, variant: Variant, season: str, *, with_padding: bool
+) -> list[Artist]:
+    """Land, the best route's soft no-go zone, and routes."""
+    layers = [*no_go_layers(axes, result), *land_layers(axes, result)]
+    ranked = variant.result.season_routes(season) if variant.result else ()
+    if with_padding and ranked:
+        layers.append(soft_layer(axes, ranked[0].route.soft_no_go))
+    for one in reversed(ranked):
+        strokes = [("halo", 4.0, 6), ("best", 2.2, 7)] if one.rank == 1 else [("other", 0.7, 5)]
+        layers += [stroke(one.route.path, COLOURS[role], width, z) for role, width, z in strokes]
+    return layers
