@@ -24,7 +24,9 @@ def coast(result: RunResult) -> Table:
     water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
     polygons = np.array(land.polygons, dtype=object)
     if water:
-        polygons = shapely.difference(polygons, shapely.union_all(water))
+        # One overlay of all: a shoal has thousands of vertices, and the chart hundreds of islets.
+        left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
+        polygons = shapely.get_parts(left)
         polygons = polygons[shapely.area(polygons) > 0]
     return Table(multi(polygons), {"vertices": _vertices(polygons)})
 
