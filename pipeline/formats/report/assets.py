@@ -8,6 +8,9 @@ import re
 from functools import cache
 from pathlib import Path
 
+from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.formats.shared.palette import SEASON_COLOURS, SEASON_COLOURS_ON_DARK
+
 _HERE = Path(__file__).parent
 _LEAFLET = _HERE / "vendor" / "leaflet"
 # In the order of their dependencies.
@@ -27,6 +30,16 @@ def script() -> str:
         (_HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS
     )
     return f'\n{leaflet}\n(() => {{\n"use strict";\n{own}\n}})();\n'
+
+
+def style_colours() -> dict[str, object]:
+    """Colours by the names that `report.css` takes them by."""
+    return {
+        "light": COLOURS,
+        "dark": DARK,
+        "seasons_on_light": SEASON_COLOURS,
+        "seasons_on_dark": SEASON_COLOURS_ON_DARK,
+    }
 
 
 @cache

@@ -12,10 +12,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.report.parts.unknown import Unknown
 from pipeline.formats.shared import text
-from pipeline.formats.shared.palette import SEASON_COLOURS, SEASON_COLOURS_ON_DARK
+from pipeline.formats.shared.palette import SEASON_COLOURS
 from pipeline.formats.tables.manifest import versions
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ def render(report: Report) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    from pipeline.formats.report.assets import content_hash, leaflet_style, script
+    from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
 
     environment = Environment(
         loader=PackageLoader("pipeline.formats.report"),
@@ -109,10 +108,7 @@ def render(report: Report) -> str:
     template = environment.get_template("report.html.jinja")
     return template.render(
         report=report,
-        light=COLOURS,
-        dark=DARK,
-        seasons_on_light=SEASON_COLOURS,
-        seasons_on_dark=SEASON_COLOURS_ON_DARK,
+        **style_colours(),
         # Files of this package, without text from elsewhere.
         script=Markup(script()),  # noqa: S704 - our own
         script_hash=content_hash(script()),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import shapely
 
-from pipeline.formats.figures.palette import COLOURS, DARK
+from pipeline.formats.report.assets import style_colours
 from pipeline.formats.shared import text
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
 from pipeline.nightly.publishing.changes import rows_of
@@ -200,4 +200,4 @@ def _rendered(page: NightPage) -> str:
     )
     environment.filters.update({"number": text.number, "distance": text.distance})
     template = environment.get_template("night/night.html.jinja")
-    return template.render(page=page, light=COLOURS, dark=DARK)
+    return template.render(page=page, **style_colours())
