@@ -83,9 +83,21 @@ def _require_execution(app: Sphinx, name: str, source: list[str]) -> None:
             _log.warning("%s: cell %d failed or was not executed: make notebooks", name, number)
 
 
+def _level_of_captions(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Give the captions of the navigation, which Sphinx calls headings, the level they lack."""
+    del app, page, template, tree
+    key = "furo_navigation_tree"
+    if key in context:
+        levelled = 'role="heading" aria-level="2"'
+        context[key] = context[key].replace('role="heading"', levelled)
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Add the checks."""
     app.connect("autodoc-process-docstring", _require_docstring)
     app.connect("autodoc-skip-member", _skip)
     app.connect("source-read", _require_execution)
+    app.connect("html-page-context", _level_of_captions, priority=900)  # after the theme's own
     return {"parallel_read_safe": True, "parallel_write_safe": True}
