@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures reference lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -86,18 +86,30 @@ experiments-quick: $(READY)  ## the same for single gyre and 4-gyre, one seed, s
 bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench
 
-pictures: $(READY)  ## the documents' pictures anew: docs/*.png
+pictures: $(READY)  ## the documents' pictures anew: docs/pictures/
 	$(BIN)/python -m tests.pipeline.formats.figures
 
-reference: $(READY)  ## the reference of a scenario's keys and its JSON schema: docs/scenario*
+figures: $(READY)  ## plan palawan-season, and write the README's table from its metrics.csv
+	$(BIN)/renew run palawan-season --offline
+	$(BIN)/python -m tests.readme_table outputs/palawan-season/metrics.csv
+
+reference: $(READY)  ## the reference of a scenario's keys and its JSON schema: docs/reference/scenario*
 	$(BIN)/python -m pipeline.scenario.reference
+
+# -W: a broken link, a public name without docstring or a cell that was not executed fails the build. -E: nothing is left
+# from an earlier one. It loads nothing from the network.
+docs: $(READY)  ## the site, strict: build/site/index.html
+	$(BIN)/python -m sphinx -W --keep-going -E -q -b html docs build/site
+
+notebooks: $(READY)  ## execute docs/notebooks/*.md into docs/tutorials/*.ipynb
+	$(BIN)/python -m tests.notebooks
 
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel
 
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --no-config --universal --fork-strategy fewest --generate-hashes \
-	  --python-version 3.11 --group dev --extra triangle --extra baselines \
+	  --python-version 3.11 --group dev --group docs --extra triangle --extra baselines \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -70,3 +71,38 @@ class Outcome:
     def exit_code(self) -> int:
         """0 without failures, else 1."""
         return 1 if self.failures else 0
+
+    def _repr_html_(self) -> str:
+        """Return the routes as a table for a notebook."""
+        header = (
+            "season",
+            "rank",
+            "way",
+            "fuel",
+            "km",
+            "clear of land, km",
+            "gap",
+            "turns met land",
+        )
+        rows = [
+            (
+                row.season,
+                str(row.rank),
+                row.way,
+                f"{row.fuel:.1f}",
+                f"{row.length_m / 1000:.1f}",
+                f"{row.clearance_m / 1000:.2f}",
+                f"{row.optimality_gap:.1%}",
+                f"{row.collisions} of {row.trials:,}",
+            )
+            for row in self.evaluation.routes
+        ]
+        heads = "".join(f"<th>{text}</th>" for text in header)
+        cells = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+        )
+        faults = "".join(f"<p>{escape(fault)}</p>" for fault in self.failures)
+        return (
+            f"<table><caption>{escape(self.scenario.title or self.scenario.name)}</caption>"
+            f"<thead><tr>{heads}</tr></thead><tbody>{cells}</tbody></table>{faults}"
+        )

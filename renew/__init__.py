@@ -24,6 +24,9 @@ from renew.route import Departures, Plan, Rejected, Route
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 
+__version__ = "0.1.0"
+"""Also in pyproject.toml, CITATION.cff and the tag; tests/test_versions.py compares them."""
+
 __all__ = [
     "ArrivalError",
     "Chart",

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.drawing import Line, plan_html
 from renew.errors import PlanningError, Spelling, Strait, UnreachableError
 from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
@@ -170,6 +171,26 @@ class Plan:
         if not self.routes:  # never from plan(), which raises; a Plan can be built by hand
             raise UnreachableError("the plan holds no route")
         return self.routes[self.chosen]
+
+    def _repr_html_(self) -> str:
+        """Return a map and a table for a notebook, without the optimality gap, which takes time."""
+        if not self.routes:
+            return f"<p>No route; {len(self.rejected)} classes were rejected.</p>"
+        lines = [
+            Line(
+                route.path,
+                route.channel,
+                (
+                    route.homotopy,
+                    f"{route.fuel:.1f}",
+                    f"{route.length:.1f} m",
+                    f"{route.clearance:.1f} m",
+                ),
+            )
+            for route in self.routes
+        ]
+        header = ("class", "fuel", "length", "clear of land")
+        return plan_html(lines, self.chosen, self.best.soft_no_go, header)
 
 
 @dataclass(frozen=True, eq=False)

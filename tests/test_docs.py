@@ -8,25 +8,45 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import jupytext
 import pytest
 
 import renew
+from tests.notebooks import EXECUTED, SOURCES
+from tests.readme_table import METRICS, table, with_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parent.parent
-PAPER_MAP = "docs/paper-map.md"
+PAPER_MAP = "docs/explanation/paper-map.md"
 DOCUMENTS = (
     "README.md",
     "CONTRIBUTING.md",
-    *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")),
+    *sorted(
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "docs").rglob("*.md")
+        if path.parent.name != "notebooks"  # run by their own test
+    ),
 )
 FENCE = re.compile(r"^```(?P<language>\w+)[^\n]*\n(?P<body>.*?)^```\s*$", re.MULTILINE | re.DOTALL)
+SHELL = ("sh", "bash", "console")
+NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\n$")
+# Pages whose commands a slow test runs.
+RUN = (
+    "docs/gallery.md",
+    "docs/how-to/copernicus.md",
+    "docs/how-to/departure.md",
+    "docs/how-to/own-chart.md",
+    "docs/how-to/own-currents.md",
+    "docs/how-to/own-vessel.md",
+    "docs/how-to/plotter.md",
+)
 SPAN = re.compile(r"`([^`\n]+)`")
 FILE_IN_REPOSITORY = re.compile(r"(?:renew|pipeline|catalog|tests|docs)/[\w./-]*")
 # The column of the paper map's tables that names files, and what is defined in each.
@@ -64,6 +84,81 @@ def test_python_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.Mo
         # Blank lines before the block, so that a traceback names the document's own line.
         code = compile("\n" * (line - 1) + body, str(ROOT / document), "exec")
         exec(code, namespace)  # noqa: S102  # running the document's own example is the point
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_shell_blocks_are_run_or_say_why_not(document: str) -> None:
+    text = _text(document)
+    silent = [
+        text.count("\n", 0, block.start()) + 1
+        for block in FENCE.finditer(text)
+        if block["language"] in SHELL and not NOT_RUN.search(text[: block.start()])
+    ]
+    assert silent == [] or document in RUN, "put `<!-- not run: why -->` before the block"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("document", RUN)
+def test_shell_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page's blocks in their order and one folder: Python, named TOML files, commands."""
+    monkeypatch.chdir(tmp_path)
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    }
+    text, namespace = _text(document), dict[str, object]({"__name__": "__main__"})
+    ran = 0
+    for block in FENCE.finditer(text):
+        language, body = block["language"], block["body"]
+        if language == "python":
+            exec(compile(body, document, "exec"), namespace)  # noqa: S102  # as above
+        elif language == "toml" and (named := re.match(r"# ([\w-]+\.toml)\n", body)):
+            (tmp_path / named[1]).write_text(body, encoding="utf-8")
+        elif language in SHELL and not NOT_RUN.search(text[: block.start()]):
+            command = ["/bin/sh", "-ec", body]
+            done = subprocess.run(
+                command, env=environment, capture_output=True, text=True, check=False
+            )
+            assert done.returncode == 0, f"{body}\n{done.stderr}"
+            ran += 1
+    assert ran
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SOURCES.glob("*.md")))
+def test_executed_notebooks_are_those_of_their_text(name: str) -> None:
+    """If not: `make notebooks`."""
+    text = jupytext.read(SOURCES / f"{name}.md").cells
+    executed = jupytext.read(EXECUTED / f"{name}.ipynb").cells
+    assert [cell.source for cell in executed] == [cell.source for cell in text]
+    assert all(cell.execution_count for cell in executed if cell.cell_type == "code")
+
+
+def test_the_readme_is_one_screen_and_its_figures_are_a_runs() -> None:
+    readme = _text("README.md")
+    assert len(readme.split()) <= 700
+    assert with_table(readme, table(METRICS)) == readme, "run `make figures`"
+
+
+def test_every_page_of_the_site_is_in_its_index() -> None:
+    listed = set(re.findall(r"^([\w/-]+)$", _text("docs/index.md"), re.MULTILINE))
+    pages = {
+        path.relative_to(ROOT / "docs").with_suffix("").as_posix()
+        for kind in ("*.md", "*.ipynb")
+        for path in (ROOT / "docs").rglob(kind)
+    }
+    assert {page for page in pages if not page.startswith("notebooks/")} - {"index"} == listed
+
+
+@pytest.mark.slow
+def test_the_site_is_built_strictly_and_has_every_public_name(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sphinx", "-W", "-E", "-q", "-b", "html", "docs"]
+    done = subprocess.run(
+        [*command, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "reference" / "python.html").read_text("utf-8")
+    anchors = set(re.findall(r'id="((?:renew|pipeline)\.[\w.]+)"', page))
+    assert {f"renew.{name}" for name in renew.__all__} <= anchors
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
@@ -168,7 +263,7 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     if analyze is None or program is None:
         pytest.skip("needs systemd-analyze")
     unit = tmp_path / "renew@.service"
-    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/service.md"))
+    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/service.md"))
     assert found is not None
     unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
     command = [analyze, "verify", str(unit)]

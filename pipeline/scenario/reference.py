@@ -1,6 +1,6 @@
 """The reference of a scenario's keys, and its JSON schema, generated from the models.
 
-`make reference` writes both to `docs/`.
+`make reference` writes both to `docs/reference/`.
 """
 
 from __future__ import annotations
@@ -183,4 +183,4 @@ def write_reference(folder: Path) -> tuple[Path, ...]:
 
 
 if __name__ == "__main__":
-    write_reference(Path("docs"))
+    write_reference(Path("docs/reference"))

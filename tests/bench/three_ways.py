@@ -1,4 +1,6 @@
-"""A night in the three ways of docs/a-million-plans.md: `python -m tests.bench.three_ways 1000`.
+"""A night in the three ways of docs/how-to/a-million-plans.md.
+
+`python -m tests.bench.three_ways 1000` runs it.
 
 One machine; a scheduler and workers by the commands of kubernetes.yaml, as plain processes; the job
 array by its own script, where `srun` runs what it is given, two parts at a time. RENEW_KERNELS is

@@ -1,4 +1,4 @@
-"""Draw the documents' pictures in docs/: `python -m tests.pipeline.formats.figures`."""
+"""Draw the documents' pictures in docs/pictures/: `python -m tests.pipeline.formats.figures`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pipeline.formats.shared.result import RunResult
 
-DOCS = ROOT / "docs"
+PICTURES_FOLDER = ROOT / "docs" / "pictures"
 # Number of colours: more look the same and take twice the space.
 _COLOURS = 256
 
@@ -56,8 +56,8 @@ def draw(output: Path) -> None:
         drawn = io.BytesIO()
         drawing(results[scenario]).savefig(drawn, format="png", dpi=dpi)
         few = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
-        few.save(DOCS / f"{name}.png", optimize=True)
-        sys.stdout.write(f"docs/{name}.png\n")
+        few.save(PICTURES_FOLDER / f"{name}.png", optimize=True)
+        sys.stdout.write(f"docs/pictures/{name}.png\n")
 
 
 if __name__ == "__main__":

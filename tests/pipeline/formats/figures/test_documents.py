@@ -14,7 +14,7 @@ from PIL import Image
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from tests.conftest import ROOT
-from tests.pipeline.formats.figures.__main__ import DOCS, PICTURES
+from tests.pipeline.formats.figures.__main__ import PICTURES, PICTURES_FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,18 +25,21 @@ MAX_BYTES = 300_000
 
 
 def test_the_pictures_exist_and_are_small() -> None:
-    assert {path.stem for path in DOCS.glob("*.png")} == set(PICTURES)
-    for path in DOCS.glob("*.png"):
+    assert {path.stem for path in PICTURES_FOLDER.glob("*.png")} == set(PICTURES)
+    for path in PICTURES_FOLDER.glob("*.png"):
         assert path.stat().st_size < MAX_BYTES
         with Image.open(path) as picture:
             picture.verify()
 
 
-def test_the_readme_shows_and_describes_every_picture() -> None:
-    text = (ROOT / "README.md").read_text("utf-8")
-    shown = re.findall(r"!\[([^\]]*)\]\(([^)\s]+)\)", text)
-    assert {link for _, link in shown} == {f"docs/{name}.png" for name in PICTURES}
-    assert all(len(text) > 20 for text, _ in shown)
+def test_every_picture_is_shown_and_described() -> None:
+    shown = [
+        ((page.parent / link).resolve(), text)
+        for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
+        for text, link in re.findall(r"!\[([^\]]*)\]\(([^)\s]+)\)", page.read_text("utf-8"))
+    ]
+    assert {PICTURES_FOLDER / f"{name}.png" for name in PICTURES} <= {path for path, _ in shown}
+    assert [path for path, text in shown if len(text) <= 20] == []
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +58,6 @@ def test_the_gyres_pictures_are_up_to_date(name: str, gyre: RunResult) -> None:
     file = io.BytesIO()
     drawing(gyre).savefig(file, format="png", dpi=dpi)
     now = imread(io.BytesIO(file.getvalue()))[..., :3]
-    published = imread(DOCS / f"{name}.png")[..., :3]
+    published = imread(PICTURES_FOLDER / f"{name}.png")[..., :3]
     assert published.shape == now.shape
     assert (np.abs(published - now).max(axis=-1) > 0.2).mean() < 0.01
