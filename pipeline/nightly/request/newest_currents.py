@@ -11,10 +11,13 @@ import hashlib
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
+from pipeline.sources.currents.cf.dataset import is_hdf5
+from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.registry import current_source
 
 if TYPE_CHECKING:
@@ -52,6 +55,7 @@ def newest_currents(cases: Cases) -> Newest:
     ComeAgainError
         None are there yet.
     """
+    _open_all(cases)
     issues: list[Issue | str] = []
     reasons: dict[str, None] = {}
     for block in cases.blocks:
@@ -87,6 +91,13 @@ def cycle_time(cycle: str) -> datetime | None:
 def is_cycle(name: str) -> bool:
     """Whether a folder's name is that of a cycle."""
     return _NAME.fullmatch(name) is not None
+
+
+def _open_all(cases: Cases) -> None:
+    """Try all members' files in one process, which is remembered: one for each takes far longer."""
+    members = (member for block in cases.blocks for member in block.members)
+    files = {Path(member.path) for member in members if member is not None}
+    fatal_files([file for file in sorted(files) if is_hdf5(file)])
 
 
 def _issue(season: Season, member: Member | None, reasons: dict[str, None]) -> Issue | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
-from functools import lru_cache
 from signal import Signals
 from typing import TYPE_CHECKING, Any
 
@@ -29,18 +28,24 @@ _START_CPU_S, _FILE_CPU_S = 5.0, 0.2
 _MAX_VALUES = 10_000
 
 
+# What was found of files with some size and time of change: how each is fatal; empty if it isn't.
+_found: dict[tuple[Path, int, int], str] = {}
+
+
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
-    """Return the files on which the library hangs or crashes, with how it does."""
-    stamps = tuple((file.stat().st_size, file.stat().st_mtime_ns) for file in files)
-    return dict(_fatal_versions(tuple(files), stamps))
+    """Return the files on which the library hangs or crashes, with how it does.
+
+    Those that were not looked at before are opened in one process, whose start takes most of it.
+    """
+    versions = {file: (file, file.stat().st_size, file.stat().st_mtime_ns) for file in files}
+    unknown = tuple(file for file, version in versions.items() if version not in _found)
+    fatal = dict(_fatal(unknown))
+    _found.update({versions[file]: fatal.get(file, "") for file in unknown})
+    return {file: _found[version] for file, version in versions.items() if _found[version]}
 
 
-@lru_cache(maxsize=16)
-def _fatal_versions(
-    files: tuple[Path, ...], stamps: tuple[tuple[int, int], ...]
-) -> tuple[tuple[Path, str], ...]:
-    """Find the fatal ones of files with these sizes and times of change."""
-    del stamps
+def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
+    """Find the fatal ones of files."""
     found = []
     while files:
         result = _run(files)
