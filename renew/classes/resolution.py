@@ -17,7 +17,7 @@ from renew.inputs.voyage import Voyage
 
 # Number of cells in smooth currents, in small eddies, for each triangle, and at most; and that from
 # which legs lead in more directions.
-_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 10_000, 20, 40_000, 5_000
+_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
 # By what factor nodes stand closer together where a path is looked at closer, and half the width of
 # the water in which it is, in cells.
 _CLOSER, _TUBE = 4, 8.0

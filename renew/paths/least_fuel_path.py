@@ -57,7 +57,9 @@ _WIDE = tuple(
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
 )
 _NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
-# The same where eddies are small: the path bends more often.
+# The same where eddies are small: a wide window holds several, between which the first path was
+# chosen already; and the path bends more often.
+_WIDE_IN_EDDIES = _WIDE[2:]
 _NARROW_IN_EDDIES = (*_NARROW[:3], *(one._replace(spacing=1 / 160) for one in _NARROW[3:]))
 # A point (x, y) as x + iy, so that points can be looked up among others.
 _AS_COMPLEX = np.array([1, 1j])
@@ -73,7 +75,8 @@ def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
 
     Post-condition: as of :func:`path_through_sections`, if there is such a path near.
     """
-    return _refined(corridor, first, _WIDE)
+    has_small_eddies = corridor.voyage.table.has_small_eddies
+    return _refined(corridor, first, _WIDE_IN_EDDIES if has_small_eddies else _WIDE)
 
 
 def path_through_sections(corridor: Corridor) -> FloatArray:
