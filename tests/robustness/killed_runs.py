@@ -12,6 +12,7 @@ import threading
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from unittest import mock
 
 from typer.testing import CliRunner
 
@@ -52,7 +53,8 @@ class Bench:
     @classmethod
     def prepare(cls, folder: Path, earlier: str, text: str) -> Bench:
         """Run an earlier version of a scenario, then the present one, without disturbance."""
-        scenario, start, end = folder / "scenario.toml", folder / "start", folder / "end"
+        # The manifest names the folder that the command line names, without those around it.
+        scenario, start, end = (folder / name for name in ("scenario.toml", "start/out", "end/out"))
         scenario.write_text(earlier)
         run_to_the_end(scenario, start)
         old = results(start)
@@ -66,7 +68,7 @@ class Bench:
 
     def output(self, stage: str) -> Path:
         """Return a new output folder for a run that is to be killed in a stage."""
-        output = self.start.with_name("killed")
+        output = self.start.parents[1] / "killed" / self.start.name
         shutil.rmtree(output, ignore_errors=True)
         shutil.copytree(self.start, output, symlinks=True)
         if stage != "fetch":
@@ -101,8 +103,9 @@ def killed(bench: Bench, stage: str, fraction: float, number: signal.Signals) ->
 
 def run_to_the_end(scenario: Path, output: Path) -> None:
     """Run a scenario without disturbance, in this process."""
-    with frozen_clock():
-        done = CliRunner().invoke(app, _arguments(scenario, output), catch_exceptions=False)
+    arguments = _arguments(scenario, output)
+    with frozen_clock(), mock.patch.object(sys, "argv", ["frozen_clock.py", *arguments]):
+        done = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert done.exit_code == 0, done.output
 
 
