@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray
 from renew.kernels.capsules import Segment
 from renew.kernels.current_table import Table, velocities, velocity
@@ -20,6 +20,9 @@ from renew.kernels.ground_speed import Polar, ground_speed
 Extremes: TypeAlias = tuple[Table, Table, bool]
 """Tables of the least and of the largest velocity along x and y at any time; whether they agree."""
 
+# Largest length of a leg over which Simpson's rule is used once, in cells of the current's table:
+# about half of the smallest eddy that it holds.
+_PANEL = 20.0
 # Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
 # that the path itself avoids.
 _MIN_SPEED = 0.1
@@ -33,14 +36,31 @@ def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
     if length == 0.0:
         return 0.0
     slowest = _MIN_SPEED * polar.speed
-    total, slowness = 0.0, 0.0
-    for step, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+    halves = 2 * _panels(length, table)
+    total, slowness, now = 0.0, 0.0, begin
+    for k in range(halves + 1):
         # When the vessel is there at the pace of the place before.
-        now = begin + step * length * slowness
-        u, v = velocity(table, leg.ax + step * dx, leg.ay + step * dy, now)
+        now += slowness * length / halves
+        u, v = velocity(table, leg.ax + k / halves * dx, leg.ay + k / halves * dy, now)
         slowness = 1.0 / max(slowest, ground_speed(u, v, dx / length, dy / length, polar))
-        total += weight * slowness
-    return total * length / 6
+        total += _simpson_weight(k, halves) * slowness
+    return total * length / (3 * halves)
+
+
+@small_kernel
+def _panels(length: float, table: Table) -> int:
+    """Number of parts of a leg (m) to each of which Simpson's rule is applied."""
+    width, height = table.x[-1] - table.x[0], table.y[-1] - table.y[0]
+    per_metre = float(max((len(table.x) - 1) / width, (len(table.y) - 1) / height))
+    return max(1, math.ceil(per_metre * length / _PANEL))
+
+
+@small_kernel
+def _simpson_weight(k: int, halves: int) -> float:
+    """Weight of point k of 0 to `halves` in Simpson's rule, which sums them to 3 `halves`."""
+    if k in (0, halves):
+        return 1.0
+    return 4.0 if k % 2 else 2.0
 
 
 @kernel
@@ -68,21 +88,21 @@ def least_times(
         return 0.0, 0.0
     tx, ty = dx / length, dy / length
     slowest = _MIN_SPEED * polar.speed
-    x, y = leg.ax + dx / 2, leg.ay + dy / 2
     least, largest, are_equal = extremes
-    u, v = velocity(least, x, y, 0.0)
-    more_u, more_v = (u, v) if are_equal else velocity(largest, x, y, 0.0)
+    halves = 2 * _panels(length, least)
     time, back = 0.0, 0.0
-    for weight, low_u, low_v, high_u, high_v in (
-        (1.0, here[0], here[1], here[2], here[3]),
-        (4.0, u, v, more_u, more_v),
-        (1.0, there[0], there[1], there[2], there[3]),
-    ):
-        forth = _fastest(low_u, low_v, high_u, high_v, tx, ty, polar)
-        home = _fastest(low_u, low_v, high_u, high_v, -tx, -ty, polar)
-        time += weight / max(slowest, forth)
-        back += weight / max(slowest, home)
-    return time * length / 6, back * length / 6
+    for k in range(halves + 1):
+        if k in (0, halves):
+            u, v, more_u, more_v = here if k == 0 else there
+        else:
+            x, y = leg.ax + k / halves * dx, leg.ay + k / halves * dy
+            u, v = velocity(least, x, y, 0.0)
+            more_u, more_v = (u, v) if are_equal else velocity(largest, x, y, 0.0)
+        weight = _simpson_weight(k, halves)
+        time += weight / max(slowest, _fastest(u, v, more_u, more_v, tx, ty, polar))
+        back += weight / max(slowest, _fastest(u, v, more_u, more_v, -tx, -ty, polar))
+    scale = length / (3 * halves)
+    return time * scale, back * scale
 
 
 @kernel

@@ -15,9 +15,10 @@ from renew._types import BoolArray, FloatArray
 from renew.classes.triangulation import Triangulation
 from renew.inputs.voyage import Voyage
 
-# Number of cells in smooth currents, in small eddies, for each triangle, and at most; and that from
-# which legs lead in more directions.
+# Number of cells in still water, in small eddies, for each triangle, and at most; and that from
+# which legs lead in more directions. In between, cells for each node of a table that would just do.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
+_PER_NODE = 0.1
 # By what factor nodes stand closer together where a path is looked at closer, and half the width of
 # the water in which it is, in cells.
 _CLOSER, _TUBE = 4, 8.0
@@ -41,7 +42,8 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
     islands = min(_PER_TRIANGLE * len(triangulation.triangles), _MAX_CELLS)
     if voyage.table.has_small_eddies:
         return Resolution(max(_EDDIES, islands), 4)
-    return Resolution(max(_SMOOTH, islands), 2 if islands < _MANY else 3)
+    smooth = max(_SMOOTH, round(_PER_NODE * voyage.table.nodes_needed**2))
+    return Resolution(max(smooth, islands), 2 if islands < _MANY else 3)
 
 
 class Tube(NamedTuple):

@@ -60,6 +60,15 @@ class Table(NamedTuple):
         return max(len(self.x), len(self.y)) > _SMALL_EDDIES
 
     @property
+    def nodes_needed(self) -> float:
+        """Number of nodes a side that it takes to reproduce the field to within _TOLERANCE."""
+        nodes = float(max(len(self.x), len(self.y)))
+        if self.error == 0.0:
+            return nodes
+        # The error of a table falls with the square of its spacing.
+        return nodes * math.sqrt(self.error / (_TOLERANCE * self.strongest))
+
+    @property
     def is_fine(self) -> bool:
         """Whether the table reproduces the field to within _TOLERANCE."""
         return self.error <= _TOLERANCE * self.strongest
@@ -96,7 +105,7 @@ def _density(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
-STILL_WATER = table_of(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros((2, 2, 2)))
+STILL_WATER = table_of(np.array([0.0, 1e12]), np.array([0.0, 1e12]), np.zeros((2, 2, 2)))
 """No current anywhere."""
 
 

@@ -19,7 +19,9 @@ from renew.classes.k_best_paths import time_to_go
 from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
+from renew.inputs.current import as_field
 from renew.inputs.fuel import passage_times
+from tests.eddies import eddy_scene
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
 
 if TYPE_CHECKING:
@@ -86,6 +88,19 @@ def test_times_are_those_of_eq_4_both_ways() -> None:
             path = np.stack([a[leg], b[leg]])
             exact = passage_times(path, current, PAPER_VESSEL, drift="projected").sum()
             assert time[leg] == pytest.approx(exact, rel=0.01)
+
+
+def test_times_of_long_legs_through_small_eddies_are_those_of_eq_4() -> None:
+    scene = eddy_scene(32, 10, 3)
+    voyage = voyage_on(scene.chart, scene.start, scene.goal, as_field(scene.current))
+    graph = roadmap_of(voyage, resolution=Resolution(22_500, 4))
+    tails, heads = legs_of(graph)
+    long = np.flatnonzero(np.linalg.norm(heads - tails, axis=1) > 40)
+    assert len(long) > 20
+    for leg in long.tolist():
+        path = np.stack([tails[leg], heads[leg]])
+        exact = passage_times(path, scene.current, PAPER_VESSEL, drift="projected").sum()
+        assert graph.time[leg] == pytest.approx(exact, rel=0.01)
 
 
 def test_the_time_to_go_is_that_of_dijkstra() -> None:
