@@ -46,6 +46,7 @@ RUN = (
     "docs/how-to/own-currents.md",
     "docs/how-to/own-vessel.md",
     "docs/how-to/plotter.md",
+    "docs/how-to/vehicle.md",
 )
 SPAN = re.compile(r"`([^`\n]+)`")
 FILE_IN_REPOSITORY = re.compile(r"(?:renew|pipeline|catalog|tests|docs)/[\w./-]*")
