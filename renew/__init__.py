@@ -13,6 +13,7 @@ from renew.errors import (
     PlanningError,
     StartInNoGoError,
     UnreachableError,
+    ViaInNoGoError,
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
@@ -50,6 +51,7 @@ __all__ = [
     "UnreachableError",
     "VaryingCurrent",
     "Vessel",
+    "ViaInNoGoError",
     "contingency",
     "fuel",
     "plan",

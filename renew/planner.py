@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Unpack, cast
@@ -16,8 +17,10 @@ from renew.inputs.arguments import (
     Padding,
     PlanOptions,
     RiskAt,
+    ViaPoints,
     as_departures,
     as_point,
+    as_via,
     check_current_at_endpoints,
     check_departures,
     check_endpoints,
@@ -62,6 +65,7 @@ def plan(
     lateness: float = 0.05,
     min_lateness: float = 0.0,
     arrive_by: float | None = None,
+    via: ViaPoints = (),
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -110,6 +114,9 @@ def plan(
     arrive_by : float, optional
         Leave as late as will do to be at the goal by this time (s), on the same clock, and not
         before `departure`.
+    via : sequence of array_like
+        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
+        then one way to each of them and to the goal.
 
     Returns
     -------
@@ -126,6 +133,8 @@ def plan(
         A start or goal on land or outside the chart; says by how much and where water is nearest.
     CurrentTooStrongError
         The current at the start or at the goal is as strong as the vessel.
+    ViaInNoGoError
+        The same of a via point; all faults of start, goal and via points are told at once.
     UnreachableError
         No water joins start and goal, or every class was rejected; says why, and what would help.
     ArrivalError
@@ -146,8 +155,8 @@ def plan(
         lateness=lateness,
         min_lateness=min_lateness,
     )
-    check_options(**options, departure=departure, arrive_by=arrive_by)
-    planner = _planner(chart, current, vessel, start, goal, departure, options)
+    check_options(**options, departure=departure, arrive_by=arrive_by, has_via=len(via) > 0)
+    planner = _planner(chart, current, vessel, start, goal, departure, options, via)
     if arrive_by is not None:
         sailings = Sailings(planner, classes)
         return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
@@ -175,6 +184,7 @@ def plan_departures(
     *,
     to_within: float | None = None,
     progress: Progress | None = None,
+    via: ViaPoints = (),
     **plan_options: Unpack[PlanOptions],
 ) -> Departures:
     """Plan the best route of each of some departures, and find the best time to leave.
@@ -194,6 +204,8 @@ def plan_departures(
         the last beats the best one by more than this (s), and a few more beside that one.
     progress : callable, optional
         Told after each plan how many there are, and by how much (s) the best may still be beaten.
+    via : sequence of array_like
+        Points that the route passes, as for :func:`plan`.
     **plan_options
         As for :func:`plan`; with ``method="optimal"``.
 
@@ -214,10 +226,10 @@ def plan_departures(
         raise TypeError(f"plan_departures() has no option {unknown}")
     options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
     times = as_departures(departures)
-    check_options(**options, departure=float(times[0]), to_within=to_within)
+    check_options(**options, departure=float(times[0]), to_within=to_within, has_via=len(via) > 0)
     if options["method"] != "optimal":
         raise ParameterError("departures are planned with method = 'optimal', not 'sampled'")
-    planner = _planner(chart, current, vessel, start, goal, float(times[0]), options)
+    planner = _planner(chart, current, vessel, start, goal, float(times[0]), options, via)
     voyage = planner.problem.voyage
     check_departures(voyage.current, times.tolist())
     strongest = voyage.table.strongest
@@ -225,7 +237,8 @@ def plan_departures(
     window = DepartureWindow(
         sailings,
         times.tolist(),
-        math.dist(voyage.start, voyage.goal) / (vessel.speed + strongest),
+        sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
+        / (vessel.speed + strongest),
         is_fifo=strongest < vessel.speed,
         progress=progress,
     )
@@ -247,6 +260,7 @@ def _planner(
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
+    via: ViaPoints,
 ) -> ClassPlanner:
     """Planner of classes, from checked options."""
     voyage = Voyage(
@@ -259,6 +273,7 @@ def _planner(
         float(departure),
         float(options["lateness"]),
         float(options["min_lateness"]),
+        as_via(via),
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(

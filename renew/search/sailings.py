@@ -62,7 +62,7 @@ class Sailing:
         """Name of the path's class; empty where there is none."""
         if self.found is None:
             return ""
-        return name(self.planner.problem.rays.word(self.found.path))
+        return name(self.planner.problem.word(self.found.path))
 
     @property
     def times(self) -> FloatArray | None:
@@ -113,9 +113,7 @@ class Sailings:
     def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
         """All classes at the departure of a sailing that has a path, and the best of these."""
         problem = sailing.planner.problem
-        known = (
-            {} if sailing.found is None else {problem.rays.word(sailing.found.path): sailing.found}
-        )
+        known = {} if sailing.found is None else {problem.word(sailing.found.path): sailing.found}
         results = Results(sailing.planner, known)
         results.look_for(self._classes)
         found = results.least(self._classes)
