@@ -56,7 +56,7 @@ class Rays:
     @classmethod
     def of(cls, chart: Chart, overpowered: BaseGeometry | None = None) -> Rays:
         """Rays of all islands; overpowered water has some as well, numbered after the islands'."""
-        kinds = [np.array(chart.no_go, dtype=object)]
+        kinds = [np.array(polygons, dtype=object) for polygons in chart.islands]
         if overpowered is not None:
             kinds.append(shapely.get_parts(overpowered))
         islands = np.concatenate([_islands(polygons, chart) for polygons in kinds])

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renew.route import Departures, Plan
-from renew.search.sailings import Sailing, Sailings, in_order_of_arrival
+from renew.search.sailings import DeparturePlanner, Sailing
 
 Progress = Callable[[int, float], None]
 """Told after each plan: how many there are, and by how many seconds the best may be beaten."""
@@ -56,7 +56,7 @@ class DepartureWindow:
 
     def __init__(
         self,
-        sailings: Sailings,
+        sailings: DeparturePlanner,
         departures: Sequence[float],
         least_duration: float,
         *,
@@ -68,7 +68,7 @@ class DepartureWindow:
         self.sailings: list[Sailing] = []
         for departure in departures:
             self._plan(departure)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     @property
     def best(self) -> Sailing:
@@ -100,7 +100,7 @@ class DepartureWindow:
                 break
             one = min(open_ones, key=lambda interval: interval.least_duration)
             self._plan(max(one.arrival - goal, one.begin + tolerance))
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     def look_closer(self) -> None:
         """Plan departures beside the best one, ever closer to it; nothing is proven by these."""
@@ -109,13 +109,13 @@ class DepartureWindow:
             at = times.index(self.best.departure)
             for beside in (*times[max(at - 1, 0) : at], *times[at + 1 : at + 2]):
                 self._plan((times[at] + beside) / 2)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
         """Take another sailing of the same departure."""
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     def departures(self, plan: Plan) -> Departures:
         """What has been found, with the plan at the best departure."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from renew._types import FloatArray
 from renew.classes.channel import Channel
@@ -84,6 +85,22 @@ class Sailing:
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
 
 
+class DeparturePlanner(Protocol):
+    """Plans the best route of each departure."""
+
+    def sailing(self, departure: float) -> Sailing:
+        """The best route at a departure (s)."""
+        ...
+
+    def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
+        """All classes at the departure of a sailing that has a path, and the best of these."""
+        ...
+
+    def in_order(self, sailings: Sequence[Sailing]) -> list[Sailing]:
+        """Sailings by departure, better where one of the next departure would do."""
+        ...
+
+
 class Sailings:
     """Plans the best route of each departure: the best of so many classes."""
 
@@ -119,6 +136,10 @@ class Sailings:
         found = results.least(self._classes)
         plan = Plan(found.routes, found.rejected, 0, problem.overpowered_water)
         return plan, replace(sailing, found=results.best)
+
+    def in_order(self, sailings: Sequence[Sailing]) -> list[Sailing]:
+        """Sailings of which none arrives later than the next, as far as is safe."""
+        return in_order_of_arrival(sailings)
 
 
 def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
