@@ -200,6 +200,7 @@ def plan_departures(
     *,
     to_within: float | None = None,
     progress: Progress | None = None,
+    with_classes: bool = True,
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
     **plan_options: Unpack[PlanOptions],
@@ -221,6 +222,8 @@ def plan_departures(
         the last beats the best one by more than this (s), and a few more beside that one.
     progress : callable, optional
         Told after each plan how many there are, and by how much (s) the best may still be beaten.
+    with_classes : bool
+        Whether all classes are planned at the best departure, or the plan holds its best route.
     via : sequence of array_like
         Points that the route passes, as for :func:`plan`.
     avoid : sequence of ShutArea
@@ -267,7 +270,7 @@ def plan_departures(
         times.tolist(),
         sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
         / (vessel.speed + strongest),
-        is_fifo=strongest < vessel.speed and not has_hours,
+        speed_change=math.inf if has_hours else voyage.speed_change,
         progress=progress,
     )
     if window.best.found is None:
@@ -275,6 +278,8 @@ def plan_departures(
     if to_within is not None:
         window.refine(to_within)
         window.look_closer()
+    if not with_classes:
+        return window.departures(window.best.plan)
     best, sailing = sailings.plan(window.best)
     window.replace(sailing)
     return window.departures(best)

@@ -159,7 +159,7 @@ class Plan:
     `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
-    areas that the plan goes around, as a way through might have met them while they are shut.
+    areas that a way of less fuel might have met while they are shut.
     """
 
     routes: tuple[Route, ...]

@@ -72,11 +72,32 @@ class Voyage:
         table, speed = self.table, self.vessel.speed
         if table.is_steady:
             return Clock(self.departure, math.inf)
-        intervals = np.diff(table.times)
-        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2)) / intervals
-        step = max(_CHANGE * speed / max(change.max(), _SLOWEST_CHANGE), float(intervals.min()))
+        least = float(np.diff(table.times).min())
+        step = max(_CHANGE * speed / max(self.current_change, _SLOWEST_CHANGE), least)
         xmin, ymin, xmax, ymax = self.chart.bounds
         return Clock(self.departure, max(speed * step, (xmax - xmin + ymax - ymin) / _MAX_STEPS))
+
+    @cached_property
+    def current_change(self) -> float:
+        """The most by which the current changes in a second anywhere in its table, m/s²."""
+        table = self.table
+        if table.is_steady:
+            return 0.0
+        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2))
+        return float((change / np.diff(table.times)).max())
+
+    @property
+    def speed_change(self) -> float:
+        """The most by which the speed over ground changes in a second, as a share of itself (1/s).
+
+        On any course; infinite where the current is as strong as the vessel. Who crabs at an angle
+        β loses or gains 1/cos β times what the current changes by.
+        """
+        speed, strongest = self.vessel.speed, self.table.strongest
+        if strongest >= speed:
+            return math.inf
+        crab = speed / math.sqrt(speed**2 - strongest**2) if self.drift == "crab" else 1.0
+        return crab * self.current_change / (speed - strongest)
 
     def leaving(self, departure: float) -> Voyage:
         """Return the same passage at another departure (s), with what does not depend on that."""

@@ -9,6 +9,7 @@ but nobody waits, and of the ways through an area only the least-fuel one of eac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -50,21 +51,21 @@ def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleErro
 
 @dataclass(frozen=True)
 class _Sifted:
-    """A plan without the routes that meet an area, and the areas that they meet."""
+    """A plan without the routes that meet an area, and the areas with the least fuel to them."""
 
     plan: Plan
-    met: tuple[ShutArea, ...]
+    met: dict[ShutArea, float]
 
 
 def sifted(plan: Plan, areas: Sequence[ShutArea], planner: ClassPlanner) -> _Sifted:
     """Take the routes that meet an area while it is shut from a plan's routes."""
-    routes, rejected, met = list[Route](), list(plan.rejected), list[ShutArea]()
+    routes, rejected, met = list[Route](), list(plan.rejected), dict[ShutArea, float]()
     for route in plan.routes:
         reasons = {area: reason for area in areas if (reason := meets(route, area, planner))}
         if not reasons:
             routes.append(route)
             continue
-        met += [area for area in reasons if area not in met]
+        met |= {area: min(route.fuel, met.get(area, route.fuel)) for area in reasons}
         reason = next(iter(reasons.values()))
         rejected.append(
             Rejected(
@@ -77,7 +78,7 @@ def sifted(plan: Plan, areas: Sequence[ShutArea], planner: ClassPlanner) -> _Sif
         )
     chosen = chosen_class(routes) if routes else 0
     kept = replace(plan, routes=tuple(routes), rejected=tuple(rejected), chosen=chosen)
-    return _Sifted(kept, tuple(met))
+    return _Sifted(kept, met)
 
 
 def plan_around(
@@ -87,6 +88,7 @@ def plan_around(
     open_areas = [area for area in areas if not area.is_always_shut]
     closed: list[ShutArea] = []
     plans: list[Plan] = []
+    met: dict[ShutArea, float] = {}
     failure: PlanningError | None = None
     while True:
         try:
@@ -99,13 +101,16 @@ def plan_around(
             break
         outcome = sifted(found, open_areas, planner)
         if outcome.plan.routes:
-            plans.append(replace(outcome.plan, shut=tuple(closed)))
+            plans.append(outcome.plan)
         if not outcome.met:
             break
+        met |= outcome.met
         closed += outcome.met
         open_areas = [area for area in open_areas if area not in outcome.met]
     if plans:
-        return min(plans, key=lambda one: one.best.harmonic_mean)
+        best = min(plans, key=lambda one: one.best.harmonic_mean)
+        cheaper = (area for area in areas if met.get(area, math.inf) < best.best.fuel)
+        return replace(best, shut=tuple(cheaper))
     raise unavoidable(closed, failure)
 
 

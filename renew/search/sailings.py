@@ -71,6 +71,12 @@ class Sailing:
         return None if self.found is None else self.planner.problem.voyage.arrivals(self.found.path)
 
     @property
+    def plan(self) -> Plan:
+        """The path alone, as a plan."""
+        routes = () if self.found is None else (self.planner.route(self.found),)
+        return Plan(routes, self.rejected, 0, self.planner.problem.overpowered_water)
+
+    @property
     def error(self) -> PlanningError:
         """Why there is no path, with what would help."""
         planner = self.planner
