@@ -41,6 +41,10 @@ class Simplified:
     margin_m: float
 
 
+# Share of the turning radius within which a path passes a via point again as closely.
+_AS_CLOSE = 0.01
+
+
 class Itinerary(TypedDict):
     """What a plan passes, and what it keeps out of."""
 
@@ -79,6 +83,12 @@ class Scene:
     def stops(self) -> FloatArray:
         """Start, via points and goal (n + 2, 2)."""
         return np.vstack([self.start, self.via, self.goal])
+
+    def pieces(self, path: FloatArray) -> list[FloatArray]:
+        """Pieces (n, 2) of a path between the via points."""
+        from renew.inputs.voyage import cut_at
+
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
 
     def itinerary(self, season: str) -> Itinerary:
         """Via points and shut areas, as `renew.plan` takes them."""

@@ -142,19 +142,7 @@ class Voyage:
 
     def _cut(self, path: FloatArray) -> tuple[list[FloatArray], FloatArray]:
         """The pieces, and how far off each via point is."""
-        pieces, missed, rest = list[FloatArray](), list[float](), path
-        close = _AS_CLOSE * self.vessel.turning_radius
-        for point in self.via:
-            distance = segment_distance(point, rest[:-1], rest[1:])
-            first = int(np.argmax(distance <= distance.min() + close))
-            behind = np.flatnonzero(distance[first:] > distance.min() + close)
-            last = first + int(behind[0]) if len(behind) else len(distance)
-            leg = first + int(distance[first:last].argmin())
-            ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
-            pieces.append(np.vstack([rest[: leg + 1], point]))
-            missed.append(float(distance[leg]))
-            rest = np.vstack([point, rest[ahead:]])
-        return [*pieces, rest], np.array(missed)
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
     @property
     def polar(self) -> Polar:
@@ -192,3 +180,24 @@ class Voyage:
             return np.full(len(path), self.departure)
         times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
         return np.asarray(np.minimum(times, times[np.isfinite(times)][-1]))
+
+
+def cut_at(
+    path: FloatArray, points: FloatArray, close: float
+) -> tuple[list[FloatArray], FloatArray]:
+    """Pieces (n, 2) of a path at points (v, 2) on it, in order, and how far off (v,) each is, m.
+
+    Where the path passes a point again as closely, within `close` m, the first time counts.
+    """
+    pieces, missed, rest = list[FloatArray](), list[float](), path
+    for point in points:
+        distance = segment_distance(point, rest[:-1], rest[1:])
+        first = int(np.argmax(distance <= distance.min() + close))
+        behind = np.flatnonzero(distance[first:] > distance.min() + close)
+        last = first + int(behind[0]) if len(behind) else len(distance)
+        leg = first + int(distance[first:last].argmin())
+        ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
+        pieces.append(np.vstack([rest[: leg + 1], point]))
+        missed.append(float(distance[leg]))
+        rest = np.vstack([point, rest[ahead:]])
+    return [*pieces, rest], np.array(missed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
@@ -102,6 +103,12 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     assert shut.rule == "shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC"
     routes = geopandas.read_file(package, layer="routes")
     assert shapely.dwithin(routes.geometry.to_numpy(), shapely.Point(VIA), 1e-5).all()
+    # What plotters take has a waypoint there, and keeps out of the area as well.
+    text = (outcome.directory / "hours-tide.rtz").read_text("utf-8")
+    given = re.findall(r'lat="([-.\d]+)" lon="([-.\d]+)"', text)
+    waypoints = np.array([(float(lon), float(lat)) for lat, lon in given])
+    assert np.abs(waypoints - VIA).max(axis=1).min() < 1e-5
+    assert not shapely.LineString(waypoints).intersects(RANGE.buffer(-1e-4))
     report = (outcome.directory / "report.html").read_text("utf-8")
     assert "range, shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC" in report
     # What was made gives the same routes again.
