@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -127,9 +128,13 @@ class _ValidTables:
         found = [_validated(Season, item) for item in seasons] if isinstance(seasons, list) else []
         chart = _validated(ChartSpec, data.get("chart"))
         endpoints = {}
-        for name in ("start", "goal"):
+        via = data.get("via")
+        stops = {
+            f"via[{at}]": point for at, point in enumerate(via if isinstance(via, list) else ())
+        }
+        for name, given in {"start": data.get("start"), **stops, "goal": data.get("goal")}.items():
             try:
-                endpoints[name] = _POINT.validate_python(data.get(name))
+                endpoints[name] = _POINT.validate_python(given)
             except ValidationError:
                 continue
         return cls(
@@ -217,6 +222,10 @@ def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
         update={
             "chart": _with_chart_paths(scenario.chart, folder),
             "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
+            "avoid": tuple(
+                area.model_copy(update={"path": _absolute(area.path, folder)})
+                for area in scenario.avoid
+            ),
         }
     )
 
@@ -306,9 +315,7 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
             )
     if not tables.is_planar:
         yield from _endpoints_off_earth(tables.endpoints)
-    if len(set(tables.endpoints.values())) == 1 and len(tables.endpoints) == 2:
-        place = list(tables.endpoints["start"])
-        yield f"start and goal are the same place, {place}; give two places to sail between"
+    yield from _doubled(tables.endpoints)
     if tables.region is not None:
         yield from _endpoints_outside_region(tables.region, tables.endpoints)
         yield from _uncovered_seasons(tables.region.shape, tables.seasons)
@@ -323,6 +330,16 @@ def _cross_faults(tables: _ValidTables) -> Iterator[str]:
                     f"{name} = {[x, y]} lies {distance:.4g} m outside plane.extent "
                     f"{list(tables.plane.extent)}; move it inside or widen the extent"
                 )
+
+
+def _doubled(endpoints: dict[str, Point]) -> Iterator[str]:
+    """Find stops that are the same as the one before."""
+    for (one, place), (other, after) in pairwise(endpoints.items()):
+        if place == after:
+            yield (
+                f"{one} and {other} are the same place, {list(place)}; give two places to sail "
+                "between"
+            )
 
 
 def _is_on_earth(lon: float, lat: float) -> bool:
@@ -372,15 +389,16 @@ def _swapped_hint(region: Region, point: Point) -> str:
 
 def _uncovered_voyage(endpoints: dict[str, Point], seasons: tuple[Season, ...]) -> Iterator[str]:
     """Find seasons without a source that covers start and goal, whatever region is chosen."""
-    if len(endpoints) == 2 and all(_is_on_earth(*point) for point in endpoints.values()):
+    is_complete = {"start", "goal"} <= endpoints.keys()
+    if is_complete and all(_is_on_earth(*point) for point in endpoints.values()):
         yield from _uncovered_seasons(least_region(*endpoints.values()), seasons)
 
 
-def least_region(start: Point, goal: Point) -> Polygon:
-    """Return the line from start to goal with little room around: part of any region they get."""
+def least_region(*stops: Point) -> Polygon:
+    """Return the line from stop to stop with little room around: part of any region they get."""
     import shapely
 
-    return shapely.LineString([start, goal]).buffer(_AROUND_DEG)
+    return shapely.LineString(stops).buffer(_AROUND_DEG)
 
 
 def _uncovered_seasons(region: Polygon, seasons: tuple[Season, ...]) -> Iterator[str]:

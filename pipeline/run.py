@@ -6,6 +6,7 @@ import contextlib
 import time
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Literal
 
 import renew
@@ -19,6 +20,7 @@ from pipeline.model import Scene, SeasonPlan
 from pipeline.outcome import Event, Outcome, ignore
 from pipeline.session import session
 from pipeline.stages import planar
+from pipeline.stages.avoided_areas import area_identities, shut_notes
 from pipeline.stages.choose_departures import choose_departures
 from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.seasons.runner import run_tasks
@@ -260,7 +262,8 @@ class _StagedRun:
             )
             shore_notes = crossing_notes(evaluation.shore_crossings)
             tides = unresolved_strait_notes(result)
-            notes = (*safety_notes(result), *shore_notes, *tides, *result.unknowns)
+            shut = shut_notes(scene, plans)
+            notes = (*safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
             self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))
         return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated
@@ -289,7 +292,7 @@ class _StagedRun:
 
     def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
         """Second stage: return its artefact's key, and the artefact."""
-        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
+        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "via"}
         inputs = self.scenario.model_dump(mode="json", include=names)
         key = artefact_key("simplify", parts.land_key, inputs)
         land = parts.fetched.land
@@ -305,7 +308,7 @@ class _StagedRun:
                 accuracy_m=land.accuracy_m,
                 tolerance_m=chart.tolerance_m,
                 turning_radius_m=self.scenario.vessel.vessel().turning_radius * self.scenario.scale,
-                endpoints=(self.scenario.start, self.scenario.goal),
+                endpoints=tuple(chain(*pairwise(self.scenario.stops.values()))),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )
 
@@ -345,8 +348,12 @@ class _StagedRun:
 
     def _scene_inputs(self) -> dict[str, object]:
         """Return the parts of the scenario, other than chart and currents, that a scene uses."""
-        names = {"region", "plane", "vessel", "scale", "start", "goal"}
-        return self.scenario.model_dump(mode="json", include=names)
+        names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
+        inputs = self.scenario.model_dump(mode="json", include=names)
+        if not self.scenario.avoid:
+            return inputs
+        clocks = {season.name: season.first_departure for season in self.scenario.seasons}
+        return {**inputs, "avoid": area_identities(self.scenario), "clocks": clocks}
 
     def _season_tasks(
         self, parts: FetchedParts, simplified_key: str, scene_key: str

@@ -13,10 +13,12 @@ from renew.errors import (
     PlanningError,
     StartInNoGoError,
     UnreachableError,
+    ViaInNoGoError,
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.fuel import fuel
+from renew.inputs.shut_area import ShutArea
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner import plan, plan_departures
@@ -43,6 +45,7 @@ __all__ = [
     "PlanningError",
     "Rejected",
     "Route",
+    "ShutArea",
     "StartInNoGoError",
     "SwingingGyre",
     "Tightest",
@@ -50,6 +53,7 @@ __all__ = [
     "UnreachableError",
     "VaryingCurrent",
     "Vessel",
+    "ViaInNoGoError",
     "contingency",
     "fuel",
     "plan",

@@ -62,6 +62,10 @@ class GoalInNoGoError(PlanningError):
     """The goal lies on land or outside the chart."""
 
 
+class ViaInNoGoError(PlanningError):
+    """A via point lies on land or outside the chart."""
+
+
 class UnreachableError(PlanningError):
     """No water joins start and goal, or no class between them can be sailed."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Unpack, cast
@@ -16,8 +17,10 @@ from renew.inputs.arguments import (
     Padding,
     PlanOptions,
     RiskAt,
+    ViaPoints,
     as_departures,
     as_point,
+    as_via,
     check_current_at_endpoints,
     check_departures,
     check_endpoints,
@@ -26,10 +29,12 @@ from renew.inputs.arguments import (
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.fuel import Drift
+from renew.inputs.shut_area import ShutArea
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.route import Departures, Plan
+from renew.search.around_areas import SailingsAround, plan_around, with_always_shut
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.departure_window import DepartureWindow, Progress
 from renew.search.diagnosis import no_class_error
@@ -37,7 +42,7 @@ from renew.search.harmonic_mean import chosen_class
 from renew.search.k_sailable_classes import plan_classes
 from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
-from renew.search.sailings import Sailings
+from renew.search.sailings import DeparturePlanner, Sailings
 
 
 def plan(
@@ -62,6 +67,8 @@ def plan(
     lateness: float = 0.05,
     min_lateness: float = 0.0,
     arrive_by: float | None = None,
+    via: ViaPoints = (),
+    avoid: Sequence[ShutArea] = (),
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -110,6 +117,13 @@ def plan(
     arrive_by : float, optional
         Leave as late as will do to be at the goal by this time (s), on the same clock, and not
         before `departure`.
+    via : sequence of array_like
+        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
+        then one way to each of them and to the goal.
+    avoid : sequence of ShutArea
+        Areas that are shut, always or for some hours: neither early, on time nor late is the vessel
+        in one while it is shut, nor in a turn that it begins; see
+        :mod:`renew.search.around_areas`.
 
     Returns
     -------
@@ -126,6 +140,8 @@ def plan(
         A start or goal on land or outside the chart; says by how much and where water is nearest.
     CurrentTooStrongError
         The current at the start or at the goal is as strong as the vessel.
+    ViaInNoGoError
+        The same of a via point; all faults of start, goal and via points are told at once.
     UnreachableError
         No water joins start and goal, or every class was rejected; says why, and what would help.
     ArrivalError
@@ -146,18 +162,27 @@ def plan(
         lateness=lateness,
         min_lateness=min_lateness,
     )
-    check_options(**options, departure=departure, arrive_by=arrive_by)
-    planner = _planner(chart, current, vessel, start, goal, departure, options)
+    check_options(**options, departure=departure, arrive_by=arrive_by, has_via=len(via) > 0)
+    chart = with_always_shut(chart, avoid)
+
+    def planner_on(chart: Chart) -> ClassPlanner:
+        return _planner(chart, current, vessel, start, goal, departure, options, via)
+
     if arrive_by is not None:
-        sailings = Sailings(planner, classes)
+        sailings = SailingsAround(chart, avoid, classes, planner_on)
         return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
-    check_current_at_endpoints(planner.problem.voyage)
-    found = plan_classes(planner, classes)
+    return plan_around(chart, avoid, lambda chart: _plan(planner_on(chart), classes))
+
+
+def _plan(planner: ClassPlanner, classes: int) -> tuple[Plan, ClassPlanner]:
+    """Plan at the planner's departure."""
     problem = planner.problem
+    check_current_at_endpoints(problem.voyage)
+    found = plan_classes(planner, classes)
     if not found.routes:
         raise no_class_error(found.rejected, problem, planner.policy, planner.method)
     chosen = chosen_class(found.routes)
-    return Plan(found.routes, found.rejected, chosen, problem.overpowered_water)
+    return Plan(found.routes, found.rejected, chosen, problem.overpowered_water), planner
 
 
 _DEFAULTS = {
@@ -175,6 +200,9 @@ def plan_departures(
     *,
     to_within: float | None = None,
     progress: Progress | None = None,
+    with_classes: bool = True,
+    via: ViaPoints = (),
+    avoid: Sequence[ShutArea] = (),
     **plan_options: Unpack[PlanOptions],
 ) -> Departures:
     """Plan the best route of each of some departures, and find the best time to leave.
@@ -194,6 +222,13 @@ def plan_departures(
         the last beats the best one by more than this (s), and a few more beside that one.
     progress : callable, optional
         Told after each plan how many there are, and by how much (s) the best may still be beaten.
+    with_classes : bool
+        Whether all classes are planned at the best departure, or the plan holds its best route.
+    via : sequence of array_like
+        Points that the route passes, as for :func:`plan`.
+    avoid : sequence of ShutArea
+        Areas that are shut, as for :func:`plan`. Where one is so for some hours only, a later
+        departure may arrive earlier, and nothing is proven between those planned.
     **plan_options
         As for :func:`plan`; with ``method="optimal"``.
 
@@ -214,19 +249,28 @@ def plan_departures(
         raise TypeError(f"plan_departures() has no option {unknown}")
     options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
     times = as_departures(departures)
-    check_options(**options, departure=float(times[0]), to_within=to_within)
+    check_options(**options, departure=float(times[0]), to_within=to_within, has_via=len(via) > 0)
     if options["method"] != "optimal":
         raise ParameterError("departures are planned with method = 'optimal', not 'sampled'")
-    planner = _planner(chart, current, vessel, start, goal, float(times[0]), options)
+    chart, first = with_always_shut(chart, avoid), float(times[0])
+
+    def planner_on(chart: Chart) -> ClassPlanner:
+        return _planner(chart, current, vessel, start, goal, first, options, via)
+
+    planner = planner_on(chart)
     voyage = planner.problem.voyage
     check_departures(voyage.current, times.tolist())
     strongest = voyage.table.strongest
-    sailings = Sailings(planner, options["classes"])
+    has_hours = any(not area.is_always_shut for area in avoid)
+    sailings: DeparturePlanner = Sailings(planner, options["classes"])
+    if has_hours:
+        sailings = SailingsAround(chart, avoid, options["classes"], planner_on)
     window = DepartureWindow(
         sailings,
         times.tolist(),
-        math.dist(voyage.start, voyage.goal) / (vessel.speed + strongest),
-        is_fifo=strongest < vessel.speed,
+        sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
+        / (vessel.speed + strongest),
+        speed_change=math.inf if has_hours else voyage.speed_change,
         progress=progress,
     )
     if window.best.found is None:
@@ -234,6 +278,8 @@ def plan_departures(
     if to_within is not None:
         window.refine(to_within)
         window.look_closer()
+    if not with_classes:
+        return window.departures(window.best.plan)
     best, sailing = sailings.plan(window.best)
     window.replace(sailing)
     return window.departures(best)
@@ -247,6 +293,7 @@ def _planner(
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
+    via: ViaPoints,
 ) -> ClassPlanner:
     """Planner of classes, from checked options."""
     voyage = Voyage(
@@ -259,6 +306,7 @@ def _planner(
         float(departure),
         float(options["lateness"]),
         float(options["min_lateness"]),
+        as_via(via),
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(

@@ -15,6 +15,7 @@ from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.drawing import Line, plan_html
 from renew.errors import PlanningError, Spelling, Strait, UnreachableError
+from renew.inputs.shut_area import ShutArea
 from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
 
@@ -157,13 +158,15 @@ class Plan:
 
     `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
-    because its current is as strong as the vessel is fast: empty, or polygons in metres.
+    because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
+    areas that a way of less fuel might have met while they are shut.
     """
 
     routes: tuple[Route, ...]
     rejected: tuple[Rejected, ...]
     chosen: int = 0
     overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
+    shut: tuple[ShutArea, ...] = ()
 
     @property
     def best(self) -> Route:

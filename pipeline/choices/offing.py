@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,9 +54,12 @@ class Offing:
     def of(cls, scene: Scene, scenario: Scenario, accuracy_m: float) -> Offing:
         """Choose the offing of a scenario, given its chart's accuracy in metres."""
         scale = scenario.scale
-        distance_m = scene.projection.geodesic_length_m(np.array([scene.start, scene.goal]))
+        distance_m = scene.projection.geodesic_length_m(scene.stops)
         wanted_m = wanted_offing_m(scenario.vessel, accuracy_m, distance_m)
-        planar = passable_offing(scene.chart, scene.start, scene.goal, wanted_m / scale)
+        planar = min(
+            passable_offing(scene.chart, start, goal, wanted_m / scale)
+            for start, goal in pairwise(scene.stops)
+        )
         # In whole metres, but for the smallest charts.
         metres = planar * scale
         return cls(float(math.floor(metres)) if metres > 1 else metres, wanted_m, scale)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 
 from pipeline.choices.coverage import REMEDY, Coverage, covered_by_currents
@@ -18,7 +20,6 @@ from pipeline.storage.store import DOWNLOADS, artefact_key
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     import numpy.typing as npt
 
     from pipeline.scenario.model import Scenario
@@ -54,9 +55,13 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     RequestError
         No source of currents that can be used covers start and goal.
     """
-    voyage = Voyage.between(scenario.start, scenario.goal)
+    parts = [Voyage.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS
-    coverage = covered_by_currents(scenario.seasons, voyage, folder, offline=offline)
+    # What covers each part; all of them have the same sources.
+    *_, coverage = (
+        covered_by_currents(scenario.seasons, part, folder, offline=offline) for part in parts
+    )
+    voyage = max(parts, key=lambda part: part.distance_m)
     source = land_source(scenario.chart, scenario.vessel.draught_m)
     is_world = all(one.name == "osm-land" for one in scenario.chart.source)
 
@@ -65,10 +70,16 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
             return LandMask.world()
         return LandMask.from_land(source.land(shapely.box(*bounds)), bounds)
 
-    key = artefact_key("region", source.identity, scenario.start, scenario.goal, coverage.bounds)
-    bounds = store.load_or_make(
-        "region", key, tuple, lambda: choose_region(voyage, mask_of, coverage.bounds)
-    )
+    stops = tuple(scenario.stops.values())
+    key = artefact_key("region", source.identity, *stops, coverage.bounds)
+
+    def choose() -> Bounds:
+        boxes = np.array([choose_region(part, mask_of, coverage.bounds) for part in parts])
+        west, south = boxes[:, :2].min(axis=0).tolist()
+        east, north = boxes[:, 2:].max(axis=0).tolist()
+        return west, south, east, north
+
+    bounds = store.load_or_make("region", key, tuple, choose)
     chosen = ChosenRegion(bounds, coverage, voyage)
     note = f"region {_spelled(bounds)}, chosen to hold the ways round what lies between"
     ends = _ends_of_currents(chosen, range(len(SIDES)))

@@ -74,6 +74,20 @@ def go(
         typer.Option(help="When to be there: she leaves as late as will do, not before --depart."),
     ] = "",
     currents: CurrentsOption = None,
+    via: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="POSITION",
+            help="Point that the route passes, as START; repeated, they are passed in this order.",
+        ),
+    ] = None,
+    avoid: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="GeoJSON or other vector file of areas that no route may enter; repeated.",
+        ),
+    ] = None,
     clearance: Annotated[
         str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
     ] = "",
@@ -111,6 +125,8 @@ def go(
             until=until,
             arrive_by=arrive_by,
             currents=tuple(currents or ()),
+            via=tuple(via or ()),
+            avoid=tuple(avoid or ()),
             clearance=clearance,
             charts=charts,
             depths=depths,

@@ -31,10 +31,11 @@ class Zone:
     A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
     area is covered by no source: all are no-go, and so also among the polygons of their Land. A
     `restricted` area and a `traffic` scheme may be entered; `rule` is what the chart prescribes
-    there for a passing vessel, if anything.
+    there for a passing vessel, if anything. Areas of the user's are `shut` at the hours that the
+    rule names.
     """
 
-    kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic"]
+    kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
     name: str
     rule: str
     area: BaseGeometry

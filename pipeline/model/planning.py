@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import renew
     from pipeline.geo.known_cells import DepthCover, KnownCells
     from pipeline.geo.projection import Projection
+    from pipeline.scenario.season import Season
 
     FloatArray = npt.NDArray[np.float64]
     Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -40,6 +41,17 @@ class Simplified:
     margin_m: float
 
 
+# Share of the turning radius within which a path passes a via point again as closely.
+_AS_CLOSE = 0.01
+
+
+class Itinerary(TypedDict):
+    """What a plan passes, and what it keeps out of."""
+
+    via: FloatArray
+    avoid: tuple[renew.ShutArea, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
@@ -48,7 +60,8 @@ class Scene:
     `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
     and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
     chart. `departures` are those of the seasons whose currents change: on the clock of these
-    currents, in seconds, they are 0.
+    currents, in seconds, they are 0. Routes pass the points `via` (n, 2), and keep out of the
+    `areas` of their season, on the same clock.
     """
 
     chart: renew.Chart
@@ -63,6 +76,23 @@ class Scene:
     depths: DepthCover | None = None
     current_cells: Mapping[str, KnownCells] = field(default_factory=dict)
     departures: Mapping[str, datetime] = field(default_factory=dict)
+    via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    areas: Mapping[str, tuple[renew.ShutArea, ...]] = field(default_factory=dict)
+
+    @property
+    def stops(self) -> FloatArray:
+        """Start, via points and goal (n + 2, 2)."""
+        return np.vstack([self.start, self.via, self.goal])
+
+    def pieces(self, path: FloatArray) -> list[FloatArray]:
+        """Pieces (n, 2) of a path between the via points."""
+        from renew.inputs.voyage import cut_at
+
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
+
+    def itinerary(self, season: str) -> Itinerary:
+        """Via points and shut areas, as `renew.plan` takes them."""
+        return {"via": self.via, "avoid": self.areas.get(season, ())}
 
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: as a scenario would give it."""
@@ -113,6 +143,7 @@ class DepartureChoice:
     unproven_s : by how much another departure in the window may still beat it; inf if nothing is
         proven.
     arrive_by : when the vessel has to be there, where that decided.
+    asked : the season as it left its departure open.
     """
 
     season: str
@@ -125,6 +156,7 @@ class DepartureChoice:
     chosen_s: float
     unproven_s: float = math.inf
     arrive_by: datetime | None = None
+    asked: Season | None = None
 
     @property
     def chosen(self) -> datetime:

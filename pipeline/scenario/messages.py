@@ -93,7 +93,7 @@ def _lines(
     remedy = f"; {remedy_of(field.description)}" if field is not None and field.description else ""
     if kind == "extra_forbidden":
         owner = _model(model, path[:-1])
-        known = owner.model_fields if owner is not None else ()
+        known = _keys(owner) if owner is not None else ()
         return [f"unknown key {key}: {near_miss(str(path[-1]), known)}"]
     if kind == "missing":
         return [f"{key} is missing{remedy}"]
@@ -156,7 +156,12 @@ def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | Non
         return None
     last = max(i for i, step in enumerate(path) if isinstance(step, str))
     owner = _model(model, path[:last])
-    return owner.model_fields.get(names[-1]) if owner is not None else None
+    return _keys(owner).get(names[-1]) if owner is not None else None
+
+
+def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return a model's fields by the keys that a scenario has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:

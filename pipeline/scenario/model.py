@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from pipeline.scenario.avoided import AvoidedArea  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.strict import (
@@ -27,6 +28,7 @@ from pipeline.scenario.strict import (
 from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from datetime import datetime
 
     from shapely.geometry import Polygon
@@ -247,6 +249,20 @@ class Scenario(StrictModel):
         examples=[[116.8, 7.7]],
         json_schema_extra={"unit": "degrees, or m in a plane"},
     )
+    via: tuple[Point, ...] = Field(
+        default=(),
+        max_length=100,
+        description="Points that the routes pass in this order, in water and clear of its padding. "
+        "Give a list of [lon, lat] in degrees, or of [x, y] in metres in a plane, or leave it out.",
+        examples=[[[119.2, 11.9]]],
+        json_schema_extra={"unit": "degrees, or m in a plane"},
+    )
+    avoid: tuple[AvoidedArea, ...] = Field(
+        default=(),
+        max_length=1000,
+        description="Areas that are shut, always or for some hours: neither early, on time nor "
+        "late is the vessel in one then, nor in a turn. Add an [[avoid]] table for each.",
+    )
     seasons: tuple[Season, ...] = Field(
         min_length=1,
         description="The currents to plan in, each by itself. Add a [[seasons]] table for each.",
@@ -306,9 +322,39 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has changing currents at scale = {self.scale:g}: a "
                     "turn by hard rudder would last hours of tide; plan at true scale, scale = 1"
                 )
+        faults += self._itinerary_faults()
         if faults:
             raise ValueError(FAULT_SEPARATOR.join(faults))
         return self
+
+    def _itinerary_faults(self) -> Iterator[str]:
+        """What is wrong with via points and shut areas, beside the rest of the scenario."""
+        for name, needed in (("method", "optimal"), ("order", "fuel")):
+            if self.via and (given := getattr(self.planner, name)) != needed:
+                yield f"has via points, which need planner.{name} = {needed!r}, not {given!r}"
+        if self.avoid and self.plane is not None:
+            yield (
+                "has [[avoid]], whose files are in lon/lat, and a [plane]; give the areas as "
+                "obstacles of the plane"
+            )
+        if any(area.has_hours for area in self.avoid):
+            for season in self.seasons:
+                if season.first_departure is None:
+                    yield (
+                        f"season {season.name!r} has no 'departure', from which the hours of "
+                        "[[avoid]] count; add it, or leave 'from' and 'until' out"
+                    )
+            if self.scale != 1:
+                yield (
+                    f"has hours in [[avoid]] at scale = {self.scale:g}, where her way takes other "
+                    "times; plan at true scale, scale = 1"
+                )
+
+    @property
+    def stops(self) -> dict[str, Point]:
+        """Start, via points and goal as given, by their keys."""
+        via = {f"via[{at}]": point for at, point in enumerate(self.via)}
+        return {"start": self.start, **via, "goal": self.goal}
 
     def departing(self, season: str, departure: datetime) -> Self:
         """The scenario, with a season's departure chosen."""

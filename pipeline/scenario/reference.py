@@ -106,9 +106,10 @@ def _section(table: Table) -> str:
     ]
     generated = table.model.model_json_schema()
     for name, field in table.model.model_fields.items():
-        key = generated["properties"][name]
+        spelled = field.alias or name
+        key = generated["properties"][spelled]
         row = (
-            f"`{name}`",
+            f"`{spelled}`",
             _type_text(key),
             _unit(name, key),
             "required" if field.is_required() else _default_text(key),

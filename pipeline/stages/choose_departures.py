@@ -19,6 +19,7 @@ from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import dated
 from pipeline.model import DepartureChoice
 from pipeline.scenario.interval import interval
+from pipeline.stages.avoided_areas import later
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.storage.store import artefact_key
 
@@ -75,7 +76,7 @@ def choose_departures(
             if choice is None:
                 choice = _in_thread(lambda: _choice(scene, season, scenario.planner, say))  # noqa: B023 - called at once
                 store.save("departures", key, choice)
-            departed = _with_departure(departed, choice)
+            departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
             reason = " ".join(error.located(scene.place_text).split())
             departed = _without(departed, season.name, dated(reason, season.first_departure))
@@ -94,9 +95,11 @@ def _choice(
     scene: Scene, season: Season, options: PlannerOptions, say: Callable[[str], None]
 ) -> DepartureChoice:
     """Plan a season's departures."""
-    asked = options.model_dump() | {
+    asked = {
+        **options.model_dump(),
         "clearance": options.clearance or 0.0,
         "min_lateness": MIN_LATENESS_S,
+        **scene.itinerary(season.name),
     }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
     first = scene.departures[season.name]
@@ -128,7 +131,10 @@ def _choice(
             )
 
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
-    found = renew.plan_departures(*given, times, **asked, to_within=within, progress=progress)
+    # All classes at the best one are planned later, at the full second.
+    found = renew.plan_departures(
+        *given, times, **asked, to_within=within, progress=progress, with_classes=False
+    )
     return DepartureChoice(
         season=season.name,
         first=first,
@@ -171,6 +177,7 @@ def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
         scene=replace(
             scene,
             currents={**scene.currents, name: current},
+            areas={**scene.areas, name: later(scene.areas.get(name, ()), shift)},
             departures={**scene.departures, name: chosen},
         ),
         choices=(*departed.choices, choice),

@@ -34,7 +34,7 @@ def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Cl
         return None
     best = season.plan.best
     frozen, mean, shortest = (
-        _sailed(scene, planned_in, current, options)
+        _sailed(scene, season.season, planned_in, options)
         for planned_in in (
             weighted(current, hat_weights(current.slice_times, 0.0)),
             weighted(current, mean_weights(current.slice_times, float(best.times[-1]))),
@@ -69,12 +69,9 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 
 
 def _sailed(
-    scene: Scene,
-    planned_in: renew.CurrentField,
-    current: renew.CurrentField,
-    options: PlannerOptions,
+    scene: Scene, season: str, planned_in: renew.CurrentField, options: PlannerOptions
 ) -> float:
-    """Fuel in a current of the best route planned in another; inf where there is none."""
+    """Fuel in a season's current of the best route planned in another; inf without one."""
     asked = options.model_copy(update={"classes": _CLASSES})
     try:
         plan = renew.plan(
@@ -84,7 +81,8 @@ def _sailed(
             scene.start,
             scene.goal,
             **{**asked.model_dump(), "clearance": options.clearance or 0.0},
+            **scene.itinerary(season),
         )
     except renew.PlanningError:
         return math.inf
-    return renew.fuel(plan.best.path, current, scene.vessel, drift=options.drift)
+    return renew.fuel(plan.best.path, scene.currents[season], scene.vessel, drift=options.drift)

@@ -36,8 +36,9 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
             faults.append(not_in_water(scenario, name, here, chart, projection))
     if faults:
         raise RequestError(faults)
-    if not set.intersection(*bodies):
-        raise NoWayError([_not_connected(scenario, water[min(bodies[0])], projection)])
+    for name, body in zip(endpoints(scenario), bodies, strict=True):
+        if not body & bodies[0]:
+            raise NoWayError([_not_connected(scenario, name, water[min(bodies[0])], projection)])
 
 
 def not_in_water(
@@ -54,22 +55,25 @@ def not_in_water(
     )
 
 
-def _not_connected(scenario: Scenario, body: shapely.Geometry, projection: Projection) -> str:
-    """Say where the start's body of water is nearest to the goal."""
-    goal = np.asarray(scenario.goal, dtype=float)
-    here = shapely.Point(goal if scenario.is_planar else projection.to_plane(goal))
+def _not_connected(
+    scenario: Scenario, name: str, body: shapely.Geometry, projection: Projection
+) -> str:
+    """Say where the start's body of water is nearest to another stop."""
+    place_given = endpoints(scenario)[name]
+    xy = np.asarray(place_given, dtype=float)
+    here = shapely.Point(xy if scenario.is_planar else projection.to_plane(xy))
     distance, place = _nearest_water(scenario, here, body, projection)
     return (
-        f"goal = {list(scenario.goal)} lies in another body of water than "
+        f"{name} = {list(place_given)} lies in another body of water than "
         f"start = {list(scenario.start)}: no water connects them in this chart. The start's body "
-        f"of water comes within {distance} of the goal, at {place}; move the goal there"
+        f"of water comes within {distance} of the {name}, at {place}; move the {name} there"
         + ("" if scenario.is_planar else ", or widen the region")
     )
 
 
 def endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
-    """Start and goal as given, by their keys."""
-    return {"start": scenario.start, "goal": scenario.goal}
+    """Start, via points and goal as given, by their keys."""
+    return scenario.stops
 
 
 def _nearest_water(

@@ -18,6 +18,7 @@ from pipeline.sources.land.osm_adapter import OsmLand
 from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages import planar
+from pipeline.stages.avoided_areas import avoided_zones
 from pipeline.stages.overpowering_current import overpowering_notes
 from pipeline.storage.store import DOWNLOADS, artefact_key
 
@@ -73,10 +74,16 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
         asked = any(current.was_asked for current in found.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
     region, speed_m_s = scenario.region.shape, scenario.vessel.speed_m_s
-    overpowering = [note for grid in grids for note in overpowering_notes(grid, region, speed_m_s)]
+    begins = {season.name: season.first_departure for season in seasons if season.is_changing}
+    overpowering = [
+        note
+        for grid in grids
+        for note in overpowering_notes(grid, region, speed_m_s, begins.get(grid.season))
+    ]
     notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
+    shown = (*fetcher.land.zones, *avoided_zones(scenario, region))
     return FetchedParts(
-        fetched=Fetched(fetcher.land, grids, notes),
+        fetched=Fetched(replace(fetcher.land, zones=shown), grids, notes),
         land_key=fetcher.land_key,
         current_keys={
             name: current.key for name, current in found.items() if current.grid is not None
@@ -91,7 +98,8 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
         return season
     import pyproj
 
-    apart_m = pyproj.Geod(ellps="WGS84").inv(*scenario.start, *scenario.goal)[2]
+    lon, lat = zip(*scenario.stops.values(), strict=True)
+    apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel.speed_m_s / 3600
     hours = min(math.ceil(_LONGEST_WAY * straight_hours + _DAY_HOURS), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})

@@ -62,6 +62,7 @@ def _least_fuel(
             scene.start,
             scene.goal,
             **asked.model_dump(),
+            **scene.itinerary(season),
         )
     except renew.PlanningError:
         return float("inf")

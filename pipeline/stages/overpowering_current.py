@@ -1,38 +1,100 @@
-"""Report the water whose current is as fast as the vessel: no route leads through it."""
+"""Report the water whose current is as fast as the vessel, always or for some hours."""
 
 from __future__ import annotations
 
+from datetime import timedelta
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from pipeline.formats.shared.text import moment_text
+
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from datetime import datetime
+
+    import numpy.typing as npt
     from shapely.geometry import Polygon
 
     from pipeline.model import CurrentGrid
 
+    FloatArray = npt.NDArray[np.float64]
+    BoolArray = npt.NDArray[np.bool_]
 
-def overpowering_notes(grid: CurrentGrid, region: Polygon, speed_m_s: float) -> tuple[str, ...]:
+# Step at which a current that changes is looked at between its own times, s.
+_STEP_S = 300.0
+# Number of spells that a note names.
+_MAX_SPELLS = 3
+
+
+def overpowering_notes(
+    grid: CurrentGrid, region: Polygon, speed_m_s: float, departure: datetime | None = None
+) -> tuple[str, ...]:
     """Note the share of a region's water with an overpowering current, and its maximum.
 
-    The region is in lon/lat degrees, the vessel's speed through water in m/s. Of a current that
-    changes, what it is at its weakest counts: other water is open for a while. Empty where the
-    current is slower than the vessel everywhere.
+    The region is in lon/lat degrees, the vessel's speed through water in m/s. A current that
+    changes may overpower her for some hours only, which are given; its clock begins at the first
+    departure. Empty where the current is slower than the vessel everywhere.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)
-    strength = np.hypot(grid.u, grid.v).min(axis=0)
-    is_water = np.isfinite(strength) & shapely.contains_xy(region, lon, lat)
-    overpowers = is_water & (strength >= speed_m_s)
-    if not overpowers.any():
-        return ()
-    # A grid cell's width is proportional to the cosine of its latitude.
+    strength = np.hypot(grid.u, grid.v)
+    is_water = np.isfinite(strength[0]) & shapely.contains_xy(region, lon, lat)
+    always = is_water & (strength.min(axis=0) >= speed_m_s)
+    sometimes = is_water & (strength.max(axis=0) >= speed_m_s) & ~always
+    notes = []
+    if always.any():
+        where, most = _worst(grid, always)
+        notes.append(
+            f"{grid.season}: in {_share(always, is_water, lat):.1%} of the water the current is as "
+            f"fast as the vessel ({speed_m_s:g} m/s) or faster, up to {most:.2f} m/s at "
+            f"{grid.lon[where[1]]:.2f} E {grid.lat[where[0]]:.2f} N: no route leads through it"
+        )
+    if sometimes.any() and departure is not None:
+        where, most = _worst(grid, sometimes)
+        notes.append(
+            f"{grid.season}: {_share(sometimes, is_water, lat):.1%} of the water is shut for some "
+            f"hours by a current as fast as the vessel ({speed_m_s:g} m/s); where it is strongest, "
+            f"up to {most:.2f} m/s at {grid.lon[where[1]]:.2f} E {grid.lat[where[0]]:.2f} N, "
+            f"{_hours(grid, where, speed_m_s, departure)}: routes are the best without waiting"
+        )
+    return tuple(notes)
+
+
+def _share(some: BoolArray, water: BoolArray, lat: FloatArray) -> float:
+    """Share of water by area: a cell's width is proportional to the cosine of its latitude."""
     area = np.cos(np.radians(lat))
-    share = area[overpowers].sum() / area[is_water].sum()
-    peak = np.unravel_index(np.argmax(np.where(is_water, strength, -1.0)), strength.shape)
-    note = (
-        f"{grid.season}: in {share:.1%} of the water the current is as fast as the vessel "
-        f"({speed_m_s:g} m/s) or faster, up to {strength[peak]:.2f} m/s at {lon[peak]:.2f} E "
-        f"{lat[peak]:.2f} N: no route leads through it"
-    )
-    return (note,)
+    return float(area[some].sum() / area[water].sum())
+
+
+def _worst(grid: CurrentGrid, among: BoolArray) -> tuple[tuple[int, int], float]:
+    """The node (row, column) among some with the strongest current at any time, and that (m/s)."""
+    strongest = np.where(among, np.hypot(grid.u, grid.v).max(axis=0), -1.0)
+    row, column = np.unravel_index(np.argmax(strongest), strongest.shape)
+    return (int(row), int(column)), float(strongest[row, column])
+
+
+def _hours(grid: CurrentGrid, where: tuple[int, int], speed_m_s: float, departure: datetime) -> str:
+    """When the current at a node is as fast as the vessel, from the first departure on."""
+    spells = [
+        f"from {moment_text(departure + timedelta(seconds=begin))} until "
+        f"{moment_text(departure + timedelta(seconds=end))}"
+        for begin, end in _spells(grid, where, speed_m_s)
+    ]
+    more = f" and {len(spells) - _MAX_SPELLS} more times" if len(spells) > _MAX_SPELLS else ""
+    return "shut " + ", ".join(spells[:_MAX_SPELLS]) + more if spells else "before she departs"
+
+
+def _spells(
+    grid: CurrentGrid, where: tuple[int, int], speed_m_s: float
+) -> Iterator[tuple[float, float]]:
+    """Times (s) since departure between which the current at a node is as fast as the vessel."""
+    times = np.arange(max(0.0, grid.times_s[0]), grid.times_s[-1] + _STEP_S / 2, _STEP_S)
+    row, column = where
+    u, v = (np.interp(times, grid.times_s, part[:, row, column]) for part in (grid.u, grid.v))
+    is_shut = np.concatenate([[False], np.hypot(u, v) >= speed_m_s, [False]])
+    turns = np.flatnonzero(np.diff(is_shut)).tolist()
+    last = len(times) - 1
+    for first, end in list(pairwise(turns))[::2]:
+        yield float(times[first]), float(times[min(end, last)])

@@ -33,6 +33,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             # A run chooses the clearance for a chart before; a plane's is 0 where it is left out.
             **{**options.model_dump(), "clearance": options.clearance or 0.0},
             min_lateness=MIN_LATENESS_S,
+            **scene.itinerary(season),
         )
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())

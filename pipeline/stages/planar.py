@@ -63,6 +63,7 @@ def plane_scene(scenario: Scenario) -> Scene:
         projection=projection,
         vessel=scenario.vessel.vessel(),
         is_planar=True,
+        via=np.array(scenario.via, dtype=float).reshape(-1, 2),
     )
 
 

@@ -19,6 +19,7 @@ from pipeline.geo.projection import Projection, rotated
 from pipeline.model import Scene
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
+from pipeline.stages.avoided_areas import known_clocks, shut_areas
 from pipeline.stages.endpoints import check_endpoints
 
 if TYPE_CHECKING:
@@ -83,9 +84,9 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         second_shore=tuple(second_shore),
         depths=charted.depths,
         current_cells={grid.season: grid.cells for grid in fetched.currents},
-        departures={
-            season.name: season.period.begin for season in scenario.seasons if season.is_changing
-        },
+        departures=known_clocks(scenario),
+        via=projection.to_plane(np.array(scenario.via).reshape(-1, 2)),
+        areas=shut_areas(scenario, charted.zones, projection),
     )
 
 

@@ -83,6 +83,7 @@ def _bound(
             scene.start,
             scene.goal,
             options.drift,
+            via=scene.via,
         )
         return fuel_lower_bound(voyage, _CELLS)
     except PlanningError:
@@ -101,7 +102,7 @@ def _strip(
         return None
     extent, island = scene.chart.extent, shapely.Point(main.x, main.y)
     reach, half = extent.length, _WIDTH * math.sqrt(extent.area) / 2
-    ends = shapely.points([scene.start, scene.goal])
+    ends = shapely.points(scene.stops)
     strips = []
     for angle in 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
         far = (main.x + reach * math.cos(angle), main.y + reach * math.sin(angle))

@@ -126,6 +126,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.paper.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
+    from pipeline.formats.tables.departures import write_departures_csv, write_departures_json
     from pipeline.formats.tables.metrics import write_metrics
     from pipeline.formats.tables.scenario_file import write_scenario
 
@@ -135,6 +136,11 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         "report.html": write_report,
         "scenario.toml": write_scenario,
     }
+    if result.departures:
+        formats |= {
+            "departures.csv": write_departures_csv,
+            "departures.json": write_departures_json,
+        }
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
     if exchange.can_write(result):

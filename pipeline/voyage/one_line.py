@@ -31,6 +31,8 @@ def go(
     until: datetime | None = None,
     arrive_by: datetime | None = None,
     currents: Sequence[str | Path] = (),
+    via: Sequence[str | tuple[float, float]] = (),
+    avoid: Sequence[Path] = (),
     clearance_m: float | None = None,
     charts: Path | None = None,
     depths: Path | None = None,
@@ -59,6 +61,10 @@ def go(
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
         for none. Chosen where left out.
+    via
+        Positions that the route passes in this order, as `start`.
+    avoid
+        Vector files of areas that no route may enter.
     clearance_m
         Minimum distance kept from the charted coast and its margin, true metres; an offing is
         chosen where left out.
@@ -90,6 +96,8 @@ def go(
         until="" if until is None else until.isoformat(),
         arrive_by="" if arrive_by is None else arrive_by.isoformat(),
         currents=tuple(map(str, currents)),
+        via=tuple(_text(place) for place in via),
+        avoid=tuple(avoid),
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
         depths=depths,

@@ -83,6 +83,27 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
     return replace(start, lon=start.lon + turn), replace(goal, lon=goal.lon + turn)
 
 
+def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
+    """Read via points, their longitudes continued across 180 degrees towards one that is near.
+
+    Raises
+    ------
+    RequestError
+        One line for each position that can't be read.
+    """
+    found, faults = [], []
+    for text in texts:
+        try:
+            point = read_position(text)
+        except ValueError as error:
+            faults.append(f"--via {error}")
+            continue
+        found.append(replace(point, lon=point.lon + 360 * round((near - point.lon) / 360)))
+    if faults:
+        raise RequestError(faults)
+    return tuple(found)
+
+
 def read_position(text: str) -> Position:
     """Read one position.
 

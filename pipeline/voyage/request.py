@@ -13,7 +13,7 @@ from pipeline.scenario.season import STILL, Season
 from pipeline.sources.registry import current_source
 from pipeline.voyage.departing import Departing, departing
 from pipeline.voyage.months import read_months
-from pipeline.voyage.positions import Position, read_positions
+from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.quantities import length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
@@ -52,6 +52,8 @@ class VoyageRequest:
     depart : departure with its zone, from which on the currents change; in place of months.
     until : the last departure that will do: the best one up to it is chosen.
     arrive_by : when the vessel has to be there: she departs as late as will do.
+    via : positions that the route passes in this order.
+    avoid : vector files of areas that no route may enter.
     """
 
     positions: tuple[str, ...]
@@ -66,6 +68,8 @@ class VoyageRequest:
     depart: str = ""
     until: str = ""
     arrive_by: str = ""
+    via: tuple[str, ...] = ()
+    avoid: tuple[Path, ...] = ()
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -86,6 +90,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             return None
 
     ends = part(lambda: read_positions(request.positions))
+    via = part(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
     vessel = part(lambda: _vessel(request))
     clearance_m = part(lambda: _clearance_m(request.clearance))
     departing_at = part(lambda: _departing(request))
@@ -105,6 +110,10 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         if departing_at is not None
         else [_season(month, title, request, (start, goal)) for month, title in months],
     }
+    if via:
+        data["via"] = [[point.lon, point.lat] for point in via]
+    if request.avoid:
+        data["avoid"] = [{"path": str(resolved(path, "--avoid"))} for path in request.avoid]
     if clearance_m is not None:
         data["planner"] = {"clearance": clearance_m}
     if request.charts is not None:
@@ -112,7 +121,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     if request.depths is not None:
         chart = data.setdefault("chart", {})
         chart["depths"] = str(resolved(request.depths, "--depths"))
-    notes = tuple(end.note for end in ends if end.note)
+    notes = tuple(end.note for end in (*ends, *via) if end.note)
     return parse_scenario(data), notes
 
 

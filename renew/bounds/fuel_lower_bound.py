@@ -93,10 +93,23 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     Infinite if no water joins them. See the module for the proof and for which currents it holds.
     The grid has at least so many `cells`, as far as a changing current's slices leave room: where
     narrow land matters, a coarse one lets the front through.
+
+    With via points the bounds of the parts add up. Each holds for a part begun no earlier than the
+    bounds before it say, as whoever is later at its start is no earlier at its end (FIFO). Where
+    the current changes, and is as strong as the vessel in places, that may fail: then a part after
+    a via point takes no less than the straight way with the strongest current behind.
     """
-    grid = _grid(voyage, cells)
-    bounds = (bound for _, _, bound in _rounds(grid, voyage.start, voyage.goal))
-    return voyage.vessel.fuel_rate * max(bounds)
+    time, vessel = 0.0, voyage.vessel
+    knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
+    for at in range(len(voyage.via) + 1):
+        part = voyage.part(at, voyage.departure + time)
+        if at == 0 or knows_order:
+            grid = _grid(part, cells)
+            time += max(bound for _, _, bound in _rounds(grid, part.start, part.goal))
+        else:
+            fastest = vessel.speed + voyage.table.strongest
+            time += math.dist(part.start, part.goal) / fastest
+    return vessel.fuel_rate * time
 
 
 def _rounds(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from renew._types import FloatArray, IntArray
 from renew.classes import h_signature
-from renew.classes.h_signature import Word
+from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
 
 Transition: TypeAlias = tuple[int, int, int]
@@ -29,10 +30,11 @@ class Channel:
 
     Attributes
     ----------
-    triangles : (n,) indices into the triangulation, none twice.
+    triangles : (n,) indices into the triangulation, none twice on the way to a via point.
     left, right : (n - 1, 2) ends of the passing edges in metres, as seen when sailing along.
     word : the homotopy class's h-signature.
     found_by : rough path of the class, if a search found it by one; it may leave the row.
+    stages : the channels from one via point to the next, where there are any.
     """
 
     triangles: IntArray
@@ -40,6 +42,32 @@ class Channel:
     right: FloatArray
     word: Word
     found_by: RoughPath | None = None
+    stages: tuple[Channel, ...] = ()
+
+    @classmethod
+    def joined(cls, stages: Sequence[Channel], via: FloatArray) -> Channel:
+        """Channel through via points (s - 1, 2), m, of the stages (s,) between them.
+
+        In the triangle of a via point the row has a passing edge of no length there.
+        """
+        left, right = [stages[0].left], [stages[0].right]
+        word = stages[0].word
+        for point, stage in zip(via, stages[1:], strict=True):
+            left += [point[None], stage.left]
+            right += [point[None], stage.right]
+            word = (*word, VIA, *stage.word)
+        paths = [stage.found_by for stage in stages if stage.found_by is not None]
+        return cls(
+            np.concatenate([stage.triangles for stage in stages]),
+            np.concatenate(left),
+            np.concatenate(right),
+            word,
+            RoughPath(
+                np.concatenate([paths[0].points, *(path.points[1:] for path in paths[1:])]),
+                np.concatenate([path.triangles for path in paths]),
+            ),
+            tuple(stages),
+        )
 
     @classmethod
     def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> Channel:

@@ -124,8 +124,8 @@ class ClassEnumerator:
         self._last = triangulation.locate(voyage.goal)
         if not is_connected(triangulation, self._first, self._last):
             raise UnreachableError(
-                "no water joins start {0} and goal {1}: the no-go zone separates them. Widen the "
-                "extent, join fewer islands, or move one of the two",
+                "no water joins {0} and {1}: the no-go zone separates them. Widen the extent, join "
+                "fewer islands, or move one of the two",
                 voyage.start,
                 voyage.goal,
             )

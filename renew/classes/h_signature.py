@@ -24,7 +24,13 @@ from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
 
 Word: TypeAlias = tuple[int, ...]
-"""Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x."""
+"""Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x.
+
+Each via point parts the word: there stands a `VIA`.
+"""
+
+VIA = 0
+"""Stands between the words of two parts of a voyage."""
 
 IDENTITY = "e"
 """The name of the empty word: no ray is crossed."""
@@ -50,7 +56,7 @@ class Rays:
     @classmethod
     def of(cls, chart: Chart, overpowered: BaseGeometry | None = None) -> Rays:
         """Rays of all islands; overpowered water has some as well, numbered after the islands'."""
-        kinds = [np.array(chart.no_go, dtype=object)]
+        kinds = [np.array(polygons, dtype=object) for polygons in chart.islands]
         if overpowered is not None:
             kinds.append(shapely.get_parts(overpowered))
         islands = np.concatenate([_islands(polygons, chart) for polygons in kinds])
@@ -73,9 +79,9 @@ class Rays:
         reduced: list[int] = []
         known = set(self.island.tolist())
         for letter in word:
-            if abs(letter) not in known:
+            if letter != VIA and abs(letter) not in known:
                 continue
-            if reduced and reduced[-1] == -letter:
+            if letter != VIA and reduced and reduced[-1] == -letter:
                 reduced.pop()
             else:
                 reduced.append(letter)
@@ -145,12 +151,18 @@ def _word(x: FloatArray, y: FloatArray, island: IntArray, path: FloatArray) -> I
 
 
 def name(word: Word) -> str:
-    """Spell a word, as in "s2.p1"; "e" for the empty one.
+    """Spell a word, as in "s2.p1"; "e" for the empty one, "s2/e" with a via point.
 
     A path that crosses an island's ray towards +x leaves the island to starboard (s), else to
     port (p).
     """
-    return ".".join(f"{'s' if letter > 0 else 'p'}{abs(letter)}" for letter in word) or IDENTITY
+    parts: list[list[str]] = [[]]
+    for letter in word:
+        if letter == VIA:
+            parts.append([])
+        else:
+            parts[-1].append(f"{'s' if letter > 0 else 'p'}{abs(letter)}")
+    return "/".join(".".join(part) or IDENTITY for part in parts)
 
 
 def shortened(name: str) -> str:

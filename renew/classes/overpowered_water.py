@@ -32,7 +32,7 @@ def overpowered_water(voyage: Voyage) -> BaseGeometry:
         return shapely.MultiPolygon()
     cell = float(max(np.diff(table.x).max(), np.diff(table.y).max()))
     zone = _at_least(table.x, table.y, weakest, level).simplify(_TOLERANCE * cell)
-    endpoints = shapely.points([voyage.start, voyage.goal])
+    endpoints = shapely.points(voyage.stops)
     kept_open = shapely.union_all(shapely.buffer(endpoints, _OPEN_RADIUS * cell))
     closed = shapely.difference(chart.water, kept_open)
     parts = shapely.get_parts(shapely.intersection(zone, closed, grid_size=chart.precision))

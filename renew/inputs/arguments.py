@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Literal, TypeAlias, TypedDict, TypeGuard, get_args
@@ -16,6 +17,7 @@ from renew.errors import (
     ParameterError,
     PlanningError,
     StartInNoGoError,
+    ViaInNoGoError,
 )
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import Drift
@@ -26,6 +28,7 @@ DistinctBy: TypeAlias = Literal["auto"] | float
 Method: TypeAlias = Literal["optimal", "sampled"]
 RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
+ViaPoints: TypeAlias = Sequence[FloatArray | tuple[float, float]] | FloatArray
 
 
 class PlanOptions(TypedDict, total=False):
@@ -74,6 +77,7 @@ def check_options(
     min_lateness: object,
     arrive_by: object = None,
     to_within: object = None,
+    has_via: bool = False,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -112,10 +116,15 @@ def check_options(
     if not _is_length(min_lateness):
         faults.append(f"min_lateness = {min_lateness!r} s must be finite and at least 0")
     faults += _time_faults(departure, arrive_by, to_within)
-    if arrive_by is not None and method == "sampled":
-        faults.append("arrive_by needs method = 'optimal', not 'sampled'")
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
+    if arrive_by is not None and method == "sampled":
+        faults.append("arrive_by needs method = 'optimal', not 'sampled'")
+    faults += [
+        f"via points need {name} = {needed!r}, not {value!r}"
+        for name, value, needed in (("method", method, "optimal"), ("order", order, "fuel"))
+        if has_via and value != needed
+    ]
     if faults:
         raise ParameterError("; ".join(faults))
 
@@ -129,6 +138,19 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
     if point.shape != (2,) or not np.isfinite(point).all():
         raise ParameterError(f"{name} = {value!r} must be two finite numbers (m)")
     return point
+
+
+def as_via(given: ViaPoints) -> FloatArray:
+    """Take via points as an array (n, 2), m; all that are no points are named at once."""
+    points, faults = [], []
+    for at, value in enumerate(given):
+        try:
+            points.append(as_point(f"via[{at}]", value))
+        except ParameterError as error:
+            faults.append(str(error))
+    if faults:
+        raise ParameterError("; ".join(faults))
+    return np.array(points).reshape(-1, 2)
 
 
 def _time_faults(departure: object, arrive_by: object, to_within: object) -> list[str]:
@@ -164,26 +186,31 @@ def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:
 
 
 def check_endpoints(voyage: Voyage) -> None:
-    """Refuse a start or goal that is not in the water, and a departure without a current."""
-    chart, start, goal = voyage.chart, voyage.start, voyage.goal
-    kinds: tuple[tuple[str, FloatArray, type[PlanningError]], ...] = (
-        ("start", start, StartInNoGoError),
-        ("goal", goal, GoalInNoGoError),
-    )
-    for name, point, error in kinds:
+    """Refuse stops that are not in the water, all at once, and a departure without a current."""
+    chart, stops = voyage.chart, voyage.stops
+    names = ["start", *(f"via[{at}]" for at in range(len(voyage.via))), "goal"]
+    kinds = [StartInNoGoError, *[ViaInNoGoError] * len(voyage.via), GoalInNoGoError]
+    faults, places = list[str](), list[FloatArray]()
+    error: type[PlanningError] | None = None
+    for name, kind, point in zip(names, kinds, stops, strict=True):
         here = shapely.Point(point)
         # Water is snapped to the chart's grid: a point on its edge may lie just outside.
         if not shapely.dwithin(chart.water, here, 4 * chart.precision):
             nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
             where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
-            raise error(
-                f"{name} {{0}} lies {where}, {math.dist(point, nearest):.4g} m from the nearest "
-                "water at {1}; move it there or beyond",
-                point,
-                nearest,
+            faults.append(
+                f"{name} {{{len(places)}}} lies {where}, {math.dist(point, nearest):.4g} m from "
+                f"the nearest water at {{{len(places) + 1}}}; move it there or beyond"
             )
-    if math.dist(start, goal) <= chart.precision:
-        raise ParameterError("start and goal are the same point {0}; move one", start)
+            places += [point, nearest]
+            error = error or kind
+    for (one, here), (other, after) in itertools.pairwise(zip(names, stops, strict=True)):
+        if math.dist(here, after) <= chart.precision:
+            faults.append(f"{one} and {other} are the same point {{{len(places)}}}; move one")
+            places.append(here)
+            error = error or ParameterError
+    if error is not None:
+        raise error("; ".join(faults), *places)
     check_departures(voyage.current, (voyage.departure,))
 
 
@@ -201,7 +228,9 @@ def check_departures(current: CurrentField, departures: Sequence[float]) -> None
 def check_current_at_endpoints(voyage: Voyage) -> None:
     """Refuse a departure at which the current is as strong as the vessel where it has to be."""
     # In a current that changes nobody knows yet when the vessel comes to the goal.
-    ends = [("start", voyage.start), ("goal", voyage.goal)][: 2 if voyage.current.is_steady else 1]
+    names = ["start", *(f"via[{at}]" for at in range(len(voyage.via))), "goal"]
+    ends = list(zip(names, voyage.stops, strict=True))
+    ends = ends if voyage.current.is_steady else ends[:1]
     for name, point in ends:
         strength = float(np.linalg.norm(voyage.current.velocity(point, voyage.departure)))
         if strength >= voyage.vessel.speed:

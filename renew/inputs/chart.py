@@ -62,9 +62,27 @@ class Chart:
         clipped = shapely.intersection(merged, extent, grid_size=self.precision)
         self.no_go: tuple[Polygon, ...] = tuple(_polygons(clipped))
         """The hard no-go zone inside the extent as disjoint polygons."""
+        self.islands: tuple[tuple[Polygon, ...], ...] = (self.no_go,)
+        """What classes are told apart by, in kinds that are numbered one after the other: land, and
+        what `without` took away."""
         self._land = bare
         if self.water.is_empty:
             raise GeometryError("chart: the no-go zone covers the whole extent; no water is left")
+
+    def without(self, areas: Iterable[Polygon], *, is_land: bool) -> Chart:
+        """Return the chart with areas (m) as no-go; land keeps its numbers in names of classes.
+
+        As land, they also bound what the lower bound on fuel takes as water.
+        """
+        areas = list(areas)
+        bare = list(self.no_go if self._land is None else self._land)
+        other = Chart(self.extent, [*self.no_go, *areas], bare + areas if is_land else bare)
+        # What touches land is one obstacle with it, and land has a number.
+        merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
+        land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
+        apart = tuple(one for one in merged if not shapely.intersects(one, land))
+        other.islands = (*self.islands, apart)
+        return other
 
     @cached_property
     def hard_no_go(self) -> MultiPolygon:

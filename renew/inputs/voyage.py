@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +16,7 @@ from renew.inputs.current import CurrentField, TabulatedCurrent
 from renew.inputs.fuel import Drift, fuel, passage_times
 from renew.inputs.punctuality import early_and_late
 from renew.inputs.vessel import Vessel
+from renew.kernels.capsules import segment_distance
 from renew.kernels.current_table import Table
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
@@ -22,6 +24,10 @@ from renew.kernels.viterbi import Clock, Stream, arrivals
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
 # steps that a way across the chart has at most, and a change (m/s²) that counts as none.
 _CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
+# What parts of a voyage, and other departures, take from it.
+_SHARED = ("table", "quick_current", "clock")
+# Share of v/ω by which a path may pass a via point again as closely: the first time counts.
+_AS_CLOSE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +35,9 @@ class Voyage:
     """A passage from `start` to `goal` (2,), m, by a drift model of Eq. 4.
 
     It begins at `departure` (s), on the clock of a current that changes, and may be early or late
-    by a share `lateness` of the time under way, and at least by `min_lateness` (s).
+    by a share `lateness` of the time under way, and at least by `min_lateness` (s). The points
+    `via` (n, 2), m, are passed in their order. As a part of a longer voyage it has been under way
+    for `before` (s) when it begins.
     """
 
     chart: Chart
@@ -41,6 +49,8 @@ class Voyage:
     departure: float = 0.0
     lateness: float = 0.0
     min_lateness: float = 0.0
+    via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    before: float = 0.0
 
     @cached_property
     def table(self) -> Table:
@@ -62,18 +72,77 @@ class Voyage:
         table, speed = self.table, self.vessel.speed
         if table.is_steady:
             return Clock(self.departure, math.inf)
-        intervals = np.diff(table.times)
-        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2)) / intervals
-        step = max(_CHANGE * speed / max(change.max(), _SLOWEST_CHANGE), float(intervals.min()))
+        least = float(np.diff(table.times).min())
+        step = max(_CHANGE * speed / max(self.current_change, _SLOWEST_CHANGE), least)
         xmin, ymin, xmax, ymax = self.chart.bounds
         return Clock(self.departure, max(speed * step, (xmax - xmin + ymax - ymin) / _MAX_STEPS))
+
+    @cached_property
+    def current_change(self) -> float:
+        """The most by which the current changes in a second anywhere in its table, m/s²."""
+        table = self.table
+        if table.is_steady:
+            return 0.0
+        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2))
+        return float((change / np.diff(table.times)).max())
+
+    @property
+    def speed_change(self) -> float:
+        """The most by which the speed over ground changes in a second, as a share of itself (1/s).
+
+        On any course; infinite where the current is as strong as the vessel. Who crabs at an angle
+        β loses or gains 1/cos β times what the current changes by.
+        """
+        speed, strongest = self.vessel.speed, self.table.strongest
+        if strongest >= speed:
+            return math.inf
+        crab = speed / math.sqrt(speed**2 - strongest**2) if self.drift == "crab" else 1.0
+        return crab * self.current_change / (speed - strongest)
 
     def leaving(self, departure: float) -> Voyage:
         """Return the same passage at another departure (s), with what does not depend on that."""
         other = replace(self, departure=departure)
-        shared = {"table": self.table, "quick_current": self.quick_current}
-        other.__dict__.update(shared, clock=self.clock._replace(departure=departure))
+        clock = self.clock._replace(departure=departure)
+        other.__dict__.update(table=self.table, quick_current=self.quick_current, clock=clock)
         return other
+
+    @property
+    def stops(self) -> FloatArray:
+        """Start, via points and goal (n + 2, 2), m."""
+        return np.vstack([self.start, self.via, self.goal])
+
+    def part(self, at: int, departure: float) -> Voyage:
+        """The part from one stop to the next, begun at a time (s), as a voyage of its own."""
+        start, goal = self.stops[at : at + 2]
+        other = self.leaving(departure)
+        part = replace(
+            other, start=start, goal=goal, via=self.via[:0], before=departure - self.departure
+        )
+        part.__dict__.update({name: other.__dict__[name] for name in _SHARED})
+        return part
+
+    def parts(self, path: FloatArray) -> Iterator[tuple[Voyage, FloatArray]]:
+        """Each part with its piece of a path (n, 2), begun when the path comes to it."""
+        if not len(self.via):
+            yield self, path
+            return
+        departure = self.departure
+        for at, piece in enumerate(self.cut(path)):
+            part = self.part(at, departure)
+            yield part, piece
+            departure += part.duration(piece)
+
+    def cut(self, path: FloatArray) -> list[FloatArray]:
+        """Pieces (n, 2) of a path between the via points that it passes; each ends in one."""
+        return self._cut(path)[0]
+
+    def missed(self, path: FloatArray) -> FloatArray:
+        """Distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
+        return self._cut(path)[1]
+
+    def _cut(self, path: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """The pieces, and how far off each via point is."""
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
     @property
     def polar(self) -> Polar:
@@ -82,7 +151,8 @@ class Voyage:
 
     def early_and_late(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s."""
-        return early_and_late(times, self.departure, self.lateness, self.min_lateness)
+        begun = self.departure - self.before
+        return early_and_late(times, begun, self.lateness, self.min_lateness)
 
     def fuel(self, path: FloatArray) -> float:
         """Fuel by Eq. 4 along a path (n, 2); inf where no way can be made."""
@@ -95,6 +165,11 @@ class Voyage:
         )
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
 
+    def duration(self, path: FloatArray) -> float:
+        """Time under way (s) along a path (n, 2), by the table; inf where no way can be made."""
+        times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
+        return float(times[-1] - self.departure)
+
     def reading_times(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
 
@@ -105,3 +180,24 @@ class Voyage:
             return np.full(len(path), self.departure)
         times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
         return np.asarray(np.minimum(times, times[np.isfinite(times)][-1]))
+
+
+def cut_at(
+    path: FloatArray, points: FloatArray, close: float
+) -> tuple[list[FloatArray], FloatArray]:
+    """Pieces (n, 2) of a path at points (v, 2) on it, in order, and how far off (v,) each is, m.
+
+    Where the path passes a point again as closely, within `close` m, the first time counts.
+    """
+    pieces, missed, rest = list[FloatArray](), list[float](), path
+    for point in points:
+        distance = segment_distance(point, rest[:-1], rest[1:])
+        first = int(np.argmax(distance <= distance.min() + close))
+        behind = np.flatnonzero(distance[first:] > distance.min() + close)
+        last = first + int(behind[0]) if len(behind) else len(distance)
+        leg = first + int(distance[first:last].argmin())
+        ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
+        pieces.append(np.vstack([rest[: leg + 1], point]))
+        missed.append(float(distance[leg]))
+        rest = np.vstack([point, rest[ahead:]])
+    return [*pieces, rest], np.array(missed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,17 @@ class PaddedEdges:
     end: FloatArray
     padding: FloatArray
     edge: IntArray
+
+    @classmethod
+    def joined(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
+        """All edges of some parts of a voyage, each once, with its least padding."""
+        start, end, padding, edge = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("start", "end", "padding", "edge")
+        )
+        order = np.lexsort((padding, edge))
+        kept = order[np.diff(edge[order], prepend=-1) != 0]
+        return cls(start[kept], end[kept], padding[kept], edge[kept])
 
     def around(self, point: FloatArray) -> PaddedEdges:
         """Only the edges whose padding reaches over a point (2,)."""

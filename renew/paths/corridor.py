@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +32,8 @@ class Corridor:
     `triangles` (t,) are their indices and `corners` (t, 3, 2) their corners; `open_outline`
     (w, 2, 2) are the outer edges among theirs that are no hazard: water too far off, or the end of
     the chart. Paths are planned in the voyage's table of the current, by the drift model of
-    `polar`.
+    `polar`. With via points `by_stage` has the padding on the way to each of them, and to the goal;
+    `padded` then holds all their edges, each with its least padding.
     """
 
     voyage: Voyage
@@ -41,6 +43,43 @@ class Corridor:
     corners: FloatArray
     open_outline: FloatArray
     padded: PaddedEdges
+    by_stage: tuple[PaddedEdges, ...] = ()
+
+    def with_padding(self, parts: Sequence[PaddedEdges]) -> Corridor:
+        """The same with other padding: of the whole, or of the stages if there are via points."""
+        if not len(self.voyage.via):
+            return replace(self, padded=parts[0])
+        return replace(self, padded=PaddedEdges.joined(parts), by_stage=tuple(parts))
+
+    @property
+    def paddings(self) -> tuple[PaddedEdges, ...]:
+        """Padding of each stage, or of the whole where there is one."""
+        return self.by_stage or (self.padded,)
+
+    def stage(self, at: int, voyage: Voyage) -> Corridor:
+        """The same for a part of the voyage."""
+        channel = self.channel.stages[at]
+        return replace(self, voyage=voyage, channel=channel, padded=self.by_stage[at], by_stage=())
+
+    def stages(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
+        """The part of the voyage to each via point, and to the goal, with its piece of a path."""
+        for at, (part, piece) in enumerate(self.voyage.parts(path)):
+            yield (self.stage(at, part) if len(self.voyage.via) else self), piece
+
+    def chained(
+        self,
+        plan: Callable[[Corridor, FloatArray], FloatArray],
+        pieces: Sequence[FloatArray],
+    ) -> FloatArray:
+        """Path (n, 2) planned part by part from pieces; each part begins when the last one ends."""
+        if not len(self.voyage.via):
+            return plan(self, pieces[0])
+        departure, paths = self.voyage.departure, list[FloatArray]()
+        for at, piece in enumerate(pieces):
+            stage = self.stage(at, self.voyage.part(at, departure))
+            paths.append(plan(stage, piece))
+            departure = float(stage.voyage.reading_times(paths[-1])[-1])
+        return np.concatenate([paths[0], *(path[1:] for path in paths[1:])])
 
     @property
     def stream(self) -> Stream:
@@ -80,6 +119,15 @@ class Corridor:
         slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
         outline = Capsules(self.open_outline[:, 0], self.open_outline[:, 1], slack)
         return not legs_are_clear(path[:-1], path[1:], outline).all()
+
+    def channel_along(self, path: FloatArray) -> Channel:
+        """The channel, as if it had been found by a path (n, 2)."""
+        stages = tuple(
+            replace(stage.channel, found_by=stage.crossed_by(piece))
+            for stage, piece in self.stages(path)
+            if len(self.voyage.via)
+        )
+        return replace(self.channel, found_by=self.crossed_by(path), stages=stages)
 
     def crossed_by(self, path: FloatArray) -> RoughPath:
         """A path (n, 2) with the triangles that it crosses."""

@@ -67,7 +67,8 @@ _AS_COMPLEX = np.array([1, 1j])
 
 def check_straits(corridor: Corridor) -> None:
     """Refuse a corridor that V blocks; InfeasibleError names the strait."""
-    corridor.open_sections(_COARSE_SPACING * _midline_length(corridor), _COARSE_ANGLE)
+    for stage, _ in corridor.stages(_midline(corridor)):
+        stage.open_sections(_COARSE_SPACING * _length(_midline(stage)), _COARSE_ANGLE)
 
 
 def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
@@ -76,7 +77,10 @@ def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
     Post-condition: as of :func:`path_through_sections`, if there is such a path near.
     """
     has_small_eddies = corridor.voyage.table.has_small_eddies
-    return _refined(corridor, first, _WIDE_IN_EDDIES if has_small_eddies else _WIDE)
+    passes = _WIDE_IN_EDDIES if has_small_eddies else _WIDE
+    return corridor.chained(
+        lambda stage, piece: _refined(stage, piece, passes), corridor.voyage.cut(first)
+    )
 
 
 def path_through_sections(corridor: Corridor) -> FloatArray:
@@ -85,7 +89,13 @@ def path_through_sections(corridor: Corridor) -> FloatArray:
     Post-condition: it enters V only around a start or goal inside it, and no leg of it runs where
     the current is as strong as the vessel. InfeasibleError says why there is none.
     """
-    length = _midline_length(corridor)
+    middle = corridor.voyage.cut(_midline(corridor))
+    return corridor.chained(_through_some_sections, middle)
+
+
+def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:
+    """The same without via points, from the channel's midline (n, 2)."""
+    length = _length(middle)
     try:
         return _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
     except InfeasibleError as error:
@@ -98,8 +108,22 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
     """Least-fuel path (n, 2) near a rough one, into which V may have grown since.
 
     Post-condition: as of :func:`path_through_sections`. InfeasibleError where no way out of V is
-    near.
+    near, or V takes a via point.
     """
+    for at, point in enumerate(corridor.voyage.via):
+        beside = corridor.by_stage[at : at + 2]
+        needed = max(padded.around(point).padding.max(initial=0.0) for padded in beside)
+        if needed > 0:
+            raise InfeasibleError(
+                f"the via point {{0}} lies within the padding of land, {needed:.2f} m there, where "
+                "the vessel can't turn away; move it further off",
+                point,
+            )
+    return corridor.chained(_refined_stage, corridor.voyage.cut(rough))
+
+
+def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
+    """The same without via points."""
     has_small_eddies = corridor.voyage.table.has_small_eddies
     path = _refined(corridor, rough, _NARROW_IN_EDDIES if has_small_eddies else _NARROW)
     if not corridor.legs_clear(path).all():
@@ -129,9 +153,9 @@ def _refined(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) ->
     return path
 
 
-def _midline_length(corridor: Corridor) -> float:
-    """Length of the line through the middles of a channel's passing edges, m."""
-    return _length(corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal))
+def _midline(corridor: Corridor) -> FloatArray:
+    """Line (n, 2) through the middles of a channel's passing edges."""
+    return corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
 
 
 def _length(path: FloatArray) -> float:

@@ -24,6 +24,7 @@ from renew.kernels.ground_speed import Polar
 from renew.padding.padding_model import PaddingModel, region_of
 from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
+from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import (
     check_straits,
@@ -102,7 +103,7 @@ class ClassPlanner:
         found = self._find(channel)
         if not found.corridor.holds_back(found.path):
             return found
-        wider = replace(channel, found_by=found.corridor.crossed_by(found.path))
+        wider = found.corridor.channel_along(found.path)
         with contextlib.suppress(InfeasibleError):
             return min(found, self._find(wider), key=lambda one: one.fuel)
         return found
@@ -125,7 +126,7 @@ class ClassPlanner:
     def route(self, found: Found) -> Route:
         """Route along a path, with all its figures."""
         corridor, path, trajectory, fuel, class_mean = found
-        voyage, padded = self.problem.voyage, corridor.padded
+        voyage, paddings = self.problem.voyage, corridor.paddings
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
         clearance = (
@@ -142,19 +143,22 @@ class ClassPlanner:
             duration=fuel / voyage.vessel.fuel_rate,
             times=voyage.arrivals(path),
             fuel_bound=self.problem.fuel_bound,
-            homotopy=name(self.problem.rays.word(path)),
+            homotopy=name(self.problem.word(path)),
             corners=corridor.corners,
-            padding_used=np.column_stack([padded.start, padded.end, padded.padding]),
+            padding_used=np.vstack(
+                [np.column_stack([one.start, one.end, one.padding]) for one in paddings]
+            ),
             harmonic_mean=class_mean,
-            starts_in_soft_no_go=len(padded.around(voyage.start).edge) > 0,
-            ends_in_soft_no_go=len(padded.around(voyage.goal).edge) > 0,
+            starts_in_soft_no_go=len(paddings[0].around(voyage.start).edge) > 0,
+            ends_in_soft_no_go=len(paddings[-1].around(voyage.goal).edge) > 0,
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
         """Least fuel of a class with no padding at all; inf where even so there is no path."""
         corridor = self.corridor(channel)
-        edges = corridor.padded
-        bare = replace(corridor, padded=replace(edges, padding=np.zeros(len(edges.edge))))
+        bare = corridor.with_padding(
+            [replace(one, padding=np.zeros(len(one.edge))) for one in corridor.paddings]
+        )
         try:
             _, path = self._least_fuel_path(bare, near_first)
         except InfeasibleError:
@@ -166,17 +170,27 @@ class ClassPlanner:
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         middle = channel.midline(voyage.start, voyage.goal)
         way = middle if channel.found_by is None else channel.found_by.points
-        windows = passage_windows(voyage, way, middle[:-1], middle[1:])
+        padded = [
+            self._padded(stage, *part)
+            for stage, part in zip(channel.stages or (channel,), voyage.parts(way), strict=True)
+        ]
         region = np.array(list(region_of(triangulation, channel)))
-        return Corridor(
+        corridor = Corridor(
             voyage=voyage,
             polar=voyage.polar,
             channel=channel,
             triangles=region,
             corners=triangulation.corners[region],
             open_outline=triangulation.open_outline(region),
-            padded=self._model.padded_edges(channel, voyage.start, voyage.goal, windows),
+            padded=padded[0],
         )
+        return corridor.with_padding(padded)
+
+    def _padded(self, channel: Channel, voyage: Voyage, way: FloatArray) -> PaddedEdges:
+        """Padding next to a channel without via points, sailed nearly along a way (n, 2)."""
+        middle = channel.midline(voyage.start, voyage.goal)
+        windows = passage_windows(voyage, way, middle[:-1], middle[1:])
+        return self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> Found:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""
@@ -232,7 +246,7 @@ class ClassPlanner:
 
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether a path (n, 2) is of a corridor's class."""
-        return self.problem.rays.word(path) == corridor.channel.word
+        return self.problem.word(path) == corridor.channel.word
 
     def _attempts(
         self, corridor: Corridor, near: FloatArray | None

@@ -1,16 +1,25 @@
 """When to leave: departures planned where the best one may still be, until the choice is proven.
 
 A vessel that leaves later never overtakes on the same path, and so the earliest arrival over all
-paths doesn't come earlier with a later departure either (FIFO). If she who leaves at t arrives at
-A at best, a voyage begun at s > t takes A - s at least. That is the proof between departures.
-Where it is short of the best duration by more than a tolerance, the next departure is planned as
-far on as it reaches, at s = A - (best duration - tolerance). Each plan settles as much of the
-window as the tolerance, or more: window over tolerance of them prove the choice on any scene, and
-the more durations differ the fewer are needed.
+paths doesn't come earlier with a later departure either (FIFO). If she who leaves at t takes D at
+best, a voyage begun at s > t takes D - (s - t) at least.
 
-It is as good as the paths are optimal, and rests on FIFO: where the current is as strong as the
-vessel in places, nothing is proven. With adaptive padding land is padded for the hours of passage,
-so that a later departure may find more room; then the earliest arrival of all later ones counts.
+How fast the current changes says more. On a fixed path dt/dx = σ(x, t) = 1/g, so that arrivals A of
+departures t obey dA/dt = exp ∫ ∂σ/∂t dx = exp(-∫ (∂g/∂t) / g dt) >= exp(-ρ D), where ρ bounds
+|∂g/∂t| / g on any course (:attr:`renew.inputs.voyage.Voyage.speed_change`) and D the time under way
+of these departures. Sail the best path of s from t: A(t) <= A(s) - exp(-ρ D) (s - t), and so the
+voyage begun at s takes D(t) - L (s - t) at least, with L = 1 - exp(-ρ D), between 0 and 1. Only
+voyages that beat the best one matter, so D is no more than the best duration and s - t.
+
+Where that is short of the best duration by more than a tolerance, the next departure is planned as
+far on as the bound reaches. Each plan settles as much of the window as the tolerance over L: window
+over tolerance of them prove the choice on any scene, far fewer where the current changes slowly
+(one, where it does not), and the more durations differ the fewer are needed.
+
+It is as good as the paths are optimal and the current's table is true, and rests on FIFO: where the
+current is as strong as the vessel in places, nothing is proven. With adaptive padding land is
+padded for the hours of passage, so that a later departure may find more room; then the earliest
+arrival of all later ones counts.
 """
 
 from __future__ import annotations
@@ -23,52 +32,64 @@ from typing import NamedTuple
 import numpy as np
 
 from renew.route import Departures, Plan
-from renew.search.sailings import Sailing, Sailings, in_order_of_arrival
+from renew.search.sailings import DeparturePlanner, Sailing
 
 Progress = Callable[[int, float], None]
 """Told after each plan: how many there are, and by how many seconds the best may be beaten."""
 
 # Number of rounds in which the middles of the intervals beside the best departure are planned.
 _FINER = 3
+# Least slope by which durations are taken to fall: none is none.
+_FLATTEST = 1e-12
 # Share of the tolerance that counts as none.
 _ROUNDING = 1e-6
 
 
 class _Interval(NamedTuple):
-    """From one departure to the next (s); nobody who leaves in it arrives before `arrival` (s)."""
+    """From one departure to the next (s).
+
+    Who leaves at its beginning takes `duration` (s) at least, and later ones less by `slope` times
+    the time between, at most.
+    """
 
     begin: float
     end: float
-    arrival: float
+    duration: float
+    slope: float
 
     @property
     def least_duration(self) -> float:
         """Time (s) that any voyage takes that is begun in it."""
-        return self.arrival - self.end
+        return self.duration - self.slope * (self.end - self.begin)
+
+    def reach(self, goal: float) -> float:
+        """Departure (s) up to which no voyage in it takes less than `goal` (s)."""
+        return self.begin + (self.duration - goal) / max(self.slope, _FLATTEST)
 
 
 class DepartureWindow:
     """Departures (n,), s, ascending, each planned; and more of them where it is worth it.
 
-    No voyage takes less than `least_duration` (s), whatever the departure. Without FIFO nothing is
+    No voyage takes less than `least_duration` (s), whatever the departure. In a second the speed
+    over ground changes by a share `speed_change` (1/s) at most; where that is infinite, nothing is
     proven.
     """
 
     def __init__(
         self,
-        sailings: Sailings,
+        sailings: DeparturePlanner,
         departures: Sequence[float],
         least_duration: float,
         *,
-        is_fifo: bool,
+        speed_change: float,
         progress: Progress | None,
     ) -> None:
-        self._planner, self._least, self._is_fifo = sailings, least_duration, is_fifo
+        self._planner, self._least, self._change = sailings, least_duration, speed_change
         self._progress = progress
         self.sailings: list[Sailing] = []
         for departure in departures:
             self._plan(departure)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     @property
     def best(self) -> Sailing:
@@ -78,7 +99,7 @@ class DepartureWindow:
     @property
     def unproven(self) -> float:
         """Time (s) by which a departure between those planned may beat the best of these."""
-        if not self._is_fifo or self.best.found is None:
+        if math.isinf(self._change) or self.best.found is None:
             return math.inf
         bound = min((one.least_duration for one in self._intervals()), default=math.inf)
         return max(0.0, self.best.duration - bound)
@@ -99,8 +120,8 @@ class DepartureWindow:
             if not open_ones:
                 break
             one = min(open_ones, key=lambda interval: interval.least_duration)
-            self._plan(max(one.arrival - goal, one.begin + tolerance))
-        self.sailings = in_order_of_arrival(self.sailings)
+            self._plan(max(one.reach(goal), one.begin + tolerance))
+        self.sailings = self._planner.in_order(self.sailings)
 
     def look_closer(self) -> None:
         """Plan departures beside the best one, ever closer to it; nothing is proven by these."""
@@ -109,13 +130,13 @@ class DepartureWindow:
             at = times.index(self.best.departure)
             for beside in (*times[max(at - 1, 0) : at], *times[at + 1 : at + 2]):
                 self._plan((times[at] + beside) / 2)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
         """Take another sailing of the same departure."""
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
-        self.sailings = in_order_of_arrival(self.sailings)
+        self.sailings = self._planner.in_order(self.sailings)
 
     def departures(self, plan: Plan) -> Departures:
         """What has been found, with the plan at the best departure."""
@@ -153,6 +174,7 @@ class DepartureWindow:
                 bound = math.inf
             elif here.found is not None:
                 bound = least
-            yield _Interval(
-                here.departure, after.departure, max(bound, here.departure + self._least)
-            )
+            begin, end = here.departure, after.departure
+            longest = self.best.duration + end - begin
+            slope = 1.0 if math.isinf(self._change) else -math.expm1(-self._change * longest)
+            yield _Interval(begin, end, max(bound - begin, self._least), slope)

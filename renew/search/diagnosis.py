@@ -60,8 +60,9 @@ def suggest_relaxations(problem: Problem, policy: PaddingPolicy, method: PathMet
     """What would leave a route, each tried out; the widest way through comes first."""
     # Making room to turn takes long, and less padding leaves more of it.
     search = _RelaxationSearch(problem, policy, replace(method, is_thorough=False))
-    endpoints = (problem.voyage.start, problem.voyage.goal)
-    gap = widest_gap(problem.triangulation, *map(problem.triangulation.locate, endpoints))
+    triangulation = problem.triangulation
+    stops = [triangulation.locate(stop) for stop in problem.voyage.stops]
+    gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
     found = [f"the widest way through has a gap of {gap:.2f} m"]
     if not isinstance(policy.padding, str) and policy.padding > 0:
         route = search.route(replace(policy, padding="adaptive"))

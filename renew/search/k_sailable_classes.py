@@ -9,6 +9,7 @@ from functools import partial
 from renew.classes.channel import Channel, Transition
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Word
+from renew.classes.via_enumerator import ViaEnumerator
 from renew.errors import InfeasibleError
 from renew.route import Rejected, Route
 from renew.search.class_planner import ClassPlanner, Found
@@ -101,7 +102,7 @@ class Results:
 
     def plan_in_rounds(
         self,
-        enumerator: ClassEnumerator,
+        enumerator: ClassEnumerator | ViaEnumerator,
         classes: int,
         add: Callable[[Channel], frozenset[Transition]],
     ) -> bool:
@@ -129,7 +130,7 @@ class Results:
         """The same for a channel that more islands tell apart: a class takes its best."""
         return self._add(channel, self._rays.of_word(channel.word))
 
-    def look_closer(self, scout: ClassEnumerator) -> None:
+    def look_closer(self, scout: ClassEnumerator | ViaEnumerator) -> None:
         """Look closer beside the best routes for better ways on other sides of islands."""
         self._add_slipped()
         if not self.found:
@@ -169,7 +170,7 @@ class Results:
     def _find(self, channel: Channel) -> Found:
         """Path of a channel's class; one that slips out of it is put aside."""
         found = self._planner.find(channel)
-        word = self._rays.word(found.path)
+        word = self._planner.problem.word(found.path)
         if word != channel.word:
             _keep_best(self._slipped, word, found)
             raise InfeasibleError("its least-fuel path slips into another class")

@@ -13,7 +13,7 @@ from dataclasses import replace
 from renew._types import FloatArray
 from renew.errors import ArrivalError
 from renew.inputs.voyage import Voyage
-from renew.search.sailings import Sailing, Sailings
+from renew.search.sailings import DeparturePlanner, Sailing
 
 # Share of the time under way by which she may arrive earlier than asked, and largest number of
 # departures that are planned to come as close.
@@ -23,7 +23,7 @@ _EARLY, _MAX_PLANS = 1e-3, 40
 _HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
 
 
-def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
+def latest_departure(sailings: DeparturePlanner, earliest: float, arrive_by: float) -> Sailing:
     """Latest sailing from `earliest` on that is at the goal by a time (s), nearly.
 
     ArrivalError where the earliest one is too late already; it says what would do.

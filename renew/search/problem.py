@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
+from renew._types import FloatArray
 from renew.classes.choices import rays_that_matter
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.h_signature import Rays
+from renew.classes.h_signature import VIA, Rays, Word
 from renew.classes.overpowered_water import overpowered_water
 from renew.classes.triangulation import Triangulation, triangulate, triangulation_of
+from renew.classes.via_enumerator import ViaEnumerator
 from renew.inputs.arguments import DistinctBy, Order
 from renew.inputs.voyage import Voyage
 from renew.paths.corridor import SLACK
@@ -83,26 +85,40 @@ class Problem:
         other.__dict__.update({name: getattr(self, name) for name in _SHARED_BY_DEPARTURES})
         return other
 
-    def enumerator(self, clearance: float) -> ClassEnumerator:
+    def word(self, path: FloatArray) -> Word:
+        """Word of the class of a path (n, 2)."""
+        word, *others = (self.rays.word(piece) for piece in self.voyage.cut(path))
+        for other in others:
+            word = (*word, VIA, *other)
+        return word
+
+    def enumerator(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
         """Enumerate classes by paths that keep about `clearance` m off land."""
         return self.scout(clearance).told_apart_by(self.rays)
 
-    def scout(self, clearance: float) -> ClassEnumerator:
+    def scout(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
         """Enumerate the classes that all islands tell apart."""
         if clearance not in self._scouts and self.base is not None:
             self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
         elif clearance not in self._scouts:
-            slack = SLACK * self.voyage.vessel.turning_radius
-            self._scouts[clearance] = ClassEnumerator(
-                self.voyage,
-                self.triangulation,
-                self.all_rays,
-                self.order,
-                clearance=clearance + slack,
-            )
+            voyage, via = self.voyage, len(self.voyage.via)
+            parts = [voyage.part(at, voyage.departure) for at in range(via + 1)]
+            scouts = tuple(self._scout(part, clearance) for part in parts)
+            self._scouts[clearance] = ViaEnumerator(voyage, scouts) if via else scouts[0]
         return self._scouts[clearance]
 
+    def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
+        """The same for the voyage, or a part of it, without via points."""
+        slack = SLACK * voyage.vessel.turning_radius
+        return ClassEnumerator(
+            voyage,
+            self.triangulation,
+            self.all_rays,
+            self.order,
+            clearance=clearance + slack,
+        )
+
     @cached_property
-    def _scouts(self) -> dict[float, ClassEnumerator]:
+    def _scouts(self) -> dict[float, ClassEnumerator | ViaEnumerator]:
         """Enumerators by their clearance: each has a roadmap of its own."""
         return {}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from renew._types import FloatArray
@@ -52,9 +50,9 @@ def steered_with_room(
             if width > _WIDEST * radius:
                 break
             places, widths = np.vstack([places, place]), np.append(widths, width)
-            padded = corridor.padded.widened(places, widths, _AROUND * radius)
-            if len(padded.edge) == len(used.padded.edge):
+            wider = [one.widened(places, widths, _AROUND * radius) for one in corridor.paddings]
+            if all(len(a.edge) == len(b.edge) for a, b in zip(wider, used.paddings, strict=True)):
                 # No edge is near.
                 break
-            used = replace(corridor, padded=padded)
+            used = corridor.with_padding(wider)
     raise first or InfeasibleError("no attempt was made")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from renew._types import FloatArray
 from renew.classes.channel import Channel
@@ -62,12 +63,18 @@ class Sailing:
         """Name of the path's class; empty where there is none."""
         if self.found is None:
             return ""
-        return name(self.planner.problem.rays.word(self.found.path))
+        return name(self.planner.problem.word(self.found.path))
 
     @property
     def times(self) -> FloatArray | None:
         """When the path's points are passed (n,), s; None where there is no path."""
         return None if self.found is None else self.planner.problem.voyage.arrivals(self.found.path)
+
+    @property
+    def plan(self) -> Plan:
+        """The path alone, as a plan."""
+        routes = () if self.found is None else (self.planner.route(self.found),)
+        return Plan(routes, self.rejected, 0, self.planner.problem.overpowered_water)
 
     @property
     def error(self) -> PlanningError:
@@ -82,6 +89,22 @@ class Sailing:
         """Whether every class arrives after the last time of the current: later ones do as well."""
         causes = [one.cause for one in self.rejected]
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
+
+
+class DeparturePlanner(Protocol):
+    """Plans the best route of each departure."""
+
+    def sailing(self, departure: float) -> Sailing:
+        """The best route at a departure (s)."""
+        ...
+
+    def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
+        """All classes at the departure of a sailing that has a path, and the best of these."""
+        ...
+
+    def in_order(self, sailings: Sequence[Sailing]) -> list[Sailing]:
+        """Sailings by departure, better where one of the next departure would do."""
+        ...
 
 
 class Sailings:
@@ -113,14 +136,16 @@ class Sailings:
     def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
         """All classes at the departure of a sailing that has a path, and the best of these."""
         problem = sailing.planner.problem
-        known = (
-            {} if sailing.found is None else {problem.rays.word(sailing.found.path): sailing.found}
-        )
+        known = {} if sailing.found is None else {problem.word(sailing.found.path): sailing.found}
         results = Results(sailing.planner, known)
         results.look_for(self._classes)
         found = results.least(self._classes)
         plan = Plan(found.routes, found.rejected, 0, problem.overpowered_water)
         return plan, replace(sailing, found=results.best)
+
+    def in_order(self, sailings: Sequence[Sailing]) -> list[Sailing]:
+        """Sailings of which none arrives later than the next, as far as is safe."""
+        return in_order_of_arrival(sailings)
 
 
 def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:

@@ -21,6 +21,9 @@ from renew.steering.turning_radius import course_changes
 # Angle (rad) that each vertex turns by where an arc becomes a polyline around it (vertices outside,
 # edges tangent).
 _ARC_STEP = math.radians(4)
+# Angle (rad) the wrong way from which on the string really turns by more than half a circle: where
+# it comes back on the line by which it came, it runs around a disc from one tangent to the other.
+_AROUND = math.radians(135)
 
 
 def round_corners(
@@ -79,12 +82,19 @@ def _taut(
         # One at a time, the slackest: without it the string may lean on its neighbours again.
         worst, slackest = -1, 0.0
         for k in range(1, len(kept) - 1):
-            turn = wrapped(courses[k] - courses[k - 1])
+            turn = _turn(courses[k - 1], courses[k], sides[kept[k]])
             if radii[kept[k]] > 0 and sides[kept[k]] * turn < 0 and abs(turn) > slackest:
                 worst, slackest = k, abs(turn)
         if worst < 0:
             return kept, courses[: len(kept) - 1], -1
         kept = np.concatenate((kept[:worst], kept[worst + 1 :]))
+
+
+@kernel
+def _turn(before: float, after: float, side: float) -> float:
+    """Angle (rad) by which the string turns at a disc on a side of it, to port positive."""
+    turn = wrapped(after - before)
+    return turn + side * 2 * math.pi if side * turn < -_AROUND else turn
 
 
 @kernel
@@ -96,7 +106,7 @@ def _drawn(
     turns = np.zeros(last + 1)
     steps = np.ones(last + 1, dtype=np.int64)
     for k in range(1, last):
-        turns[k] = wrapped(courses[k] - courses[k - 1])
+        turns[k] = _turn(courses[k - 1], courses[k], sides[k])
         if radii[k] > 0:
             steps[k] = max(1, math.ceil(abs(turns[k]) / _ARC_STEP))
     points = np.empty((steps.sum(), 2))

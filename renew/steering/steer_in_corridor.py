@@ -30,6 +30,8 @@ _CROWDING = 1.5
 # Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
 # leave a sharp corner no room.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3)
+# Share of v/ω by which a path, and its track, may miss a via point.
+_MISS = 0.02
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.01
 
@@ -37,8 +39,9 @@ _CHEAP = 1.01
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
-    Corners whose rounding would cut into V, or has no room, are rounded on the outside; the
-    result keeps to the channel and out of V. Where that can't be, InfeasibleError says why.
+    Corners whose rounding would cut into V, or has no room, are rounded on the outside, and so is
+    one at a via point, which the vessel passes on her arc; the result keeps to the channel and out
+    of V. Where that can't be, InfeasibleError says why.
     """
     voyage = corridor.voyage
     enough = _CHEAP * voyage.fuel(path)
@@ -64,8 +67,12 @@ def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
     """A path (n, 2) thinned by growing tolerances, each different from the one before."""
     yield path
     count, radius = len(path), corridor.voyage.vessel.turning_radius
+    lines = [shapely.LineString(piece) for piece in corridor.voyage.cut(path)]
     for tolerance in _TOLERANCES:
-        thinned = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance * radius))
+        first, *others = (
+            shapely.get_coordinates(line.simplify(tolerance * radius)) for line in lines
+        )
+        thinned = np.concatenate([first, *(piece[1:] for piece in others)])
         if len(thinned) < count:
             yield thinned
             count = len(thinned)
@@ -86,11 +93,12 @@ def steer_as_drawn(path: FloatArray, corridor: Corridor) -> FloatArray:
     InfeasibleError where they are not, or where either leaves the corridor.
     """
     voyage = corridor.voyage
-    clear = corridor.legs_clear(path)
-    if not clear.all():
-        raise InfeasibleError(
-            "the corridor is too narrow near {0} to round its corners in", path[clear.argmin()]
-        )
+    for stage, piece in corridor.stages(path):
+        clear = stage.legs_clear(piece)
+        if not clear.all():
+            raise InfeasibleError(
+                "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]
+            )
     trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure)
     track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
@@ -100,6 +108,13 @@ def steer_as_drawn(path: FloatArray, corridor: Corridor) -> FloatArray:
         raise InfeasibleError(
             "the corridor is too narrow to turn in: the track would touch land near {0}",
             track[clear.argmin()],
+        )
+    missed = np.maximum(voyage.missed(path), voyage.missed(track))
+    if (missed > _MISS * voyage.vessel.turning_radius).any():
+        raise InfeasibleError(
+            "there is no room to turn at the via point {0}: it would be passed "
+            f"{missed.max():.2f} m off; move it",
+            voyage.via[missed.argmax()],
         )
     return trajectory
 
@@ -113,7 +128,7 @@ def _with_rounded_corners(path: FloatArray, corridor: Corridor, rounding: float)
     radius = rounding * _corner_radius(path, corridor.voyage)
     rounded = path
     for _ in range(_MAX_GROWTHS):
-        sharp = _sharp_corners(path, corridor, radius)
+        sharp = _sharp_corners(path, corridor, radius) | _missing_via(path, corridor, radius)
         if not sharp.any():
             return path
         kept = 1 + np.flatnonzero(~_crowding(path, sharp, radius))
@@ -156,6 +171,15 @@ def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> 
     hard = corridor.hard_capsules
     intrudes = ~(legs_are_clear(begin, inner, hard) & legs_are_clear(inner, end, hard))
     return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
+
+
+def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) at via points that an arc within a radius (n - 2,) would miss."""
+    corners, via = path[1:-1], corridor.voyage.via
+    is_via = (corners[:, None] == via).all(axis=2).any(axis=1)
+    turns, _ = course_changes(path)
+    missed = radius * (1 / np.cos(turns / 2) - 1)
+    return np.asarray(is_via & (missed > _MISS / 2 * corridor.voyage.vessel.turning_radius))
 
 
 def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:

@@ -13,6 +13,8 @@ import numpy as np
 import shapely
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
@@ -36,12 +38,12 @@ _QUADRANT_SEGMENTS = 4
 class Obstacles:
     """Land, hard no-go zone and chart edge of a scene, indexed once for all its routes.
 
-    Planar metres.
+    Planar metres. So are `areas` that are shut when a route passes them.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._land = np.array(scene.land, dtype=object)
+    def __init__(self, scene: Scene, areas: Sequence[BaseGeometry] = ()) -> None:
+        self.scene, self._areas = scene, tuple(areas)
+        self._land = np.array([*scene.land, *areas], dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._extent = scene.chart.extent
         shapely.prepare(self._extent)
@@ -60,7 +62,7 @@ class Obstacles:
     @cached_property
     def edges(self) -> tuple[npt.NDArray[np.object_], shapely.STRtree]:
         """Edges of the hard no-go zone, which covers all land, and of the chart; and their tree."""
-        areas = [*self.scene.chart.no_go, self._extent]
+        areas = [*self.scene.chart.no_go, *self._areas, self._extent]
         parts = np.asarray(shapely.linestrings(edges_of(areas)))
         return parts, shapely.STRtree(parts)
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from pipeline.formats.exchange.cross_track_limits import cross_track_limits, turning_radii
 from pipeline.formats.exchange.safe_corridor import Obstacles, safe_corridor
@@ -101,15 +102,27 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     The legs stay within 0.1 % of the route's length (30 m on a short one) of the planned line, pass
     every island on its side, and need at most 0.3 % more fuel. The plan runs along V's edge; where
     there is water for it, the legs keep half that distance from the edge. They lie in V only where
-    the path itself does, at a start or goal.
+    the path itself does, at a start or goal, and pass each via point.
     """
     scene = result.scene
+    line = shapely.LineString(ranked.route.path)
+    areas = [area.polygon for area in scene.areas.get(ranked.season, ())]
+    # An area that the path itself crosses is open when she passes.
+    kept_out = [area for area in areas if not line.intersects(area)]
+    obstacles = Obstacles(scene, kept_out) if kept_out else obstacles
+    pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]
     curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
     max_tolerance = _max_tolerance(ranked.route.length, scene.projection.scale)
     for share in _TOLERANCE_SHARES:
         corridor = safe_corridor(ranked.route, obstacles, share * max_tolerance)
         drawing = Drawing(scene.projection, curve, corridor.max_error * scene.projection.scale)
-        lonlat = drawing.lonlat(thin(corridor, drawing).xy)
+        # Each via point is a waypoint.
+        corridors = [corridor]
+        if len(pieces) > 1:
+            tolerance = share * max_tolerance
+            corridors = [safe_corridor(piece, obstacles, tolerance) for piece in pieces]
+        parts = [drawing.lonlat(thin(one, drawing).xy) for one in corridors]
+        lonlat = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
         final_error_m = drawing.error_m * _FINAL_ERROR_SHARE
         legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
         if _fuel_along(legs.chain[0], ranked, result) <= (1 + MAX_EXTRA_FUEL) * ranked.route.fuel:

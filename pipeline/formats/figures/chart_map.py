@@ -244,7 +244,11 @@ def zone_handles(result: RunResult) -> list[Artist]:
             linestyle=ZONE_DASHES,
             label=text,
         )
-        for kind, text in (("restricted", "restricted"), ("traffic", "traffic scheme"))
+        for kind, text in (
+            ("restricted", "restricted"),
+            ("traffic", "traffic scheme"),
+            ("shut", "shut area"),
+        )
         if kind in kinds
     ]
 
@@ -280,7 +284,9 @@ def draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.Array
     from matplotlib.patheffects import withStroke
 
     drawn = shapely.MultiLineString([shapely.LineString(path) for path in paths])
-    for end, marker, name in ((result.scene.start, "o", "Start"), (result.scene.goal, "D", "Goal")):
+    scene = result.scene
+    via = [(point, "s", f"Via {at}") for at, point in enumerate(scene.via, start=1)]
+    for end, marker, name in ((scene.start, "o", "Start"), *via, (scene.goal, "D", "Goal")):
         x, y = (float(value) for value in end)
         axes.plot(
             [x],

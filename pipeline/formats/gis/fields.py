@@ -43,7 +43,9 @@ FIELDS = {
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
     "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
     "kind": Field(
-        "Kind", "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered"
+        "Kind",
+        "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered, shut "
+        "not in its hours",
     ),
     "rule": Field("Rule", "What the chart says or prescribes there"),
     "filled_share": Field(

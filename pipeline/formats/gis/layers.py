@@ -240,7 +240,7 @@ LAYERS = (
         "chart_areas",
         "Areas of the chart",
         "Water too shallow for the vessel and areas that no chart covers, both no-go; restricted "
-        "areas and traffic schemes, which may be entered.",
+        "areas and traffic schemes, which may be entered; shut areas, with their hours.",
         "MultiPolygon",
         chart_areas,
     ),

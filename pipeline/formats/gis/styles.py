@@ -220,12 +220,13 @@ def _hazards(view: View) -> Style:
 def _chart_areas(view: View) -> Style:
     """Fill what is no-go; outline what may be entered."""
     del view
-    faint = {kind: colour(COLOURS[kind], 0.06) for kind in ("restricted", "traffic")}
+    faint = {kind: colour(COLOURS[kind], 0.06) for kind in ("restricted", "traffic", "shut")}
     symbols = {
         "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
         "uncharted": ("Uncharted", fill(colour(COLOURS["grid"]))),
         "restricted": ("Restricted", fill(faint["restricted"], colour(COLOURS["restricted"]), 0.3)),
         "traffic": ("Traffic scheme", fill(faint["traffic"], colour(COLOURS["traffic"]), 0.3)),
+        "shut": ("Shut area", fill(faint["shut"], colour(COLOURS["shut"]), 0.5)),
     }
     rules = [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in symbols.items()]
     return Style(rule_renderer("fill", rules))

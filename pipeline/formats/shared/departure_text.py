@@ -60,7 +60,7 @@ def _proof(choice: DepartureChoice) -> str:
     if not math.isfinite(choice.unproven_s):
         return (
             "Nothing is proven of departures between these: the current is as strong as the vessel "
-            "in places."
+            "in places, or an area is shut for some hours."
         )
     return (
         "Proven: no other departure in this window takes less time by more than "

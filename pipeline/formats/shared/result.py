@@ -117,11 +117,11 @@ class RunResult:
 
     @cached_property
     def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
-        """Restricted areas and traffic schemes that overlap the chart, each with its planar area.
+        """Restricted and shut areas, and traffic schemes: those in the chart, with planar areas.
 
         They may be entered, and routes may pass through them.
         """
-        zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic"}]
+        zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic", "shut"}]
         areas = self.scene.projection.geometry_to_plane(
             np.array([zone.area for zone in zones], dtype=object)
         )

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 ABSENT = "–"
 # A time on a current's clock in one of the planner's reasons.
 _CLOCK_TIME = re.compile(
-    r"\b(arrive at|known until|arrive_by =|leaves? at|there at) (-?[\d.]+(?:e\+?\d+)?) s\b"
+    r"\b(arrive at|known until|arrive_by =|leaves? at|there at|from|until) "
+    r"(-?[\d.]+(?:e\+?\d+)?) s\b"
 )
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
@@ -130,7 +131,9 @@ def route_summary(metrics: RouteMetrics) -> str:
 
 
 def zone_text(zone: Zone) -> str:
-    """Name of a restricted area or traffic scheme, with its rule if the chart states one."""
+    """Name of a restricted area, traffic scheme or shut area, with its rule if there is one."""
+    if zone.kind == "shut":
+        return f"{zone.name}, {zone.rule}"
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")
     return f"{name}: {zone.rule}" if zone.rule else name
 

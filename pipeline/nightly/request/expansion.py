@@ -164,6 +164,12 @@ class _Expansion:
     def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
         """Return the seasons that are asked for."""
         known = {season.name: season for season in scenario.seasons}
+        for key in ("via", "avoid"):
+            if getattr(scenario, key):
+                self._fault(
+                    "scenario",
+                    f"{scenario.name} has '{key}', which a night does not plan with; leave it out",
+                )
         asked = known if self._table.seasons is None else self._table.seasons
         for name in asked:
             if name in known and known[name].is_changing:

@@ -46,6 +46,8 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     # A season says when it begins, and the clock of its current begins then.
     assert taken.pop("departure") == 0.0
     assert taken.pop("arrive_by") is None
+    # The scenario itself has these, on the chart.
+    assert taken.pop("via") == taken.pop("avoid") == ()
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
     assert options == taken

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 import shapely
@@ -38,3 +42,29 @@ def test_share_strength_and_place() -> None:
 @pytest.mark.parametrize("strength", [0.99, np.nan])
 def test_no_note_where_the_current_is_weaker(strength: float) -> None:
     assert overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0) == ()
+
+
+def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
+    """A tide of 1.5 m/s and twelve hours is above 1 m/s where its cosine is above 2/3."""
+    lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
+    times = np.arange(-600.0, 24 * 3600.0 + 1, 600.0)
+    tide = np.cos(2 * np.pi * (times - 3 * 3600.0) / (12 * 3600.0))
+    u = 0.5 * tide[:, None, None] * np.ones((15, 15))
+    u[:, 5, 7] = 1.5 * tide  # 135 E 33 N
+    known = CurrentGrid(
+        "tide", lon, lat, u, 0 * u, "", Credit("c", "current", "c", ""), times_s=times
+    )
+    departure = datetime(2026, 11, 22, tzinfo=UTC)
+    (note,) = overpowering_notes(known, REGION, 1.0, departure)
+    half = math.acos(2 / 3) / (2 * math.pi) * 12 * 60  # min
+    assert "up to 1.50 m/s at 135.00 E 33.00 N" in note
+    spells = re.findall(
+        r"from 2026-11-22 (\d\d):(\d\d) UTC until 2026-11-22 (\d\d):(\d\d) UTC", note
+    )
+    # Eastward around 03:00 and 15:00, westward six hours later; three are named.
+    assert len(spells) == 3
+    for (hour, minute, to_hour, to_minute), middle in zip(spells, (180, 540, 900), strict=True):
+        assert 60 * int(hour) + int(minute) == pytest.approx(middle - half, abs=6)
+        assert 60 * int(to_hour) + int(to_minute) == pytest.approx(middle + half, abs=6)
+    assert "and 1 more times: routes are the best without waiting" in note
+    assert overpowering_notes(known, REGION, 2.0, departure) == ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 from shapely import box
 
 import renew
+from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.problem import Problem
@@ -90,9 +91,35 @@ def test_the_choice_is_proven_with_few_plans() -> None:
 def test_without_a_tolerance_only_those_asked_for_are_planned() -> None:
     found = renew.plan_departures(CHART, TIDE, PAPER_VESSEL, START, GOAL, [0.0, 90.0, 200.0])
     assert found.departures.tolist() == [0.0, 90.0, 200.0]
-    # Who leaves after 0 s arrives no earlier than who leaves then.
+    # Who leaves after 0 s arrives no earlier than who leaves then; the tide's own change says more.
     bound = min(a - after for a, after in zip(found.arrivals, found.departures[1:], strict=False))
-    assert found.unproven == pytest.approx(found.durations[found.best] - bound)
+    best = found.durations[found.best]
+    assert 0 < found.unproven < best - bound
+    assert min(_duration(t) for t in np.arange(0.0, 200.0, 2.0)) >= best - found.unproven
+
+
+@pytest.mark.parametrize("drift", ["projected", "crab"])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_path_gains_more_by_leaving_later_than_the_current_changes(
+    seed: int, drift: Literal["projected", "crab"]
+) -> None:
+    scene = moving_scene(seed)
+    path = scene.plan(padding="none", classes=1).best.path
+    voyage = Voyage(scene.chart, scene.current, PAPER_VESSEL, scene.start, scene.goal, drift)
+    departures = np.arange(0.0, 120.0, 2.0)
+    taken = np.array([voyage.leaving(t).fuel(path) for t in departures.tolist()])
+    slope = 1 - math.exp(-voyage.speed_change * (taken.max() + 2.0))
+    assert 0 < slope < 1
+    assert (np.diff(taken) / 2.0).min() >= -slope * (1 + 1e-6)
+
+
+def test_departures_in_a_current_that_does_not_change_need_no_plans_between() -> None:
+    still = renew.UniformCurrent(0.1, 0.0)
+    found = renew.plan_departures(
+        CHART, still, PAPER_VESSEL, START, GOAL, [0.0, 1e4, 2e4], to_within=10.0
+    )
+    assert found.unproven == pytest.approx(0.0, abs=1e-6)
+    assert len(found.departures) <= 3 + 6
 
 
 @pytest.mark.parametrize("padding", ["none", "adaptive"])

@@ -43,7 +43,9 @@ def test_padding_grown_by_what_it_lacks_for_a_path_lacks_nothing_more(seed: int)
     growth = growth_of(corridor)
     shortfall = growth.crossed_shortfall(corridor, path)
     assert shortfall is not None
-    edges, lacking = shortfall
+    (stage,) = shortfall
+    assert stage is not None
+    edges, lacking = stage
     assert set(edges.tolist()) <= set(corridor.padded.edge.tolist())
     assert (lacking > 0).all()
     wider = grown(corridor, shortfall)
@@ -65,5 +67,6 @@ def test_only_adaptive_padding_grows_where_turns_touch_land() -> None:
     path = refined_path(corridor, path_near(corridor, path_through_sections(corridor)))
     shortfall = growth_of(corridor).shortfall(corridor, path)
     assert shortfall is not None
-    assert (shortfall[1] > 0).all()
+    assert shortfall[0] is not None
+    assert (shortfall[0][1] > 0).all()
     assert growth_of(corridor, 1.0).shortfall(corridor, path) is None

@@ -57,6 +57,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
         "goal": lattice.line(scene.goal[None, :]),
+        "via": [lattice.line(point[None, :]) for point in scene.via],
         "islands": [
             {
                 "label": island.label,

@@ -275,10 +275,15 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
         )
     path = shapely.LineString(best.route.path)
     crossed = dict.fromkeys(
-        text.zone_text(zone) for zone, area in result.open_zones if area.intersects(path)
+        (text.zone_text(zone), zone.kind == "shut")
+        for zone, area in result.open_zones
+        if area.intersects(path)
     )
-    if crossed:
-        remarks.append(
-            f"The route runs through restricted areas or traffic schemes: {'; '.join(crossed)}."
-        )
+    for is_shut, kinds in (
+        (False, "restricted areas or traffic schemes"),
+        (True, "areas at hours when they are not shut"),
+    ):
+        names = [name for name, is_area in crossed if is_area == is_shut]
+        if names:
+            remarks.append(f"The route runs through {kinds}: {'; '.join(names)}.")
     return tuple(remarks)

@@ -119,7 +119,7 @@ class VoyageMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", "restricted", "traffic", ...seasons, ...speeds];
+    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -217,7 +217,7 @@ class VoyageMap {
   }
 
   drawStartAndGoal() {
-    this.endMarkers = [[this.data.start, "Start"], [this.data.goal, "Goal"]].map(([place, name]) => {
+    this.endMarkers = [[this.data.start, "Start"], ...this.data.via, [this.data.goal, "Goal"]].map(([place, name]) => {
       const marker = this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }).addTo(this.map);
       this.label(place, name, "end-label", this.labelSide(place)).addTo(this.map);
       return marker;

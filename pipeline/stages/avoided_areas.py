@@ -1,0 +1,127 @@
+"""Areas of the user's that are shut: from their files, as zones of the chart, on each clock."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.formats.shared.text import dated, moment_text
+from pipeline.model import Zone
+from pipeline.scenario.region import ChartSource
+from pipeline.sources.land.polygons import extract_polygons, repaired
+from pipeline.sources.land.vector import VectorFile
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from datetime import datetime
+
+    from shapely.geometry import Polygon
+
+    from pipeline.geo.projection import Projection
+    from pipeline.model import Scene, SeasonPlan
+    from pipeline.scenario.avoided import AvoidedArea
+    from pipeline.scenario.model import Scenario
+
+
+def area_identities(scenario: Scenario) -> tuple[object, ...]:
+    """What the areas of a scenario are, and hashes of their files."""
+    return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
+
+
+def avoided_zones(scenario: Scenario, region: Polygon) -> tuple[Zone, ...]:
+    """The areas of a scenario near its region (lon/lat degrees), in its order.
+
+    Raises
+    ------
+    RequestError
+        Files that can't be read, or have no area near the region; all at once.
+    """
+    zones, faults = list[Zone](), list[str]()
+    for at, area in enumerate(scenario.avoid):
+        try:
+            polygons = _file(area).land(region).polygons
+        except RequestError as error:
+            faults += [fault.replace("chart.source", f"avoid[{at}]") for fault in error.faults]
+            continue
+        shape = shapely.union_all(np.array(polygons, dtype=object))
+        zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))
+    if faults:
+        raise RequestError(faults)
+    return tuple(zones)
+
+
+def hours_text(area: AvoidedArea) -> str:
+    """The hours of an area, for readers."""
+    begin = "" if area.begin is None else f" from {moment_text(area.begin)}"
+    until = "" if area.until is None else f" until {moment_text(area.until)}"
+    return f"shut{begin}{until}" if area.has_hours else "always shut"
+
+
+def shut_areas(
+    scenario: Scenario, zones: Iterable[Zone], projection: Projection
+) -> dict[str, tuple[renew.ShutArea, ...]]:
+    """The shut areas of each season in the plane, on the clock that begins at its departure."""
+    shut = [zone for zone in zones if zone.kind == "shut"]
+    planar = projection.geometry_to_plane(np.array([zone.area for zone in shut], dtype=object))
+    # What is valid in degrees need not be so in the plane.
+    polygons = [shapely.union_all(extract_polygons(repaired(one)[0])) for one in planar[:, None]]
+    return {
+        season.name: tuple(
+            renew.ShutArea(
+                polygon,
+                _seconds(area.begin, season.first_departure, -math.inf),
+                _seconds(area.until, season.first_departure, math.inf),
+                zone.name,
+            )
+            for area, zone, polygon in zip(scenario.avoid, shut, polygons, strict=True)
+        )
+        for season in scenario.seasons
+    }
+
+
+def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea, ...]:
+    """The same areas on a clock that begins by so many seconds later."""
+    return tuple(
+        renew.ShutArea(area.polygon, area.begin - shift, area.end - shift, area.name)
+        for area in areas
+    )
+
+
+def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
+    """Say which areas routes go around because a way through would meet them while shut."""
+    return tuple(
+        dated(
+            f"{plan.season}: a way of less fuel leads through {area.text}, and might meet it then, "
+            "early, on time or late: the routes keep out of it (best without waiting)",
+            scene.departures.get(plan.season),
+        )
+        for plan in plans
+        if plan.plan is not None
+        for area in plan.plan.shut
+    )
+
+
+def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
+    """When the clock of each season begins, of those that have one: their first departures."""
+    return {
+        season.name: season.first_departure
+        for season in scenario.seasons
+        if season.first_departure is not None
+        and (season.is_changing or any(area.has_hours for area in scenario.avoid))
+    }
+
+
+def _file(area: AvoidedArea) -> VectorFile:
+    """The file of an area."""
+    return VectorFile(Path(area.path), ChartSource(path=area.path))
+
+
+def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) -> float:
+    """Seconds from one moment to another; `otherwise` where one is not given."""
+    return otherwise if moment is None or begin is None else (moment - begin).total_seconds()

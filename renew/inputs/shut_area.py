@@ -1,0 +1,81 @@
+"""Areas of the user's that may not be entered: always, or for some hours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+
+from renew.errors import GeometryError, ParameterError
+
+
+@dataclass(frozen=True, eq=False)
+class ShutArea:
+    """An area that is shut from `begin` until `end` (s), on the clock of the current, or always.
+
+    Parameters
+    ----------
+    polygon : Polygon or MultiPolygon
+        The area (m).
+    begin, end : float
+        Times (s) from which and until which nobody may be in it.
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    GeometryError
+        An area that is no valid polygon; says where and why.
+    ParameterError
+        An end that does not come after the beginning.
+    """
+
+    polygon: Polygon | MultiPolygon
+    begin: float = -math.inf
+    end: float = math.inf
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no area, and no time."""
+        polygon = self.polygon
+        if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
+            raise GeometryError(f"area {self.name!r} must be a non-empty polygon, not {polygon!r}")
+        if not np.isfinite(shapely.get_coordinates(polygon)).all():
+            raise GeometryError(f"area {self.name!r} has coordinates that are not finite")
+        if not polygon.is_valid:
+            raise GeometryError(
+                f"area {self.name!r} is not valid: {shapely.is_valid_reason(polygon)}. Mend with "
+                "shapely.make_valid"
+            )
+        if not self.begin < self.end:
+            raise ParameterError(
+                f"area {self.name!r} is shut from {self.begin:g} until {self.end:g} s; the end "
+                "must come after the beginning"
+            )
+
+    @property
+    def is_always_shut(self) -> bool:
+        """Whether it has no hours at which it is open."""
+        return math.isinf(self.begin) and math.isinf(self.end)
+
+    @property
+    def text(self) -> str:
+        """The area with its hours, for a message."""
+        name = f"area {self.name!r}" if self.name else "an area"
+        begin = "" if math.isinf(self.begin) else f" from {self.begin:.6g} s"
+        end = "" if math.isinf(self.end) else f" until {self.end:.6g} s"
+        return f"{name}, which is shut{begin}{end}" if begin or end else f"{name}, always shut"
+
+
+def polygons_of(areas: Sequence[ShutArea]) -> list[Polygon]:
+    """The polygons of some areas."""
+    return [
+        part
+        for area in areas
+        for part in shapely.get_parts(area.polygon)
+        if isinstance(part, Polygon)
+    ]

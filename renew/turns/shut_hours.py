@@ -1,0 +1,59 @@
+"""Whether a vessel meets an area while that is shut: on her way, or in a turn that she begins.
+
+She may be early or late, as padding assumes (:mod:`renew.padding.passage_windows`), and a full turn
+may carry her as far as :class:`renew.turns.reach_bound.TurnReach` says, for as long as it lasts.
+That is an upper bound on where she can be, so that a path which passes is safe.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.inputs.shut_area import ShutArea
+from renew.inputs.voyage import Voyage
+from renew.turns.reach_bound import TurnReach
+
+# Distance between the points at which a path is looked at, as a share of v/ω, and their largest
+# number.
+_SPACING, _MAX_POINTS = 0.5, 20_000
+
+
+def meeting(
+    line: FloatArray,
+    times: FloatArray,
+    area: ShutArea,
+    voyage: Voyage,
+    reach: TurnReach | float,
+) -> tuple[FloatArray, float, float] | None:
+    """Where (2,), from when and until when (s) a vessel may be in an area that is shut; or None.
+
+    She passes the points of a line (n, 2) at times (n,), s, and turns there as far as `reach` m.
+    """
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    spacing = max(_SPACING * voyage.vessel.turning_radius, length / _MAX_POINTS)
+    points, passed = _densified(line, times, spacing)
+    early, late = voyage.early_and_late(passed)[0], voyage.early_and_late(passed)[1]
+    far = reach(points) if isinstance(reach, TurnReach) else np.full(len(points), reach)
+    is_near = shapely.distance(shapely.points(points), area.polygon) <= far + spacing
+    # From the point before to the one behind: between the points she may be in it as well.
+    begin = np.append(early[:1], early[:-1])
+    end = np.append(late[1:], late[-1:]) + voyage.vessel.turn_period
+    met = np.flatnonzero(is_near & (begin < area.end) & (end > area.begin))
+    if not len(met):
+        return None
+    return points[met[0]], float(begin[met].min()), float(end[met].max())
+
+
+def _densified(
+    line: FloatArray, times: FloatArray, spacing: float
+) -> tuple[FloatArray, FloatArray]:
+    """Points (m, 2) at most so far apart (m), with their times (m,), s."""
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
+    leg = np.repeat(np.arange(len(lengths)), pieces)
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+    points = line[leg] + share[:, None] * (line[leg + 1] - line[leg])
+    passed = times[leg] + share * (times[leg + 1] - times[leg])
+    return np.vstack([points, line[-1:]]), np.append(passed, times[-1:])

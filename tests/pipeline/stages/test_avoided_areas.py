@@ -1,0 +1,190 @@
+"""Via points and shut areas of a scenario: planned, noted, drawn with their hours; or refused."""
+
+from __future__ import annotations
+
+import re
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.loading import load_scenario, parse_scenario
+from pipeline.run import run
+from pipeline.scenario.toml_text import scenario_text
+from pipeline.sources.quality.field import Field
+from pipeline.stages.avoided_areas import later
+from pipeline.voyage.request import VoyageRequest, voyage_scenario
+from tests.pipeline.synthetic_currents import dataset, sea, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
+RANGE = shapely.box(-40.01, 35.02, -39.98, 35.06)
+VIA = (-40.03, 35.04)
+
+
+def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
+    """A voyage past an island whose north is shut in the morning, in a tide."""
+    (folder / "island.geojson").write_text(shapely.to_geojson(ISLAND))
+    (folder / "range.geojson").write_text(shapely.to_geojson(RANGE))
+    return {
+        "schema_version": 1,
+        "name": "hours",
+        "start": [-40.06, 35.0],
+        "goal": [-39.94, 35.0],
+        "via": [list(VIA)],
+        "vessel": {"length_m": 12.0, "speed_m_s": 4.1, "turn_rate_deg_s": 11.8},
+        "avoid": [
+            {
+                "path": "range.geojson",
+                "from": "2026-11-22T06:00:00Z",
+                "until": "2026-11-22T08:00:00Z",
+            }
+        ],
+        "region": {"bbox": [-40.09, 34.95, -39.91, 35.10]},
+        "chart": {"source": {"path": "island.geojson", "accuracy_m": 10}},
+        "planner": {"classes": 4},
+        "seasons": [
+            {
+                "name": "tide",
+                "time_method": "changing",
+                "departure": "2026-11-22T06:20:00Z",
+                "currents": ["./tide.nc"],
+                "max_hours": 20,
+            }
+        ],
+        **asked,
+    }
+
+
+def write_tide(folder: Path) -> None:
+    """Write currents that turn once, hour by hour."""
+    lon, lat = np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05)
+    patterns = sea(lon, lat, 2), sea(lon, lat, 3)
+    hours = np.arange("2026-11-22T00", "2026-11-23T12", dtype="datetime64[h]")
+    steps = []
+    for angle in 2 * np.pi * (np.arange(len(hours)) - 4.2) / 12.42:
+        u, v = (
+            np.cos(angle) * getattr(patterns[0], name) + np.sin(angle) * getattr(patterns[1], name)
+            for name in "uv"
+        )
+        steps.append(Field(lon, lat, u, v))
+    write(folder / "tide.nc", dataset(*steps, times=hours))
+
+
+def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
+    outcome = run(scenario, tmp_path / "outputs")
+    assert outcome.exit_code == 0
+    (plan,) = outcome.plans
+    assert plan.plan is not None
+    (met,) = plan.plan.shut
+    assert met.begin == -20 * 60
+    assert met.end == 100 * 60
+    assert any(
+        "a way of less fuel leads through area 'range', which is shut from 2026-11-22 06:00 UTC "
+        "until 2026-11-22 08:00 UTC" in note
+        for note in outcome.fetched.notes
+    )
+    assert plan.plan.best.times[-1] < met.end
+    for route in plan.ranked_routes:
+        assert shapely.LineString(route.path).distance(met.polygon) > 0
+    package = outcome.directory / "routes.gpkg"
+    areas = geopandas.read_file(package, layer="chart_areas")
+    (shut,) = areas[areas.kind == "shut"].itertuples()
+    assert shut.name == "range"
+    assert shut.rule == "shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC"
+    routes = geopandas.read_file(package, layer="routes")
+    assert shapely.dwithin(routes.geometry.to_numpy(), shapely.Point(VIA), 1e-5).all()
+    # What plotters take has a waypoint there, and keeps out of the area as well.
+    text = (outcome.directory / "hours-tide.rtz").read_text("utf-8")
+    given = re.findall(r'lat="([-.\d]+)" lon="([-.\d]+)"', text)
+    waypoints = np.array([(float(lon), float(lat)) for lat, lon in given])
+    assert np.abs(waypoints - VIA).max(axis=1).min() < 1e-5
+    assert not shapely.LineString(waypoints).intersects(RANGE.buffer(-1e-4))
+    report = (outcome.directory / "report.html").read_text("utf-8")
+    assert "range, shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC" in report
+    # What was made gives the same routes again.
+    made = load_scenario(str(outcome.directory / "scenario.toml"))
+    assert made == outcome.scenario
+
+
+def test_the_clock_of_an_area_begins_with_the_departure_that_was_chosen() -> None:
+    area = renew.ShutArea(RANGE, 600.0, 1200.0, "range")
+    (moved,) = later([area], 500.0)
+    assert (moved.begin, moved.end) == (100.0, 700.0)
+    (always,) = later([renew.ShutArea(RANGE)], 500.0)
+    assert always.is_always_shut
+
+
+def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+    bad = scenario_data(
+        tmp_path,
+        via=[[-40.06, 35.0], [20.0, 20.0], [20.0, 20.0]],
+        avoid=[{"path": "a.json", "from": "2026-11-22T09:00:00Z", "until": "2026-11-22T08:00:00Z"}],
+        planner={"order": "length"},
+    )  # fmt: skip
+    with pytest.raises(RequestError) as refused:
+        parse_scenario(bad, tmp_path)
+    text = "\n".join(refused.value.faults)
+    assert "start and via[0] are the same place, [-40.06, 35.0]" in text
+    assert "via[1] = [20.0, 20.0] lies" in text
+    assert "km outside the region" in text
+    assert "via[1] and via[2] are the same place" in text
+    assert "avoid[0] is shut from 2026-11-22T09:00:00+00:00 until 2026-11-22T08:00:00" in text
+    # Faults between tables are told once each of these is right.
+    with pytest.raises(RequestError, match=r"need planner\.order = 'fuel', not 'length'"):
+        parse_scenario(scenario_data(tmp_path, planner={"order": "length"}), tmp_path)
+    steady = scenario_data(tmp_path)
+    steady["seasons"] = [{"name": "still", "currents": ["still"]}]
+    with pytest.raises(RequestError, match=r"season 'still' has no 'departure', from which"):
+        parse_scenario(steady, tmp_path)
+    without_zone = scenario_data(
+        tmp_path, avoid=[{"path": "a.geojson", "from": "2026-11-22T09:00"}]
+    )
+    with pytest.raises(RequestError, match=r"avoid\[0\].from .*zone"):
+        parse_scenario(without_zone, tmp_path)
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_points_on_land_and_areas_that_are_not_there_are_refused(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    on_land = scenario_data(tmp_path, via=[[-40.0, 35.0]])
+    with pytest.raises(RequestError, match=r"via\[0\] = \[-40.0, 35.0\] lies on land, .* move it"):
+        run(parse_scenario(on_land, tmp_path), tmp_path / "outputs")
+    missing = scenario_data(tmp_path, avoid=[{"path": "none.geojson"}, {"path": "island.nc"}])
+    with pytest.raises(RequestError) as refused:
+        run(parse_scenario(missing, tmp_path), tmp_path / "outputs")
+    assert [fault.partition(":")[0] for fault in refused.value.faults] == ["avoid[0]", "avoid[1]"]
+
+
+def test_a_scenario_spells_its_areas_as_it_reads_them(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
+    text = scenario_text(scenario)
+    assert '[[avoid]]\npath = "' in text
+    assert 'from = "2026-11-22T06:00:00Z"' in text
+    (area,) = scenario.avoid
+    assert area.until is not None
+    assert area.begin == area.until - timedelta(hours=2)
+
+
+def test_a_one_line_voyage_takes_points_and_files(tmp_path: Path) -> None:
+    (tmp_path / "range.geojson").write_text(shapely.to_geojson(RANGE))
+    asked: dict[str, Any] = {
+        "positions": ("179.9,35", "-179.9,35"), "vessel": "usv-7m", "currents": ("still",),
+    }  # fmt: skip
+    scenario, _ = voyage_scenario(
+        VoyageRequest(**asked, via=("35.1N 179.95W",), avoid=(tmp_path / "range.geojson",))
+    )
+    assert scenario.via == ((180.05, 35.1),)
+    assert scenario.avoid[0].path == str(tmp_path / "range.geojson")
+    with pytest.raises(RequestError, match="--via 'here'"):
+        voyage_scenario(VoyageRequest(**asked, via=("here",)))

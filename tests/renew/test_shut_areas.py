@@ -1,0 +1,202 @@
+"""Areas that are shut: never entered early, on time or late, nor in a turn; flown by ourselves."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely import Polygon, box
+
+import renew
+from tests.moving_waters import moving_scene
+from tests.strategies import PAPER_VESSEL, SIZE, single_gyre
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+    from renew._types import FloatArray
+
+CHART = renew.Chart(box(0, 0, 200, 60))
+STILL = renew.UniformCurrent(0.0, 0.0)
+START, GOAL = (20.0, 30.0), (180.0, 30.0)
+# Across the whole way but for a gap in the north.
+BARRIER = box(95, -1, 105, 40)
+
+
+def plan(**options: Any) -> renew.Plan:  # noqa: ANN401
+    asked: dict[str, Any] = {"classes": 4, **options}
+    return renew.plan(CHART, STILL, PAPER_VESSEL, START, GOAL, **asked)
+
+
+def flights_inside(
+    route: renew.Route,
+    area: Polygon | MultiPolygon,
+    hours: tuple[float, float],
+    current: renew.CurrentField,
+    lateness: float,
+    min_lateness: float = 0.0,
+) -> int:
+    """Number of moments at which the vessel is in an area while it is shut; flown step by step.
+
+    She sails her track early, on time and late, and from each point of it turns full circles.
+    """
+    begin = route.times[0]
+    found = 0
+    shapely.prepare(area)
+    track = route.trajectory
+    along = np.arange(track[0, 0], track[-1, 0], 0.5)
+    place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
+    for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        moved = np.maximum(lateness * (along - begin), min_lateness) * share
+        now = np.maximum(along + moved, begin)
+        for side in (1.0, -1.0):
+            found += _turn_inside(place, now, side, area, hours, current)
+    return found
+
+
+def _turn_inside(
+    place: FloatArray,
+    now: FloatArray,
+    side: float,
+    area: Polygon | MultiPolygon,
+    hours: tuple[float, float],
+    current: renew.CurrentField,
+) -> int:
+    """Moments of turns from places (n, 3) of x, y, heading in an area while that is shut."""
+    position, heading, found = place[:, :2].copy(), place[:, 2].copy(), 0
+    step = 0.1
+    for _ in range(math.ceil(PAPER_VESSEL.turn_period / step) + 1):
+        is_shut = (hours[0] <= now) & (now < hours[1])
+        found += int((shapely.contains_xy(area, position) & is_shut).sum())
+        through = PAPER_VESSEL.speed * np.column_stack([np.cos(heading), np.sin(heading)])
+        position = position + step * (through + current.velocity(position, now))
+        heading = heading + side * PAPER_VESSEL.turn_rate * step
+        now = now + step
+    return found
+
+
+def test_what_is_always_shut_is_gone_around_like_land() -> None:
+    as_land = renew.Chart(box(0, 0, 200, 60), [BARRIER])
+    expected = renew.plan(as_land, STILL, PAPER_VESSEL, START, GOAL, classes=4).best
+    found = plan(avoid=[renew.ShutArea(BARRIER)])
+    assert found.best.fuel == pytest.approx(expected.fuel, rel=1e-9)
+    assert found.best.fuel_bound.value == pytest.approx(expected.fuel_bound.value, rel=1e-9)
+    assert found.shut == ()
+    assert flights_inside(found.best, BARRIER, (-math.inf, math.inf), STILL, 0.05) == 0
+
+
+@pytest.mark.parametrize(
+    ("hours", "is_entered"),
+    [
+        ((0.0, 60.0), True),  # she comes there at 75 s, 71 s at the earliest
+        ((0.0, 72.0), False),
+        ((70.0, 90.0), False),
+        ((88.0, 95.0), False),  # late, she is there until 89 s, and a turn takes 10 s
+        ((110.0, 200.0), True),
+    ],
+)
+def test_an_area_is_passed_while_it_is_open_and_gone_around_while_it_is_shut(
+    hours: tuple[float, float], is_entered: bool
+) -> None:
+    area = renew.ShutArea(BARRIER, *hours, name="firing range")
+    found = plan(avoid=[area])
+    assert shapely.LineString(found.best.path).intersects(BARRIER) == is_entered
+    for route in found.routes:
+        assert flights_inside(route, BARRIER, hours, STILL, 0.05) == 0
+    if is_entered:
+        assert found.best.fuel == pytest.approx(160.0, rel=1e-6)
+        assert found.shut == ()
+    else:
+        around = plan(avoid=[renew.ShutArea(BARRIER)]).best.fuel
+        assert found.best.fuel == pytest.approx(around, rel=1e-9)
+        assert found.shut == (area,)
+        # No bound of a way that is open at other hours.
+        assert found.best.fuel_bound.value <= 160.0
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+@pytest.mark.parametrize("shift", [0.0, 60.0, 110.0])
+def test_no_route_of_a_moving_scene_is_in_a_shut_area_early_on_time_or_late(
+    seed: int, shift: float
+) -> None:
+    scene = moving_scene(seed)
+    middle = box(0.35 * SIZE, 0.35 * SIZE, 0.65 * SIZE, 0.65 * SIZE)
+    hours = (scene.departure + shift, scene.departure + shift + 60.0)
+    area = renew.ShutArea(middle, *hours)
+    found = scene.plan(avoid=[area], classes=4, lateness=0.08, min_lateness=8.0)
+    for route in found.routes:
+        assert flights_inside(route, middle, hours, scene.current, 0.08, 8.0) == 0
+    unhindered = scene.plan(classes=4, lateness=0.08, min_lateness=8.0).best
+    assert found.best.fuel >= unhindered.fuel * (1 - 1e-3)
+    if found.shut:
+        assert found.best.fuel >= unhindered.fuel * (1 + 1e-9)
+
+
+def test_of_several_areas_only_those_are_closed_that_are_met() -> None:
+    met = renew.ShutArea(BARRIER, 70.0, 90.0, "met")
+    early = renew.ShutArea(box(140, -1, 150, 61), 0.0, 60.0, "over before she comes")
+    found = plan(avoid=[met, early])
+    assert found.shut == (met,)
+    assert shapely.LineString(found.best.path).intersects(early.polygon)
+
+
+def test_where_an_area_shuts_every_way_the_plan_is_refused_with_its_hours() -> None:
+    whole = renew.ShutArea(box(95, -1, 105, 61), 70.0, 90.0, "firing range")
+    with pytest.raises(
+        renew.UnreachableError,
+        match=r"every way may meet area 'firing range', which is shut from 70 s until 90 s; "
+        r"around them: no water joins .*Depart at another time",
+    ):
+        plan(avoid=[whole])
+    with pytest.raises(renew.UnreachableError, match="no water joins"):
+        plan(avoid=[renew.ShutArea(whole.polygon)])
+
+
+def test_a_departure_that_passes_while_it_is_open_is_found() -> None:
+    area = renew.ShutArea(BARRIER, 60.0, 135.0)
+    found = renew.plan_departures(
+        CHART, STILL_BUT_TIMED, PAPER_VESSEL, START, GOAL, [0.0, 40.0, 80.0], avoid=[area]
+    )
+    assert found.unproven == math.inf
+    assert found.fuels[2] == pytest.approx(160.0, rel=1e-3)
+    assert (found.fuels[:2] > 161.0).all()
+    assert found.plan.best.times[0] == 80.0
+    for departure, path in zip(found.departures, found.paths, strict=True):
+        assert path is not None
+        assert shapely.LineString(path).intersects(BARRIER) == (departure == 80.0)
+    late = renew.plan(
+        CHART, STILL_BUT_TIMED, PAPER_VESSEL, START, GOAL, arrive_by=400.0, avoid=[area]
+    )
+    assert late.best.times[-1] <= 400.0
+    assert flights_inside(late.best, BARRIER, (60.0, 135.0), STILL, 0.05) == 0
+
+
+STILL_BUT_TIMED = renew.VaryingCurrent([0.0, 1000.0], [STILL, renew.UniformCurrent(1e-6, 0.0)])
+
+
+def test_names_of_classes_keep_the_numbers_of_the_land() -> None:
+    chart, current = single_gyre()
+    free = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), classes=4)
+    area = renew.ShutArea(box(75, 70, 85, 80))
+    found = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), classes=8, avoid=[area])
+    assert all(shapely.LineString(r.path).distance(area.polygon) > 0 for r in found.routes)
+    names = {
+        name.replace(".s4", "").replace(".p4", "") for name in (r.homotopy for r in found.routes)
+    }
+    assert free.best.homotopy in names
+
+
+def test_an_area_that_is_none_is_refused() -> None:
+    bow = Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])
+    for given, text in (
+        ((bow,), r"area '' is not valid: Self-intersection"),
+        ((Polygon(),), "non-empty polygon"),
+        ((Polygon([(0, 0), (1, 0), (1, math.inf)]),), "not finite"),
+    ):
+        with pytest.raises(renew.GeometryError, match=text):
+            renew.ShutArea(*given)
+    with pytest.raises(renew.ParameterError, match=r"from 5 until 5 s; the end must come after"):
+        renew.ShutArea(BARRIER, 5.0, 5.0)
