@@ -20,7 +20,7 @@ from renew.inputs.fuel import fuel
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner import plan, plan_departures
-from renew.route import Departures, Plan, Rejected, Route
+from renew.route import Departures, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 
@@ -46,6 +46,7 @@ __all__ = [
     "StartInNoGoError",
     "SwingingGyre",
     "Tightest",
+    "TradeOff",
     "UniformCurrent",
     "UnreachableError",
     "VaryingCurrent",

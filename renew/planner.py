@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Unpack, cast
 
 from renew._types import FloatArray
@@ -16,16 +17,19 @@ from renew.inputs.arguments import (
     Padding,
     PlanOptions,
     RiskAt,
+    Speeds,
     as_departures,
     as_point,
     check_current_at_endpoints,
     check_departures,
     check_endpoints,
     check_options,
+    check_speed_choice,
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.fuel import Drift
+from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
@@ -38,6 +42,7 @@ from renew.search.k_sailable_classes import plan_classes
 from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
 from renew.search.sailings import Sailings
+from renew.search.speed_search import plan_at_chosen_speeds
 
 
 def plan(
@@ -62,6 +67,7 @@ def plan(
     lateness: float = 0.05,
     min_lateness: float = 0.0,
     arrive_by: float | None = None,
+    speed: Speeds | None = None,
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -109,7 +115,13 @@ def plan(
         Time (s) by which it may be early or late at least, but not before the departure.
     arrive_by : float, optional
         Leave as late as will do to be at the goal by this time (s), on the same clock, and not
-        before `departure`.
+        before `departure`. With `speed`: leave at `departure`, and be there by then with least
+        fuel.
+    speed : (float, float), optional
+        Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
+        in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
+        time there is. Land is padded, and turns are steered, for the highest. The plan then has a
+        `trade_off` of fuel against arrival. See :mod:`renew.search.speed_search`.
 
     Returns
     -------
@@ -146,7 +158,16 @@ def plan(
         lateness=lateness,
         min_lateness=min_lateness,
     )
-    check_options(**options, departure=departure, arrive_by=arrive_by)
+    check_options(**options, departure=departure, arrive_by=arrive_by, speed=speed)
+    if speed is not None:
+        check_speed_choice(vessel, as_field(current))
+        choice = SpeedChoice(float(speed[0]), deadline=math.inf if arrive_by is None else arrive_by)
+
+        def planner_up_to(most: float) -> ClassPlanner:
+            fastest = replace(vessel, speed=most)
+            return _planner(chart, current, fastest, start, goal, departure, options, choice)
+
+        return plan_at_chosen_speeds(planner_up_to, float(speed[1]), classes)
     planner = _planner(chart, current, vessel, start, goal, departure, options)
     if arrive_by is not None:
         sailings = Sailings(planner, classes)
@@ -247,6 +268,7 @@ def _planner(
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
+    choice: SpeedChoice = NO_CHOICE,
 ) -> ClassPlanner:
     """Planner of classes, from checked options."""
     voyage = Voyage(
@@ -259,6 +281,7 @@ def _planner(
         float(departure),
         float(options["lateness"]),
         float(options["min_lateness"]),
+        choice,
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(

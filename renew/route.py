@@ -54,6 +54,7 @@ class Route:
     duration : time under way by the drift model (s).
     times : (n,) s, when the path's points are passed, on the current's clock; the first is the
         departure.
+    speeds : (n - 1,) m/s, the speed through water at which each leg of the path is sailed.
     fuel_bound : the least fuel that any route can need; computed when first asked for.
     homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
         second to starboard and then the first to port; the largest island is 1.
@@ -71,6 +72,7 @@ class Route:
     clearance: float
     duration: float
     times: FloatArray
+    speeds: FloatArray
     fuel_bound: FuelBound
     homotopy: str
     corners: FloatArray
@@ -105,7 +107,8 @@ class Route:
 
         The bound knows no padding and no turning circle: the gap includes what safety costs.
         """
-        return max(0.0, self.fuel / self.fuel_bound.value - 1)
+        bound = self.fuel_bound.value
+        return max(0.0, self.fuel / bound - 1) if bound > 0 else math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,18 +155,37 @@ class Rejected:
 
 
 @dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Least fuel by arrival, where speeds are chosen: what an hour later saves.
+
+    Attributes
+    ----------
+    arrivals : (n,) s, ascending: from the earliest that the highest speed can make to where time is
+        free, and more of it saves no more.
+    fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, each at
+        its best speeds for that arrival. At arrivals other than the planned one another path may be
+        a little cheaper.
+    """
+
+    arrivals: FloatArray
+    fuels: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """Routes, one per feasible class, least fuel first; and the classes without a route.
 
     `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres.
+    `trade_off` is there where speeds were chosen.
     """
 
     routes: tuple[Route, ...]
     rejected: tuple[Rejected, ...]
     chosen: int = 0
     overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
+    trade_off: TradeOff | None = None
 
     @property
     def best(self) -> Route:

@@ -35,14 +35,21 @@ class PaddingGrowth:
         """What padding lacks for the triangles that a path (n, 2) crosses, else for its turns."""
         if not self.policy.is_adaptive:
             return None
-        problem = self.problem
-        short = self.crossed_shortfall(corridor, path) or colliding_edges(
-            path, problem.voyage, corridor.padded, problem.reach
-        )
+        voyage = self.problem.voyage
+        short = self.crossed_shortfall(corridor, path) or self.collisions(corridor, path)
         if short or self.policy.risk_at == "route":
             return short
         sampler, risk = self.model.sampler, self.policy.risk
-        return risky_edges(path, problem.voyage, corridor.padded, corridor.corners, sampler, risk)
+        return risky_edges(path, voyage, corridor.padded, corridor.corners, sampler, risk)
+
+    def collisions(
+        self, corridor: Corridor, path: FloatArray, speeds: FloatArray | None = None
+    ) -> Shortfall | None:
+        """What padding lacks for turns along a path (n, 2), sailed at speeds (n - 1,) if given."""
+        if not self.policy.is_adaptive:
+            return None
+        voyage, reach = self.problem.voyage, self.problem.reach
+        return colliding_edges(path, voyage, corridor.padded, reach, speeds)
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfall | None:
         """What padding lacks where a path bulges out of the channel for which it was set."""
