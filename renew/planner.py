@@ -161,7 +161,8 @@ def plan(
     check_options(**options, departure=departure, arrive_by=arrive_by, speed=speed)
     if speed is not None:
         check_speed_choice(vessel, as_field(current))
-        choice = SpeedChoice(float(speed[0]), deadline=math.inf if arrive_by is None else arrive_by)
+        deadline = math.inf if arrive_by is None else float(arrive_by)
+        choice = SpeedChoice(float(speed[0]), deadline=deadline)
 
         def planner_up_to(most: float) -> ClassPlanner:
             fastest = replace(vessel, speed=most)

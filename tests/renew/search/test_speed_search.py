@@ -163,3 +163,32 @@ def test_a_fuel_law_for_which_haste_is_free_is_refused() -> None:
     vessel = replace(PAPER_VESSEL, fuel_exponent=0.5)
     with pytest.raises(renew.ParameterError, match=r"fuel_exponent of at least 1, not 0\.5"):
         renew.plan(OPEN, renew.UniformCurrent(0.1, 0.0), vessel, START, GOAL, speed=(1.0, 2.0))
+
+
+def test_a_current_that_changes_is_refused() -> None:
+    tide = renew.SwingingGyre(0.2, 150.0, 150.0, 0.25, 0.05)
+    with pytest.raises(renew.ParameterError, match="speed needs a steady current"):
+        renew.plan(OPEN, tide, PAPER_VESSEL, START, GOAL, speed=(1.0, 2.0), arrive_by=200.0)
+
+
+def test_turns_are_flown_at_the_speeds_sailed() -> None:
+    chart = renew.Chart(OPEN.extent, [box(60, 54, 90, 60)])
+    still, path = renew.UniformCurrent(0.0, 0.0), np.array([[20.0, 50.0], [130.0, 50.0]])
+
+    class Straight:
+        """A path, 4 m off the island: turns of up to 2 m radius stay off it."""
+
+        def __init__(self, *speeds: float) -> None:
+            self.path = np.array([path[0], [75.0, 50.0], path[1]])
+            self.speeds = np.array(speeds)
+
+    def collided(*speeds: float) -> np.ndarray:
+        flown = renew.contingency(Straight(*speeds), chart, still, PAPER_VESSEL)
+        return flown.points[flown.collided][:, 0]
+
+    slow, fast = 1.9 * PAPER_VESSEL.turn_rate, 2.6 * PAPER_VESSEL.turn_rate
+    assert len(collided(slow, slow)) == 0
+    half = collided(slow, fast)
+    assert len(half) > 5
+    assert (half >= 75.0).all()
+    assert (collided(fast, fast) < 75.0).any()
