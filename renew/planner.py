@@ -6,6 +6,7 @@ import inspect
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Unpack, cast
 
 from renew._types import FloatArray
@@ -17,6 +18,7 @@ from renew.inputs.arguments import (
     Padding,
     PlanOptions,
     RiskAt,
+    Speeds,
     ViaPoints,
     as_departures,
     as_point,
@@ -25,11 +27,13 @@ from renew.inputs.arguments import (
     check_departures,
     check_endpoints,
     check_options,
+    check_speed_choice,
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.fuel import Drift
 from renew.inputs.shut_area import ShutArea
+from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
@@ -43,6 +47,7 @@ from renew.search.k_sailable_classes import plan_classes
 from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
 from renew.search.sailings import DeparturePlanner, Sailings
+from renew.search.speed_search import plan_at_chosen_speeds
 
 
 def plan(
@@ -69,6 +74,7 @@ def plan(
     arrive_by: float | None = None,
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
+    speed: Speeds | None = None,
 ) -> Plan:
     """Plan the least-fuel safe route in each of the first k homotopy classes.
 
@@ -116,7 +122,8 @@ def plan(
         Time (s) by which it may be early or late at least, but not before the departure.
     arrive_by : float, optional
         Leave as late as will do to be at the goal by this time (s), on the same clock, and not
-        before `departure`.
+        before `departure`. With `speed`: leave at `departure`, and be there by then with least
+        fuel.
     via : sequence of array_like
         Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
         then one way to each of them and to the goal.
@@ -124,6 +131,11 @@ def plan(
         Areas that are shut, always or for some hours: neither early, on time nor late is the vessel
         in one while it is shut, nor in a turn that it begins; see
         :mod:`renew.search.around_areas`.
+    speed : (float, float), optional
+        Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
+        in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
+        time there is. Land is padded, and turns are steered, for the highest. The plan then has a
+        `trade_off` of fuel against arrival. See :mod:`renew.search.speed_search`.
 
     Returns
     -------
@@ -162,8 +174,25 @@ def plan(
         lateness=lateness,
         min_lateness=min_lateness,
     )
-    check_options(**options, departure=departure, arrive_by=arrive_by, has_via=len(via) > 0)
+    check_options(
+        **options,
+        departure=departure,
+        arrive_by=arrive_by,
+        speed=speed,
+        has_via=len(via) > 0,
+        has_hours=any(not area.is_always_shut for area in avoid),
+    )
     chart = with_always_shut(chart, avoid)
+    if speed is not None:
+        check_speed_choice(vessel, as_field(current))
+        deadline = math.inf if arrive_by is None else float(arrive_by)
+        choice = SpeedChoice(float(speed[0]), deadline=deadline)
+
+        def planner_up_to(most: float) -> ClassPlanner:
+            fastest = replace(vessel, speed=most)
+            return _planner(chart, current, fastest, start, goal, departure, options, choice=choice)
+
+        return plan_at_chosen_speeds(planner_up_to, float(speed[1]), classes)
 
     def planner_on(chart: Chart) -> ClassPlanner:
         return _planner(chart, current, vessel, start, goal, departure, options, via)
@@ -293,7 +322,8 @@ def _planner(
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
-    via: ViaPoints,
+    via: ViaPoints = (),
+    choice: SpeedChoice = NO_CHOICE,
 ) -> ClassPlanner:
     """Planner of classes, from checked options."""
     voyage = Voyage(
@@ -307,6 +337,7 @@ def _planner(
         float(options["lateness"]),
         float(options["min_lateness"]),
         as_via(via),
+        choice=choice,
     )
     check_endpoints(voyage)
     policy = PaddingPolicy(

@@ -55,6 +55,7 @@ class Route:
     duration : time under way by the drift model (s).
     times : (n,) s, when the path's points are passed, on the current's clock; the first is the
         departure.
+    speeds : (n - 1,) m/s, the speed through water at which each leg of the path is sailed.
     fuel_bound : the least fuel that any route can need; computed when first asked for.
     homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
         second to starboard and then the first to port; the largest island is 1.
@@ -72,6 +73,7 @@ class Route:
     clearance: float
     duration: float
     times: FloatArray
+    speeds: FloatArray
     fuel_bound: FuelBound
     homotopy: str
     corners: FloatArray
@@ -106,7 +108,8 @@ class Route:
 
         The bound knows no padding and no turning circle: the gap includes what safety costs.
         """
-        return max(0.0, self.fuel / self.fuel_bound.value - 1)
+        bound = self.fuel_bound.value
+        return max(0.0, self.fuel / bound - 1) if bound > 0 else math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +156,23 @@ class Rejected:
 
 
 @dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Least fuel by arrival, where speeds are chosen: what an hour later saves.
+
+    Attributes
+    ----------
+    arrivals : (n,) s, ascending: from the earliest that the highest speed can make to where time is
+        free, and more of it saves no more.
+    fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, each at
+        its best speeds for that arrival. At arrivals other than the planned one another path may be
+        a little cheaper.
+    """
+
+    arrivals: FloatArray
+    fuels: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """Routes, one per feasible class, least fuel first; and the classes without a route.
 
@@ -160,6 +180,7 @@ class Plan:
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
     areas that a way of less fuel might have met while they are shut.
+    `trade_off` is there where speeds were chosen.
     """
 
     routes: tuple[Route, ...]
@@ -167,6 +188,7 @@ class Plan:
     chosen: int = 0
     overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
     shut: tuple[ShutArea, ...] = ()
+    trade_off: TradeOff | None = None
 
     @property
     def best(self) -> Route:

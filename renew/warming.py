@@ -71,6 +71,8 @@ REHEARSALS = (
     Rehearsal("classes by length", _GYRE, {"order": "length"}),
     Rehearsal("classes depth first", _GYRE, {"order": "depth-first"}),
     Rehearsal("distinct classes", _GYRE, {"distinct_by": "auto"}),
+    Rehearsal("chosen speeds", _GYRE, {"speed": (0.9, 1.3), "arrive_by": 120.0}),
+    Rehearsal("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
     Rehearsal("no way through", _GYRE, {"padding": 30.0}),
 )
 """Together these call every kernel with all its types. The first takes most of the time."""

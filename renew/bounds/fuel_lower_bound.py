@@ -16,7 +16,7 @@ triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never
   (`interpolation_error.py`); the maximum is convex in the current, so it is taken at a corner;
 - crab: g T runs over the disc of radius v about c, so max over T is v |∇u| + ∇u·c;
 - projected: max (∇u·T)(v + c·T) over the unit circle is a quadratic's, bounded by any Lagrange
-  multiplier (`_projected_rate`);
+  multiplier (`growth_rate.py`);
 - both grow by at most |δ| |∇u| when c changes by δ, whence the term r |∇u|.
 
 f has slope 1/Λ(u) between start and goal and 0 beyond, where Λ(s) is the largest λ of the cells
@@ -43,6 +43,13 @@ suggest, so the bound holds for fields that the grid resolves (a cell is under 1
 extent's side). Of a current that changes r is the largest of all its slices, and where it is not
 linear between them, as much again as second differences in time suggest.
 
+Where the vessel chooses her speed v, and has to be there by a deadline D, let λ be a price of time.
+(1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
+below, and no route that arrives by D needs less fuel than φ(goal) - φ(start) - λ (D - t₀), whatever
+λ >= 0 (weak duality). It is taken at the λ of the best route found. In a current that changes it is
+asked of the currents of all times from departure to deadline: looser, since φ no longer tells when
+she comes where.
+
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
 
@@ -57,13 +64,13 @@ import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
+from renew.bounds.growth_rate import growth_rate
 from renew.bounds.interpolation_error import deviation_radius
 from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.voyage import Voyage
 from renew.kernels.current_table import Table, next_slice, node_velocity, table_of
-from renew.kernels.ground_speed import Polar
 
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
 # the time and make it 1.5 %. Small eddies need more: with as few the gap is 7 % there.
@@ -109,7 +116,7 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
         else:
             fastest = vessel.speed + voyage.table.strongest
             time += math.dist(part.start, part.goal) / fastest
-    return vessel.fuel_rate * time
+    return voyage.cost_rate * time - voyage.price_of_all_time
 
 
 def _rounds(
@@ -148,7 +155,8 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
     y = _axis(ymin, ymax, float(start[1]), max(step, high / _MAX_CELLS))
     current = _sampled(voyage.current, x, y)
     deviation = deviation_radius(voyage.current, x, y, current.uv)
-    return TravelGrid(x, y, current, voyage.departure, deviation, _wet(chart, x, y), voyage.polar)
+    wet, departure = _wet(chart, x, y), voyage.departure
+    return TravelGrid(x, y, current, departure, deviation, wet, voyage.polar, voyage.deadline)
 
 
 def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> Table:
@@ -186,64 +194,6 @@ def _wet(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
 
 
 @kernel
-def _projected_rate(px: float, py: float, cx: float, cy: float, speed: float) -> float:
-    """Upper bound, nearly attained, on (p·T)(v + c·T) over unit T; p in s/m.
-
-    The Lagrange dual of a quadratic on the unit circle: with w = (v |p|/2)² and the quadratic
-    form's eigenvalues e, e' = (p·c ± |p||c|)/2, every μ > e gives the bound
-    μ + w μ / ((μ - e)(μ - e')). The least is where (μ - e)(μ - e') = √w √(μ² - e e'); Newton's
-    iteration from the right of it. However far it gets, the bound holds; it grows by more than
-    rounding can have taken off it.
-    """
-    p = math.sqrt(px * px + py * py)
-    if p == 0.0:
-        return 0.0
-    dot, product = px * cx + py * cy, p * math.sqrt(cx * cx + cy * cy)
-    top, bottom = (dot + product) / 2, (dot - product) / 2
-    root = speed * p / 2
-    mu = top + root
-    least = mu + root * root * mu / ((mu - top) * (mu - bottom))
-    for _ in range(6):
-        side = math.sqrt(max(mu * mu - top * bottom, 0.0))
-        if side == 0.0:
-            break
-        residual = (mu - top) * (mu - bottom) - root * side
-        slope = 2 * mu - top - bottom - root * mu / side
-        following = mu - residual / slope if slope > 0.0 else top
-        mu = following if following > top else (mu + top) / 2
-        # Closer to the eigenvalue the bound drowns in rounding.
-        if mu - top <= _ROUNDING * (mu + abs(bottom)):
-            break
-        bound = mu + root * root * mu / ((mu - top) * (mu - bottom))
-        if bound >= least * (1 - 1e-7):
-            return min(bound, least) * (1 + _ROUNDING)
-        least = bound
-    return least * (1 + _ROUNDING)
-
-
-@kernel
-def _rate(
-    px: float,
-    py: float,
-    corner_currents: FloatArray,
-    deviation: float,
-    polar: Polar,
-) -> float:
-    """λ of a triangle: (p·T) g(x, T) over all T and all x in it is no more; p = ∇u in s/m."""
-    p = math.sqrt(px * px + py * py)
-    largest = -math.inf
-    for k in range(3):
-        if polar.crab:
-            rate = polar.speed * p + px * corner_currents[k, 0] + py * corner_currents[k, 1]
-        else:
-            rate = _projected_rate(
-                px, py, corner_currents[k, 0], corner_currents[k, 1], polar.speed
-            )
-        largest = max(largest, rate)
-    return largest + deviation * p
-
-
-@kernel
 def _rate_in_window(
     px: float,
     py: float,
@@ -259,7 +209,7 @@ def _rate_in_window(
     while True:
         for k in range(3):
             corner_currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
-        largest = max(largest, _rate(px, py, corner_currents, deviation, grid.polar))
+        largest = max(largest, growth_rate(px, py, corner_currents, deviation, grid.polar))
         if now >= last or len(grid.current.times) == 1:
             return largest
         now = min(next_slice(grid.current, now), last)
@@ -277,7 +227,9 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
     step = (high - low) / _LEVELS
     if not step > 0.0:
         return rates, 0.0
-    least = _SMALLEST if len(grid.current.times) == 1 else _LEAST_RATE
+    # Where speeds are chosen u doesn't tell the time: that may be any up to the deadline.
+    is_any_time = grid.polar.least < grid.polar.speed
+    least = _SMALLEST if is_any_time or len(grid.current.times) == 1 else _LEAST_RATE
     first, order = _by_level(time, grid, low, step)
     largest = np.zeros(_LEVELS + 1)
     clock, k = 0.0, 0
@@ -289,7 +241,10 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
             highest = time[r : r + 2, c : c + 2].max()
             lasts = max(highest - (low + level * step), 0.0) / least
             begin = grid.departure + clock
-            rates[r, c] = _cell_rate(time, grid, r, c, begin, begin + lasts, nodes, corner_currents)
+            end = begin + lasts
+            if is_any_time:
+                begin, end = grid.departure, grid.deadline
+            rates[r, c] = _cell_rate(time, grid, r, c, begin, end, nodes, corner_currents)
             # One level more on either side covers rounding.
             last = math.floor((min(highest, high) - low) / step) + 1
             for above in range(level, min(last, _LEVELS) + 1):

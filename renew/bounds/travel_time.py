@@ -46,6 +46,9 @@ class TravelGrid(NamedTuple):
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
     polar: Polar
+    deadline: float = (
+        math.inf
+    )  # s, on that clock; where speeds are chosen, the last time that counts
 
 
 class Place(NamedTuple):
@@ -102,11 +105,15 @@ def _passage(
     """
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
-    # A current that is off by up to the deviation helps at most as a faster vessel would.
-    helped = Polar(polar.speed + deviation, polar.crab)
+    # A current that is off by up to the deviation helps at most as a faster vessel would; one that
+    # chooses her speed may not want to be faster, but takes as much of a following current.
+    following = deviation if polar.least < polar.speed else 0.0
+    speed, crab, least, price, exponent, scale, still = polar
+    helped = Polar(speed + deviation - following, crab, least, price, exponent, scale, still)
     fastest = -math.inf
     for k in range(3):
-        speed = ground_speed(corner_currents[k, 0], corner_currents[k, 1], tx, ty, helped)
+        cx, cy = corner_currents[k]
+        speed = ground_speed(cx + following * tx, cy + following * ty, tx, ty, helped)
         fastest = max(fastest, speed)
     if not polar.crab and fastest <= polar.speed / 2:
         fastest = polar.speed * polar.speed / (4 * (polar.speed - fastest))

@@ -21,6 +21,7 @@ from renew.errors import (
 )
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import Drift
+from renew.inputs.vessel import MAX_SPEED, Vessel
 from renew.inputs.voyage import Voyage
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
@@ -29,6 +30,8 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
 ViaPoints: TypeAlias = Sequence[FloatArray | tuple[float, float]] | FloatArray
+Speeds: TypeAlias = tuple[float, float]
+"""Lowest and highest speed through water, m/s."""
 
 
 class PlanOptions(TypedDict, total=False):
@@ -77,7 +80,9 @@ def check_options(
     min_lateness: object,
     arrive_by: object = None,
     to_within: object = None,
+    speed: object = None,
     has_via: bool = False,
+    has_hours: bool = False,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -116,10 +121,19 @@ def check_options(
     if not _is_length(min_lateness):
         faults.append(f"min_lateness = {min_lateness!r} s must be finite and at least 0")
     faults += _time_faults(departure, arrive_by, to_within)
+    faults += [
+        f"{name} needs method = 'optimal', not 'sampled'"
+        for name, value in (("arrive_by", arrive_by), ("speed", speed))
+        if value is not None and method == "sampled"
+    ]
+    faults += _speed_faults(speed)
+    faults += [
+        f"speeds can't be chosen on a way with {what}; leave out speed"
+        for what, is_there in (("via points", has_via), ("areas shut for some hours", has_hours))
+        if is_there and speed is not None
+    ]
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
-    if arrive_by is not None and method == "sampled":
-        faults.append("arrive_by needs method = 'optimal', not 'sampled'")
     faults += [
         f"via points need {name} = {needed!r}, not {value!r}"
         for name, value, needed in (("method", method, "optimal"), ("order", order, "fuel"))
@@ -165,6 +179,38 @@ def _time_faults(departure: object, arrive_by: object, to_within: object) -> lis
     if to_within is not None and not (_is_finite(to_within) and to_within > 0):
         faults.append(f"to_within = {to_within!r} s must be finite and above 0")
     return faults
+
+
+def _speed_faults(speed: object) -> list[str]:
+    """What is wrong with the speeds (m/s) from which a vessel may choose."""
+    if speed is None:
+        return []
+    if not isinstance(speed, Sequence | np.ndarray) or len(speed) != len(("least", "most")):
+        return [f"speed = {speed!r} must be two speeds (m/s), the lowest and the highest"]
+    faults = [
+        f"speed.{name} = {value!r} m/s must be a number above 0 and at most {MAX_SPEED:g}"
+        for name, value in zip(("least", "most"), speed, strict=True)
+        if not (_is_number(value) and 0 < value <= MAX_SPEED)
+    ]
+    if not faults and speed[0] > speed[1]:
+        faults.append(
+            f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
+        )
+    return faults
+
+
+def check_speed_choice(vessel: Vessel, current: CurrentField) -> None:
+    """Refuse a choice of speeds where it can't be planned."""
+    faults = []
+    if vessel.fuel_exponent < 1:
+        faults.append(
+            f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
+            "the highest speed is always best"
+        )
+    if not current.is_steady:
+        faults.append("speed needs a steady current; leave it out, or plan in the mean of the time")
+    if faults:
+        raise ParameterError("; ".join(faults))
 
 
 def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.vessel import Vessel
-from renew.kernels.ground_speed import Polar, ground_speeds
+from renew.kernels.ground_speed import ground_speeds
 
 Drift: TypeAlias = Literal["projected", "crab"]
 
@@ -29,6 +29,8 @@ Drift: TypeAlias = Literal["projected", "crab"]
 # single gyre the error is below 1e-9 of the fuel.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PIECES = 256
+WITHIN = (_NODES + 1) / 2
+"""Places of the nodes in a piece, from 0 to 1."""
 # Blocks of a way in a changing current, rounds in each, and the change of its times, as a share of
 # the time under way, from which they count as settled.
 _BLOCKS, _ITERATIONS, _SETTLED = 16, 40, 1e-11
@@ -41,19 +43,56 @@ def check_drift(drift: str) -> None:
 
 
 def ground_speed(
-    velocity: FloatArray, tangent: FloatArray, speed: float, drift: Drift
+    velocity: FloatArray, tangent: FloatArray, speed: float | FloatArray, drift: Drift
 ) -> FloatArray:
     """Speed over ground (...) along unit tangents (..., 2) in currents (..., 2), m/s.
 
-    Not positive, or NaN, where the vessel can't make way in that direction.
+    At speeds (...) through water. Not positive, or NaN, where the vessel can't make way in that
+    direction.
     """
     velocity, tangent = np.broadcast_arrays(velocity, tangent)
     flat = ground_speeds(
         for_kernels(velocity.reshape(-1, 2)),
         for_kernels(tangent.reshape(-1, 2)),
-        Polar(speed, drift == "crab"),
+        for_kernels(np.broadcast_to(speed, velocity.shape[:-1]).ravel()),
+        drift == "crab",
     )
     return flat.reshape(velocity.shape[:-1])
+
+
+class Pieces(NamedTuple):
+    """A path (n, 2) cut into pieces, each with the nodes of a quadrature.
+
+    Attributes
+    ----------
+    leg : (p,), of the path, that each is of.
+    points : (p, 4, 2), m, its nodes.
+    tangent : (p, 1, 2), its course as a unit vector.
+    length : (p,), m.
+    """
+
+    leg: IntArray
+    points: FloatArray
+    tangent: FloatArray
+    length: FloatArray
+
+    @classmethod
+    def of(cls, path: FloatArray) -> Pieces:
+        """Cut a path."""
+        legs = np.diff(path, axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        tangents = legs / np.where(lengths > 0, lengths, 1.0)[:, None]
+        pieces = np.maximum(1, np.ceil(_PIECES * lengths / max(lengths.sum(), 1e-300))).astype(int)
+        leg = np.repeat(np.arange(len(legs)), pieces)
+        piece = np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        place = (piece[:, None] + WITHIN) / pieces[leg][:, None]
+        points = path[leg][:, None] + place[..., None] * legs[leg][:, None]
+        return cls(leg, points, tangents[leg][:, None], lengths[leg] / pieces[leg])
+
+    def total(self, a_metre: FloatArray, some: slice = slice(None)) -> FloatArray:
+        """Sum over some of the pieces (s,) of what nodes (s, 4) take a metre."""
+        length = self.length[some]
+        return np.asarray(np.where(length > 0, (a_metre * (_WEIGHTS / 2)).sum(axis=1) * length, 0))
 
 
 def passage_times(
@@ -63,9 +102,10 @@ def passage_times(
     *,
     drift: Drift = "projected",
     departure: float = 0.0,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Time over each leg of a path (n, 2): shape (n - 1,), s; inf where no way can be made."""
-    leg, arrival = passage(path, current, vessel, drift=drift, departure=departure)
+    leg, arrival = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
     with np.errstate(invalid="ignore"):
         durations = np.diff(arrival)
     times = np.zeros(len(path) - 1)
@@ -81,37 +121,44 @@ def passage(
     *,
     drift: Drift = "projected",
     departure: float = 0.0,
+    speeds: FloatArray | None = None,
 ) -> tuple[IntArray, FloatArray]:
     """Legs (p,) of the pieces into which a path (n, 2) is cut, and times (p + 1,) at their ends, s.
 
-    The first time is the departure, on the current's clock; the clock runs along the path.
+    The first time is the departure, on the current's clock; the clock runs along the path. Legs are
+    sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's.
     """
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
         raise ParameterError(f"path has shape {path.shape}; it must be (n, 2) with n >= 2")
     check_drift(drift)
     field = as_field(current)
-    legs = np.diff(path, axis=0)
-    lengths = np.linalg.norm(legs, axis=1)
-    tangents = legs / np.where(lengths > 0, lengths, 1.0)[:, None]
-    pieces = np.maximum(1, np.ceil(_PIECES * lengths / max(lengths.sum(), 1e-300))).astype(int)
-    leg = np.repeat(np.arange(len(legs)), pieces)
-    piece = np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    within = (_NODES + 1) / 2
-    place = (piece[:, None] + within) / pieces[leg][:, None]
-    points = path[leg][:, None] + place[..., None] * legs[leg][:, None]
-    tangent, length = tangents[leg][:, None], lengths[leg] / pieces[leg]
+    pieces = Pieces.of(path)
+    leg = pieces.leg
+    through_water = _by_leg(speeds, vessel, len(path) - 1)[leg][:, None]
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
-        when = times[:-1, None] + within * np.diff(times)[:, None]
-        speed = ground_speed(field.velocity(points[some], when), tangent[some], vessel.speed, drift)
+        when = times[:-1, None] + WITHIN * np.diff(times)[:, None]
+        velocity = field.velocity(pieces.points[some], when)
+        speed = ground_speed(velocity, pieces.tangent[some], through_water[some], drift)
         with np.errstate(divide="ignore", invalid="ignore"):
             slowness = np.where(speed > 0, 1 / speed, np.inf)
-        total = (slowness * (_WEIGHTS / 2)).sum(axis=1)
-        return np.asarray(np.where(length[some] > 0, total * length[some], 0.0))
+        return pieces.total(slowness, some)
 
     return leg, times_under_way(durations, len(leg), departure, is_steady=field.is_steady)
+
+
+def _by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
+    """Speeds (n,) through water of so many legs: as given, or the vessel's."""
+    if speeds is None:
+        return np.full(legs, vessel.speed)
+    speeds = np.asarray(speeds, dtype=float)
+    if speeds.shape != (legs,) or not (np.isfinite(speeds) & (speeds > 0)).all():
+        raise ParameterError(
+            f"speeds has shape {speeds.shape}; it must be ({legs},), one a leg, all above 0 m/s"
+        )
+    return speeds
 
 
 def reading_times(
@@ -121,6 +168,7 @@ def reading_times(
     *,
     drift: Drift = "projected",
     departure: float = 0.0,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
@@ -128,7 +176,7 @@ def reading_times(
     """
     if current.is_steady or len(path) < 2:
         return np.full(len(path), departure)
-    leg, times = passage(path, current, vessel, drift=drift, departure=departure)
+    leg, times = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
     at_points = times[np.searchsorted(leg, np.arange(len(path)))]
     return np.asarray(np.minimum(at_points, times[np.isfinite(times)][-1]))
 
@@ -181,8 +229,9 @@ def fuel(
     *,
     drift: Drift = "projected",
     departure: float = 0.0,
+    speeds: FloatArray | None = None,
 ) -> float:
-    """Fuel to follow a path at constant thrust (paper, Eq. 4).
+    """Fuel to follow a path (paper, Eq. 4), at constant thrust or at a speed for each leg.
 
     Parameters
     ----------
@@ -196,16 +245,22 @@ def fuel(
         Drift model; see the module.
     departure : float
         When the path is begun (s), on the clock of a current that changes.
+    speeds : array_like, optional
+        Speeds through water (n - 1,), m/s, one a leg; by default all are the vessel's.
 
     Returns
     -------
     float
-        α vᵏ times the time under way; ``inf`` where the vessel can't make way along the path.
+        α vᵏ times the time under way, leg by leg; ``inf`` where the vessel can't make way along the
+        path.
 
     Raises
     ------
     ParameterError
-        A path of another shape, or an unknown drift model.
+        A path or speeds of another shape, or an unknown drift model.
     """
-    _, times = passage(path, current, vessel, drift=drift, departure=departure)
-    return float(vessel.fuel_rate * (times[-1] - departure))
+    leg, times = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
+    if speeds is None:
+        return float(vessel.fuel_rate * (times[-1] - departure))
+    rate = vessel.fuel_coefficient * np.asarray(speeds, dtype=float)[leg] ** vessel.fuel_exponent
+    return float((rate * np.diff(times)).sum()) if math.isfinite(times[-1]) else math.inf

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 from renew.errors import ParameterError
 
+MAX_SPEED = 1e6
+"""Highest speed through water (m/s) that is no slip of the pen."""
+
 # Largest figures that are no slip of the pen: m/s, rad/s, m; beyond them powers overflow.
 _LIMITS = {
-    "speed": 1e6,
+    "speed": MAX_SPEED,
     "turn_rate": 1e6,
     "length": 1e6,
     "fuel_coefficient": 1e12,

@@ -13,12 +13,13 @@ from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.fuel import Drift, fuel, passage_times
+from renew.inputs.fuel import Drift, Pieces, fuel, passage_times
 from renew.inputs.punctuality import early_and_late
+from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
 from renew.kernels.current_table import Table
-from renew.kernels.ground_speed import Polar
+from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
 
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
@@ -38,6 +39,9 @@ class Voyage:
     by a share `lateness` of the time under way, and at least by `min_lateness` (s). The points
     `via` (n, 2), m, are passed in their order. As a part of a longer voyage it has been under way
     for `before` (s) when it begins.
+
+    Where the vessel has a choice of speeds her own is the highest one, and what is least by all
+    that looks for paths is the cost, fuel + λ time; it is her fuel where time is all that counts.
     """
 
     chart: Chart
@@ -51,6 +55,7 @@ class Voyage:
     min_lateness: float = 0.0
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     before: float = 0.0
+    choice: SpeedChoice = NO_CHOICE
 
     @cached_property
     def table(self) -> Table:
@@ -144,10 +149,54 @@ class Voyage:
         """The pieces, and how far off each via point is."""
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
-    @property
+    def at_price(self, price: float) -> Voyage:
+        """Return the same passage at another price of time (fuel units a second)."""
+        other = replace(self, choice=replace(self.choice, price=price))
+        other.__dict__.update(table=self.table, quick_current=self.quick_current)
+        return other
+
+    @cached_property
     def polar(self) -> Polar:
-        """Speed and drift model, for kernels."""
-        return Polar(self.vessel.speed, self.drift == "crab")
+        """Speed and drift model, for kernels; with the choice of speeds, if there is one."""
+        vessel, is_crab = self.vessel, self.drift == "crab"
+        if not self.has_price:
+            return Polar(vessel.speed, is_crab)
+        return choosing(
+            vessel.speed,
+            crab=is_crab,
+            least=self.choice.least,
+            price=self.choice.price / vessel.fuel_coefficient,
+            exponent=vessel.fuel_exponent,
+        )
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether the vessel has a choice of speeds."""
+        return self.choice.least < self.vessel.speed
+
+    @property
+    def has_price(self) -> bool:
+        """Whether speeds are chosen, and time has a finite price."""
+        return self.has_choice and self.choice.price < math.inf
+
+    @property
+    def deadline(self) -> float:
+        """When the vessel has to be at the goal (s); infinite if no time is given."""
+        return self.choice.deadline
+
+    @property
+    def price_of_all_time(self) -> float:
+        """What the time from departure to deadline is worth (fuel units)."""
+        if self.has_price and self.choice.price > 0:
+            return self.choice.price * (self.deadline - self.departure)
+        return 0.0
+
+    @property
+    def cost_rate(self) -> float:
+        """Cost of a second at what the polar makes (fuel units): α vᵏ, where no speed is chosen."""
+        if self.has_price:
+            return self.vessel.fuel_coefficient * self.polar.scale
+        return self.vessel.fuel_rate
 
     def early_and_late(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s."""
@@ -155,7 +204,14 @@ class Voyage:
         return early_and_late(times, begun, self.lateness, self.min_lateness)
 
     def fuel(self, path: FloatArray) -> float:
-        """Fuel by Eq. 4 along a path (n, 2); inf where no way can be made."""
+        """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
+        if self.has_price:
+            pieces = Pieces.of(path)
+            velocity = self.current.velocity(pieces.points, self.departure)
+            made = made_good(velocity, pieces.tangent, self.polar)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                total = pieces.total(np.where(made > 0, 1 / made, np.inf)).sum()
+            return float(self.cost_rate * total)
         return fuel(path, self.current, self.vessel, drift=self.drift, departure=self.departure)
 
     def arrivals(self, path: FloatArray) -> FloatArray:

@@ -259,6 +259,9 @@ def _arrivals(
     With d the leg and g its slowness' denominator, a time is |d|² / (|d| g): no unit vector is
     needed. Where the current is as strong as the vessel, `here.arrival` is inf.
     """
+    if polar.least < polar.speed:
+        _arrivals_at_choice(here, bx, by, bu, bv, polar, totals)
+        return
     x, y, u, v, departure = here
     speed = polar.speed
     for i in range(len(totals)):
@@ -278,6 +281,21 @@ def _arrivals(
         totals[i] = departure[i] + 0.5 * square * (
             1.0 / max(first, _MIN_WAY) + 1.0 / max(second, _MIN_WAY)
         )
+
+
+@kernel
+def _arrivals_at_choice(
+    here: _Row, bx: float, by: float, bu: float, bv: float, polar: Polar, totals: FloatArray
+) -> None:
+    """Fill in the same where the vessel chooses her speed through water."""
+    for i in range(len(totals)):
+        totals[i] = here.arrival[i]
+        dx, dy = bx - here.x[i], by - here.y[i]
+        length = math.sqrt(dx * dx + dy * dy)
+        if totals[i] < np.inf and length > 0.0:
+            tx, ty = dx / length, dy / length
+            mean = slowness(here.u[i], here.v[i], tx, ty, polar) + slowness(bu, bv, tx, ty, polar)
+            totals[i] += length * mean / 2
 
 
 @kernel

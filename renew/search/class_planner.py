@@ -20,7 +20,7 @@ from renew.errors import InfeasibleError, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
 from renew.kernels.current_table import velocities
-from renew.kernels.ground_speed import Polar
+from renew.kernels.ground_speed import chosen_speeds
 from renew.padding.padding_model import PaddingModel, region_of
 from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
@@ -34,11 +34,13 @@ from renew.paths.least_fuel_path import (
 )
 from renew.paths.random_chains import random_chains
 from renew.paths.shortcuts import each_shortened, with_shortcuts
+from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.harmonic_mean import harmonic_mean
 from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_as_it_is, steered_with_room
+from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.steering.turning_radius import steerable
 
 # Ratio of a steered path's fuel to that of the path before from which other ways are tried.
@@ -87,8 +89,11 @@ class ClassPlanner:
         )
         self.growth = PaddingGrowth(problem, self._model, policy)
 
-    def leaving(self, problem: Problem) -> ClassPlanner:
-        """Return the same for another departure's problem; what is known of padding is shared."""
+    def for_problem(self, problem: Problem) -> ClassPlanner:
+        """Return the same for another departure's problem, or at another price of time.
+
+        What is known of padding is shared.
+        """
         other = copy.copy(self)
         other.problem = problem
         other.growth = PaddingGrowth(problem, self._model, self.policy)
@@ -110,8 +115,10 @@ class ClassPlanner:
 
     def _find(self, channel: Channel) -> Found:
         """Best path of a class in the water around its channel."""
-        corridor = self.corridor(channel)
-        near: FloatArray | None = None
+        return self.find_in(self.corridor(channel))
+
+    def find_in(self, corridor: Corridor, near: FloatArray | None = None) -> Found:
+        """Best path of a corridor, near one (n, 2) of before, if any; its padding may grow."""
         for _ in range(_MAX_GROWTHS):
             found = self._found(corridor, near)
             shortfall = self.growth.shortfall(found.corridor, found.path)
@@ -123,10 +130,16 @@ class ClassPlanner:
             f"{_MAX_GROWTHS} times"
         )
 
-    def route(self, found: Found) -> Route:
-        """Route along a path, with all its figures."""
+    def route(self, found: Found, profile: SpeedProfile | None = None) -> Route:
+        """Route along a path, with all its figures; at the speeds of a profile, if there is one."""
         corridor, path, trajectory, fuel, class_mean = found
         voyage, paddings = self.problem.voyage, corridor.paddings
+        speeds, times = np.full(len(path) - 1, voyage.vessel.speed), voyage.arrivals(path)
+        duration = fuel / voyage.vessel.fuel_rate
+        if profile is not None:
+            path, speeds, times, fuel, _ = profile
+            trajectory = steer_as_drawn(path, corridor, speeds)
+            duration, class_mean = float(times[-1] - times[0]), fuel
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
         clearance = (
@@ -140,8 +153,9 @@ class ClassPlanner:
             fuel=fuel,
             length=float(line.length),
             clearance=float(clearance),
-            duration=fuel / voyage.vessel.fuel_rate,
-            times=voyage.arrivals(path),
+            duration=duration,
+            times=times,
+            speeds=speeds,
             fuel_bound=self.problem.fuel_bound,
             homotopy=name(self.problem.word(path)),
             corners=corridor.corners,
@@ -163,7 +177,8 @@ class ClassPlanner:
             _, path = self._least_fuel_path(bare, near_first)
         except InfeasibleError:
             return math.inf
-        return self.problem.voyage.fuel(path)
+        voyage = self.problem.voyage
+        return speed_profile(path, voyage).fuel if voyage.has_price else voyage.fuel(path)
 
     def corridor(self, channel: Channel) -> Corridor:
         """Where a class's paths are planned."""
@@ -242,6 +257,10 @@ class ClassPlanner:
         used, path, trajectory = steered(used, path)
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
+        if self.problem.voyage.has_price:
+            # What can be steered at the highest speed may not be at a lower one, across a current.
+            profile = speed_profile(path, self.problem.voyage)
+            steer_as_drawn(profile.path, used, profile.speeds)
         return Found(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
 
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
@@ -257,7 +276,7 @@ class ClassPlanner:
         speed polar: such paths can't be steered. The crab model's path then can, as it is: making
         room for it as well would double the time of a class that can't be sailed.
         """
-        polars = dict.fromkeys((corridor.polar, Polar(corridor.polar.speed, crab=True)))
+        polars = dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True)))
         ways = (_bulging, path_through_sections)
         attempts: list[Callable[[], tuple[Corridor, FloatArray]]] = []
         for polar in polars:
@@ -289,8 +308,10 @@ class ClassPlanner:
         legs, voyage = np.diff(path, axis=0), self.problem.voyage
         times = voyage.reading_times(path)[:-1]
         velocity = velocities(voyage.table, path[:-1] + legs / 2, times)
-        along = (velocity * legs).sum(axis=1) / np.linalg.norm(legs, axis=1)
-        return bool((along < -voyage.vessel.speed / 2).any())
+        course = legs / np.linalg.norm(legs, axis=1)[:, None]
+        along = (velocity * course).sum(axis=1)
+        speed = chosen_speeds(velocity, course, voyage.polar)
+        return bool((along < -speed / 2).any())
 
     def _least_fuel_path(
         self, corridor: Corridor, way: Callable[[Corridor], FloatArray]

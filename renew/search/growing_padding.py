@@ -43,6 +43,18 @@ class PaddingGrowth:
             self._turns_shortfall(*stage) for stage in corridor.stages(path)
         )
 
+    def collisions(
+        self, corridor: Corridor, path: FloatArray, speeds: FloatArray
+    ) -> Shortfalls | None:
+        """What padding lacks for turns along a path (n, 2) sailed at speeds (n - 1,), m/s.
+
+        The path has no via points.
+        """
+        if not self.policy.is_adaptive:
+            return None
+        reach = self.problem.reach
+        return _any([colliding_edges(path, self.problem.voyage, corridor.padded, reach, speeds)])
+
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """What padding lacks where a path bulges out of the channel for which it was set."""
         if not self.policy.is_adaptive:

@@ -69,6 +69,12 @@ class Results:
         self._done: set[Word] = set()
 
     @property
+    def all_found(self) -> Mapping[Word, Found]:
+        """The best path of each class, whichever class it was looked for in."""
+        self._add_slipped()
+        return self.found
+
+    @property
     def best(self) -> Found | None:
         """The path of least fuel, of whichever class."""
         self._add_slipped()
@@ -153,7 +159,7 @@ class Results:
         try:
             found = self._find(asked)
         except InfeasibleError as error:
-            self.rejected.setdefault(word, self._rejected(asked, error))
+            self.rejected.setdefault(word, self.rejected_for(asked, error))
             if error.strait is None:
                 self._done.add(channel.word)
             return error.blocked
@@ -181,7 +187,7 @@ class Results:
         for word, found in self._slipped.items():
             _keep_best(self.found, word, found)
 
-    def _rejected(self, channel: Channel, error: InfeasibleError) -> Rejected:
+    def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
         """A class without a route, and why."""
         return Rejected(
             homotopy=channel.name,

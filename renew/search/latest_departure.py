@@ -32,7 +32,7 @@ def latest_departure(sailings: DeparturePlanner, earliest: float, arrive_by: flo
     if best.found is None:
         raise best.error
     if best.arrival > arrive_by:
-        raise _too_late(best, arrive_by)
+        raise too_late_error(best, arrive_by)
     voyage = best.planner.problem.voyage
     too_late = min(arrive_by, voyage.current.span[1])
     late_by = math.inf
@@ -54,15 +54,18 @@ def latest_departure(sailings: DeparturePlanner, earliest: float, arrive_by: flo
     return best
 
 
-def _too_late(first: Sailing, arrive_by: float) -> ArrivalError:
+def too_late_error(
+    first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {:.3g} m/s"
+) -> ArrivalError:
     """Error for a time by which nobody is at the goal, with the speed or departure that would do.
 
-    Both are found along the path of the sailing, and so will do, at least nearly.
+    Both are found along the path of the sailing, and so will do, at least nearly. `faster` says in
+    what way the vessel has to be.
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
     remedies = ["allow that time", *_earlier(voyage, path, first.duration, arrive_by)]
-    remedies += _faster(voyage, path, arrive_by)
+    remedies += _faster(voyage, path, arrive_by, faster)
     return ArrivalError(
         f"arrive_by = {arrive_by:.6g} s can't be made: who leaves at {voyage.departure:.6g} s is "
         f"there at {first.arrival:.6g} s at the earliest. Either {', or '.join(remedies)}"
@@ -81,8 +84,8 @@ def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float
     return [] if found is None else [f"leave at {voyage.departure - found:.6g} s"]
 
 
-def _faster(voyage: Voyage, path: FloatArray, arrive_by: float) -> list[str]:
-    """The least speed at which a path is in time, as a text; none where none is."""
+def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[str]:
+    """The least speed at which a path is in time, put into a text; none where none is."""
 
     def is_in_time(speed: float) -> bool:
         faster = replace(voyage, vessel=replace(voyage.vessel, speed=speed))
@@ -90,7 +93,7 @@ def _faster(voyage: Voyage, path: FloatArray, arrive_by: float) -> list[str]:
 
     speed = voyage.vessel.speed
     found = _least(is_in_time, speed, _FASTEST * speed)
-    return [] if found is None else [f"take a vessel that makes {found:.3g} m/s"]
+    return [] if found is None else [text.format(found)]
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:

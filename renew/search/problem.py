@@ -21,8 +21,8 @@ from renew.paths.corridor import SLACK
 from renew.route import FuelBound
 from renew.turns.reach_bound import TurnReach
 
-# Parts of a problem that don't depend on the departure: classes keep their names.
-_SHARED_BY_DEPARTURES = ("overpowered_water", "triangulation", "all_rays", "rays", "reach")
+# Parts of a problem that don't depend on departure or speeds: classes keep their names.
+_SHARED = ("overpowered_water", "triangulation", "all_rays", "rays", "reach")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,13 @@ class Problem:
     def leaving(self, departure: float) -> Problem:
         """Return the same at another departure (s); what all departures share is computed once."""
         other = replace(self, voyage=self.voyage.leaving(departure), base=self)
-        other.__dict__.update({name: getattr(self, name) for name in _SHARED_BY_DEPARTURES})
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
+        return other
+
+    def at_price(self, price: float) -> Problem:
+        """Return the same at another price of time; what does not depend on it is shared."""
+        other = replace(self, voyage=self.voyage.at_price(price), base=None)
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
         return other
 
     def word(self, path: FloatArray) -> Word:

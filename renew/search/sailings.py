@@ -120,7 +120,7 @@ class Sailings:
     def sailing(self, departure: float) -> Sailing:
         """The best route at a departure (s)."""
         problem = self._planner.problem.leaving(departure)
-        planner, bare = self._planner.leaving(problem), self._bare.leaving(problem)
+        planner, bare = self._planner.for_problem(problem), self._bare.for_problem(problem)
         try:
             check_current_at_endpoints(problem.voyage)
         except CurrentTooStrongError as error:

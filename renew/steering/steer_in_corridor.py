@@ -87,9 +87,12 @@ def _steered(
     return path, steer_as_drawn(path, corridor)
 
 
-def steer_as_drawn(path: FloatArray, corridor: Corridor) -> FloatArray:
+def steer_as_drawn(
+    path: FloatArray, corridor: Corridor, speeds: FloatArray | None = None
+) -> FloatArray:
     """Trajectory (m, 4) along a path (n, 2) whose corners are wide enough.
 
+    Its legs are sailed at the vessel's speed, or at speeds (n - 1,) through water, m/s.
     InfeasibleError where they are not, or where either leaves the corridor.
     """
     voyage = corridor.voyage
@@ -99,7 +102,7 @@ def steer_as_drawn(path: FloatArray, corridor: Corridor) -> FloatArray:
             raise InfeasibleError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]
             )
-    trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure)
+    trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure, speeds)
     track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))

@@ -11,6 +11,7 @@ from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import ground_speed, reading_times, times_under_way
+from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
 from renew.steering.turning_radius import corner_radius, course_changes
 
@@ -20,24 +21,40 @@ _ARC_STEP = np.radians(2)
 _LEG_SAMPLES = 256
 # Factor by which radii grow until the heading rate is at most ω, and how often they may.
 _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 20
+# Largest turn (rad) at a point where only the speed changes: rounding.
+_STRAIGHT = 1e-9
 
 
 def steer(
-    path: FloatArray, current: CurrentField, vessel: Vessel, departure: float = 0.0
+    path: FloatArray,
+    current: CurrentField,
+    vessel: Vessel,
+    departure: float = 0.0,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Trajectory (m, 4) of t (s), x, y (m), heading (rad) along a path (n, 2), corners rounded.
 
-    It begins at the departure, on the clock of a current that changes.
+    It begins at the departure, on the clock of a current that changes. Legs are sailed at the
+    vessel's speed, or at speeds (n - 1,) through water.
 
     The vessel crabs: at each row its heading is the one whose ground velocity
     v (cos θ, sin θ) + c runs along the path. Post-condition: |Δθ/Δt| <= ω between rows; where
     that can't be, InfeasibleError says why.
     """
-    times = reading_times(path, current, vessel, drift="crab", departure=departure)
-    radius = corner_radius(path, current, vessel, times[1:-1])
+    own = np.full(len(path) - 1, vessel.speed) if speeds is None else speeds
+    times = reading_times(path, current, vessel, drift="crab", departure=departure, speeds=own)
+    radius = corner_radius(path, current, vessel, times[1:-1], own)
+    corners = path
+    if speeds is not None:
+        # Where the speed alone changes there is no corner, and the legs beside one are longer.
+        turn, _ = course_changes(path)
+        is_corner = np.concatenate([[True], np.abs(turn) > _STRAIGHT, [True]])
+        corners, radius = path[is_corner], radius[is_corner[1:-1]]
     for _ in range(_MAX_GROWTHS):
-        curve = _rounded(path, radius)
-        trajectory = _crab_along(curve, current, vessel, departure)
+        curve = _rounded(corners, radius)
+        middles = (curve.points[:-1] + curve.points[1:]) / 2
+        through_water = speeds_along(middles, path, own)
+        trajectory = _crab_along(curve, current, through_water, departure)
         turning = np.abs(np.diff(trajectory[:, 3]))
         fast = turning > vessel.turn_rate * np.diff(trajectory[:, 0]) * (1 + 1e-9)
         if not fast.any():
@@ -119,9 +136,13 @@ def _densified(curve: _Curve) -> _Curve:
 
 
 def _crab_along(
-    curve: _Curve, current: CurrentField, vessel: Vessel, departure: float
+    curve: _Curve, current: CurrentField, through_water: FloatArray, departure: float
 ) -> FloatArray:
-    """Trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule."""
+    """Trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
+
+    Between its points it is sailed at speeds (m - 1,) through water; where these change the heading
+    is that of their mean.
+    """
     tangent = np.stack([np.cos(curve.course), np.sin(curve.course)], axis=-1)
     lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
 
@@ -129,16 +150,20 @@ def _crab_along(
         """Time (p,), s, over some legs, by the times (p + 1,) at their ends."""
         ends = slice(some.start, some.stop + 1)
         velocity = current.velocity(curve.points[ends], times)
-        speed = ground_speed(velocity, tangent[ends], vessel.speed, "crab")
-        slowness = np.where(speed > 0, 1 / np.where(speed > 0, speed, 1.0), np.inf)
-        return np.asarray(lengths[some] * (slowness[:-1] + slowness[1:]) / 2)
+        both = [
+            ground_speed(velocity[side], tangent[ends][side], through_water[some], "crab")
+            for side in (slice(0, -1), slice(1, None))
+        ]
+        slowness = np.where(np.array(both) > 0, 1 / np.where(np.array(both) > 0, both, 1.0), np.inf)
+        return np.asarray(lengths[some] * slowness.sum(axis=0) / 2)
 
     time = times_under_way(durations, len(lengths), departure, is_steady=current.is_steady)
     if not math.isfinite(time[-1]):
         at = curve.points[~np.isfinite(time)][0]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)
     velocity = current.velocity(curve.points, time)
-    speed = ground_speed(velocity, tangent, vessel.speed, "crab")
-    through_water = speed[:, None] * tangent - velocity
-    heading = np.unwrap(np.arctan2(through_water[:, 1], through_water[:, 0]))
+    around = np.concatenate([through_water[:1], through_water, through_water[-1:]])
+    speed = ground_speed(velocity, tangent, (around[:-1] + around[1:]) / 2, "crab")
+    towards = speed[:, None] * tangent - velocity
+    heading = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
     return np.column_stack([time, curve.points, heading])

@@ -58,7 +58,11 @@ def course_changes(paths: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def corner_radius(
-    paths: FloatArray, current: CurrentField, vessel: Vessel, times: float | FloatArray = 0.0
+    paths: FloatArray,
+    current: CurrentField,
+    vessel: Vessel,
+    times: float | FloatArray = 0.0,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Smallest radius (..., n - 2) in metres that can be steered over ground at inner corners.
 
@@ -66,18 +70,21 @@ def corner_radius(
     radian of χ, with V the speed over ground: following the curve at rate ω takes a radius of
     V² / (ω v cos β). In a following current that is more than r' = V / ω. The larger of the two
     legs' radii counts; where the course can't be held, r' with V = v + |c|. Corners are passed at
-    `times` (..., n - 2), s.
+    `times` (..., n - 2), s; legs are sailed at the vessel's speed, or at speeds (n - 1,).
     """
+    if speeds is None:
+        speeds = np.full(paths.shape[-2] - 1, vessel.speed)
     corners, legs = paths[..., 1:-1, :], np.diff(paths, axis=-2)
     units = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
     velocity = current.velocity(corners, times)
     radius = np.zeros(corners.shape[:-1])
-    for tangent in (units[..., :-1, :], units[..., 1:, :]):
-        over_ground = ground_speed(velocity, tangent, vessel.speed, "crab")
+    sides = ((units[..., :-1, :], speeds[:-1]), (units[..., 1:, :], speeds[1:]))
+    for tangent, speed in sides:
+        over_ground = ground_speed(velocity, tangent, speed, "crab")
         along = (velocity * tangent).sum(-1)
         with np.errstate(invalid="ignore", divide="ignore"):
             # over_ground - along = v cos β
             needed = over_ground**2 / (vessel.turn_rate * (over_ground - along))
-        bound = (vessel.speed + np.linalg.norm(velocity, axis=-1)) / vessel.turn_rate
+        bound = (speed + np.linalg.norm(velocity, axis=-1)) / vessel.turn_rate
         radius = np.maximum(radius, np.where(np.isfinite(needed), needed, bound))
     return radius

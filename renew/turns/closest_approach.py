@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ class Tightest(NamedTuple):
     padding : of the edge (m).
     gap : from the point to the edge (m).
     reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
-        sides, in draws of the current in the triangle and of headings about this one.
+        sides, at the speed sailed there, in draws of the current in the triangle and of headings
+        about this one.
     """
 
     point: FloatArray
@@ -90,7 +92,7 @@ def tightest(
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),
-        vessel,
+        replace(vessel, speed=float(route.speeds[leg])),
     )
     return Tightest(
         point=point,

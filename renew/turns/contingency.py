@@ -9,7 +9,7 @@ zone L is a collision.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -28,6 +28,7 @@ from renew.inputs.current import (
 )
 from renew.inputs.fuel import Drift, ground_speed, reading_times
 from renew.inputs.punctuality import early_and_late
+from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import Table, velocity
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
@@ -80,6 +81,7 @@ def contingency(
     lateness: float = 0.05,
     min_lateness: float = 0.0,
     drift: Drift = "projected",
+    speeds: FloatArray | None = None,
 ) -> Contingency:
     """Fly a full hard-over turn to both sides from points along a route.
 
@@ -109,6 +111,9 @@ def contingency(
         Time (s) by which it may be so at least.
     drift : {"projected", "crab"}
         Drift model by which the time of passage is reckoned.
+    speeds : array_like, optional
+        Speeds through water (n - 1,), m/s, at which the legs are sailed and turns are flown; by
+        default those that were chosen for the route, or the vessel's.
 
     Returns
     -------
@@ -130,7 +135,14 @@ def contingency(
     if departure is None:
         departure = float(getattr(route, "times", np.zeros(1))[0])
     points, course = stations(path, spacing)
-    times = reading_times(points, field, vessel, drift=drift, departure=departure)
+    if speeds is None:
+        speeds = getattr(route, "speeds", None)
+    own = np.full(len(path) - 1, vessel.speed) if speeds is None else np.asarray(speeds, float)
+    speed = speeds_along(points, path, own)
+    vessel = replace(vessel, speed=float(own.max()))
+    times = reading_times(
+        points, field, vessel, drift=drift, departure=departure, speeds=speed[:-1]
+    )
     passed: tuple[FloatArray, ...] = (times,)
     if not field.is_steady:
         early, late = early_and_late(times, departure, lateness, min_lateness)
@@ -145,7 +157,15 @@ def contingency(
     hits = np.zeros(len(points), dtype=np.int64)
     deviations = _drawn_deviations(len(points), seed)
     for begin in passed:
-        turns = fly_turns(points[near], course[near], field, vessel, deviations[near], begin[near])
+        turns = fly_turns(
+            points[near],
+            course[near],
+            field,
+            vessel,
+            deviations[near],
+            begin[near],
+            speeds=speed[near],
+        )
         if chart.no_go and near.any():
             hits[near] += _touching(turns, tree).sum(axis=1)
     return Contingency(
@@ -172,14 +192,16 @@ def fly_turns(
     deviations: FloatArray,
     times: FloatArray,
     steps: int = _TURN_STEPS,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
-    They begin at `times` (n,), s. Each of the draws, to either side, is flown in the field
-    perturbed by `deviations` (n or 1, draws, 2): multiples of the spread of its speed and of its
-    direction.
+    They begin at `times` (n,), s, at speeds (n,) through water, or at the vessel's. Each of the
+    draws, to either side, is flown in the field perturbed by `deviations` (n or 1, draws, 2):
+    multiples of the spread of its speed and of its direction.
     """
-    heading = _crab_heading(points, course, field, vessel, times)
+    speeds = np.full(len(points), vessel.speed) if speeds is None else speeds
+    heading = _crab_heading(points, course, field, speeds, times)
     speed_change, direction_change = perturbations(points, field, vessel, deviations, times)
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
@@ -190,12 +212,14 @@ def fly_turns(
                 speed_change,
                 direction_change,
                 field.nodes,
-                vessel.speed,
+                speeds,
                 vessel.turn_rate,
                 steps,
             )
         )
-    return _flown(points, times, heading, speed_change, direction_change, field, vessel, steps)
+    return _flown(
+        points, times, heading, speed_change, direction_change, field, speeds, vessel, steps
+    )
 
 
 def _flown(
@@ -205,6 +229,7 @@ def _flown(
     speed_change: FloatArray,
     direction_change: FloatArray,
     field: CurrentField,
+    speeds: FloatArray,
     vessel: Vessel,
     steps: int,
 ) -> FloatArray:
@@ -220,7 +245,8 @@ def _flown(
     for i in range(steps):
         now = times[:, None, None] + i * step
         middle = heading[:, None, None] + side * vessel.turn_rate * step * (i + 0.5)
-        through = vessel.speed * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
+        through = np.stack([np.cos(middle), np.sin(middle)], axis=-1)
+        through *= speeds[:, None, None, None]
         through = np.broadcast_to(through, position.shape)
         half = position + step / 2 * (
             through + _perturbed(field.velocity(position, now), speed_change, direction_change)
@@ -241,7 +267,7 @@ def _flown_by_table(
     speed_change: FloatArray,
     direction_change: FloatArray,
     table: Table,
-    speed: float,
+    speeds: FloatArray,
     turn_rate: float,
     steps: int,
 ) -> FloatArray:
@@ -251,6 +277,7 @@ def _flown_by_table(
     step = 2 * math.pi / turn_rate / steps
     through = np.empty((steps, 2))
     for i in range(count):
+        speed = speeds[i]
         for side in range(2):
             rate = turn_rate if side == 0 else -turn_rate
             for k in range(steps):
@@ -322,13 +349,13 @@ def _crab_heading(
     points: FloatArray,
     course: FloatArray,
     field: CurrentField,
-    vessel: Vessel,
+    speeds: FloatArray,
     times: FloatArray,
 ) -> FloatArray:
     """Heading (n,) that holds the course in the current, or the course where none does."""
     tangent = np.stack([np.cos(course), np.sin(course)], axis=-1)
     velocity = field.velocity(points, times)
-    speed = ground_speed(velocity, tangent, vessel.speed, "crab")
+    speed = ground_speed(velocity, tangent, speeds, "crab")
     through = np.where((speed > 0)[:, None], speed[:, None] * tangent - velocity, tangent)
     return np.arctan2(through[:, 1], through[:, 0])
 

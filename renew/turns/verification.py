@@ -13,6 +13,7 @@ import shapely
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
+from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import segment_distance, segments_near, tracks_touch
@@ -37,13 +38,20 @@ _CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1
 
 
 def colliding_edges(
-    path: FloatArray, voyage: Voyage, padded: PaddedEdges, reach: TurnReach
+    path: FloatArray,
+    voyage: Voyage,
+    padded: PaddedEdges,
+    reach: TurnReach,
+    speeds: FloatArray | None = None,
 ) -> tuple[IntArray, FloatArray] | None:
     """Constrained edges that turns along a path touch, and by how much their padding must grow (m).
 
     None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of
-    V around a start or goal that itself lies in V are left out: no padding there could help.
+    V around a start or goal that itself lies in V are left out: no padding there could help. They
+    are flown at the vessel's speed, or at those (n - 1,) at which the legs are sailed.
     """
+    if speeds is None:
+        speeds = np.full(len(path) - 1, voyage.vessel.speed)
     if not len(padded.edge):
         return None
     chart, vessel, field = voyage.chart, voyage.vessel, voyage.quick_current
@@ -51,6 +59,7 @@ def colliding_edges(
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     spacing = max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
     points, course, times = passed_stations(path, spacing, voyage)
+    speed = speeds_along(points, path, speeds)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     furthest = reach(points)
     first, near = segments_near(points, furthest + margin, padded.start, padded.end)
@@ -59,7 +68,8 @@ def colliding_edges(
 
     def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
         begin = times[chosen]
-        turns = fly_turns(points[chosen], course[chosen], field, vessel, deviations, begin, _STEPS)
+        flown, at = (points[chosen], course[chosen]), speed[chosen]
+        turns = fly_turns(*flown, field, vessel, deviations, begin, _STEPS, at)
         edges = np.concatenate([near[first[i] : first[i + 1]] for i in chosen])
         bounds = np.concatenate([[0], np.cumsum(np.diff(first)[chosen])])
         return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)

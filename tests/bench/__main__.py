@@ -27,6 +27,7 @@ from tests.bench import (
     pipeline_figures,
     planner_figures,
     sea_figures,
+    speed_figures,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
     "clock": clock_figures.figures,
+    "speeds": speed_figures.figures,
     "nightly": nightly_figures.figures,
     "nightly-faults": night_fault_figures.figures,
 }

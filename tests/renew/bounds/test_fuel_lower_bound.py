@@ -16,6 +16,7 @@ from shapely import Polygon, box
 import renew
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.bounds.growth_rate import projected_rate
 from renew.inputs.fuel import ground_speed
 from renew.inputs.voyage import Voyage
 from tests.compiler import uncompiled
@@ -84,7 +85,7 @@ def test_the_rate_is_the_largest_over_the_circle(
     compiled: bool,
 ) -> None:
     px, py, cx, cy = vectors
-    rate = bounds._projected_rate if compiled else uncompiled(bounds._projected_rate)
+    rate = projected_rate if compiled else uncompiled(projected_rate)
     angle = np.linspace(0, 2 * np.pi, 20_000)
     x, y = np.cos(angle), np.sin(angle)
     largest = float(((px * x + py * y) * (1 + cx * x + cy * y)).max())

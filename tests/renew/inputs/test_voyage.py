@@ -31,4 +31,4 @@ def test_fuel_is_that_of_the_chosen_drift_model() -> None:
     assert voyage_on(CHART, current=current).fuel(path) == pytest.approx(80)
     crab = voyage_on(CHART, current=current, drift="crab")
     assert crab.fuel(path) == pytest.approx(100)
-    assert crab.polar == (PAPER_VESSEL.speed, True)
+    assert crab.polar[:2] == (PAPER_VESSEL.speed, True)

@@ -9,7 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renew.kernels.ground_speed import Polar, ground_speed, ground_speeds
+from renew.kernels.ground_speed import (
+    Polar,
+    choosing,
+    chosen_speeds,
+    ground_speed,
+    ground_speeds,
+    made_good,
+)
 from tests.compiler import uncompiled
 from tests.strategies import angles
 
@@ -49,4 +56,30 @@ def test_many_at_once_are_each_by_itself() -> None:
             ground_speed(cx, cy, tx, ty, polar)
             for (cx, cy), (tx, ty) in zip(velocity, tangent, strict=True)
         ]
-        assert ground_speeds(velocity, tangent, polar) == pytest.approx(one_by_one, nan_ok=True)
+        assert ground_speeds(velocity, tangent, np.ones(len(velocity)), crab) == pytest.approx(
+            one_by_one, nan_ok=True
+        )
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0, 4.5])
+def test_the_chosen_speed_is_the_cheapest_of_all(exponent: float) -> None:
+    rng = np.random.default_rng(int(2 * exponent))
+    for _ in range(150):
+        most = rng.uniform(0.5, 3)
+        least, price = most * rng.uniform(0.05, 0.95), float(rng.choice([0.0, rng.uniform(0, 20)]))
+        crab, (along, across) = bool(rng.integers(2)), rng.normal(0, rng.choice([0.1, 0.5, 1.0]), 2)
+        polar = choosing(most, crab=crab, least=least, price=price, exponent=exponent)
+        current, course = np.array([along, across]), np.array([1.0, 0.0])
+        speed = float(chosen_speeds(current, course, polar))
+        made = float(made_good(current, course, polar))
+        speeds = np.linspace(least, most, 20_001)
+        with np.errstate(invalid="ignore"):
+            way = along + (np.sqrt(speeds**2 - across**2) if crab else speeds)
+        rate = np.where(way > 0, way, 0.0) / (speeds**exponent + price)
+        if rate.max() <= 0:
+            assert not made > 0
+            continue
+        assert made == pytest.approx(polar.scale * rate.max(), rel=1e-5)
+        assert least <= speed <= most
+    still = choosing(2.0, crab=True, least=0.5, price=1.3, exponent=exponent)
+    assert float(made_good(np.zeros(2), np.array([1.0, 0.0]), still)) == pytest.approx(2.0)

@@ -1,0 +1,124 @@
+"""Speeds along a given path: published figures, SciPy's optimizer, and the deadline."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from shapely import box
+
+import renew
+from renew.inputs.current import as_field
+from renew.inputs.speed_choice import SpeedChoice
+from renew.inputs.voyage import Voyage
+from renew.paths.speed_profile import speed_profile, trade_off
+from tests.speed_oracle import least_fuel
+from tests.strategies import StreamFunctionCurrent
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+    from renew.inputs.current import CurrentLike
+    from renew.inputs.fuel import Drift
+
+DRIFTS = ("projected", "crab")
+CHART = renew.Chart(box(-1, -1, 101, 101))
+
+
+def _with_and_against(points: FloatArray) -> FloatArray:
+    """With 0.4 m/s for a metre, then against as much."""
+    u = np.where(points[..., 0] < 1, 0.4, -0.4)
+    return np.stack([u, np.zeros_like(u)], axis=-1)
+
+
+def _voyage(
+    path: FloatArray,
+    current: CurrentLike,
+    deadline: float = math.inf,
+    *,
+    exponent: float = 2.0,
+    drift: Drift = "projected",
+    speeds: tuple[float, float] = (0.1, 3.0),
+) -> Voyage:
+    vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
+    choice = SpeedChoice(speeds[0], deadline=deadline)
+    return Voyage(CHART, as_field(current), vessel, path[0], path[-1], drift, choice=choice)
+
+
+@pytest.mark.parametrize("drift", DRIFTS)
+@pytest.mark.parametrize(
+    ("exponent", "fuel", "speeds"),
+    [(2.0, 2.155556, (0.5, 1.3)), (3.0, 2.366361, (0.733587, 1.146232))],
+)
+def test_two_metres_with_and_against(
+    exponent: float, fuel: float, speeds: tuple[float, float], drift: Drift
+) -> None:
+    path = np.array([[0.0, 0.0], [2.0, 0.0]])
+    voyage = _voyage(path, _with_and_against, 2 / 0.9, exponent=exponent, drift=drift)
+    found = speed_profile(path, voyage)
+    assert found.fuel == pytest.approx(fuel, rel=1e-5)
+    assert found.speeds == pytest.approx(speeds, rel=1e-4)
+    assert found.path == pytest.approx(np.array([[0, 0], [1, 0], [2, 0]]))
+    assert found.arrival == pytest.approx(2 / 0.9, rel=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0, 3.0, 4.0])
+def test_where_time_is_free_the_current_sets_the_speed(exponent: float) -> None:
+    path = np.array([[0.0, 0.0], [50.0, 0.0]])
+    voyage = _voyage(path, renew.UniformCurrent(-0.5, 0.0), exponent=exponent)
+    found = speed_profile(path, voyage)
+    assert found.speeds == pytest.approx(exponent * 0.5 / (exponent - 1), rel=1e-6)
+    assert found.price == 0
+    # With the current nothing is gained by haste.
+    with_it = speed_profile(path, _voyage(path, renew.UniformCurrent(0.5, 0.0), exponent=exponent))
+    assert with_it.speeds == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("drift", DRIFTS)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_speeds_of_an_optimizer_need_less(seed: int, drift: Drift) -> None:
+    rng = np.random.default_rng(seed)
+    current = StreamFunctionCurrent(seed, 0.6)
+    path = np.column_stack([np.linspace(5, 95, 9), 50 + np.cumsum(rng.normal(0, 6, 9))])
+    exponent, speeds = float(rng.choice([2.0, 3.0])), (0.7, 2.0)
+    slowest = _voyage(path, current, speeds=speeds, exponent=exponent, drift=drift)
+    times, _ = trade_off(path, slowest)
+    deadline = float(times[0] + 0.4 * (times[-1] - times[0]))
+    voyage = _voyage(path, current, deadline, speeds=speeds, exponent=exponent, drift=drift)
+    found = speed_profile(path, voyage)
+    pieces = np.concatenate(
+        [np.linspace(a, b, 4)[:-1] for a, b in itertools.pairwise(path)] + [path[-1:]]
+    )
+    oracle = least_fuel(
+        pieces, current, speeds, deadline, exponent=exponent, crab=drift == "crab", moving=False
+    )
+    assert found.fuel <= oracle * 1.0005
+    assert deadline * (1 - 1e-6) <= found.arrival <= deadline
+    sailed = renew.fuel(found.path, current, voyage.vessel, drift=drift, speeds=found.speeds)
+    assert sailed == pytest.approx(found.fuel, rel=1e-4)
+    assert (found.speeds >= speeds[0]).all()
+    assert (found.speeds <= speeds[1]).all()
+    arrivals, fuels = trade_off(path, voyage)
+    assert np.interp(deadline, arrivals, fuels) == pytest.approx(found.fuel, rel=2e-3)
+    assert (np.diff(fuels) <= 1e-12).all()
+
+
+def test_too_late_even_at_the_highest_speed() -> None:
+    path = np.array([[0.0, 0.0], [30.0, 0.0]])
+    found = speed_profile(path, _voyage(path, renew.UniformCurrent(0.0, 0.0), 9.99))
+    assert math.isinf(found.fuel)
+    assert found.arrival == pytest.approx(10.0)
+    just = speed_profile(path, _voyage(path, renew.UniformCurrent(0.0, 0.0), 10.0 + 1e-9))
+    assert just.speeds == pytest.approx(3.0)
+    assert just.fuel == pytest.approx(90.0)
+
+
+def test_without_a_choice_the_path_is_sailed_at_the_one_speed() -> None:
+    path = np.array([[0.0, 0.0], [30.0, 0.0], [40.0, 10.0]])
+    voyage = _voyage(path, renew.UniformCurrent(0.1, 0.0), speeds=(1.5, 1.5))
+    found = speed_profile(path, voyage)
+    assert np.array_equal(found.path, path)
+    assert found.speeds.tolist() == [1.5, 1.5]
+    assert found.fuel == pytest.approx(voyage.fuel(path))
