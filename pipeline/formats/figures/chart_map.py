@@ -186,14 +186,14 @@ def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = Non
     Clipped to an area if one is given.
     """
     detail = DETAIL_PT * point(axes)
-    land = _visible(_clipped(result.scene.land, within), detail)
+    land = visible(_clipped(result.scene.land, within), detail)
     shoals = result.scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
     return [
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
         patch(
-            _visible(_clipped(shoals, within), detail),
+            visible(_clipped(shoals, within), detail),
             facecolor=COLOURS["shoal"],
             edgecolor="none",
             zorder=4,
@@ -205,7 +205,7 @@ def no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = No
     """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
     if result.scenario.is_planar:
         return []
-    no_go = _visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
+    no_go = visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
     return [
         patch(no_go, facecolor=COLOURS["land"], edgecolor="none", alpha=_ADDED_ALPHA, zorder=3.5)
     ]
@@ -321,7 +321,7 @@ def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
             drawn.set_clip_path(sea)
         label(axes, line.label, line.foot, below=line.is_meridian)
     frame = patch(extent, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=7.5)
-    axes.add_patch(frame)
+    axes.add_artist(frame)
     frame.set_clip_on(False)
     draw_scale_bar(axes, result.scene.projection)
 
@@ -333,7 +333,7 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
     return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
 
 
-def _visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+def visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
     """Simplify areas (n,) by a detail, and drop those smaller than it."""
     west, south, east, north = shapely.bounds(areas).T
     return np.asarray(
@@ -385,7 +385,7 @@ def _map_axes(
     axes.set_xlim(xmin, xmax)
     axes.set_ylim(ymin, ymax)
     sea = patch(result.scene.chart.extent, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
-    axes.add_patch(sea)
+    axes.add_artist(sea)
     return axes, sea
 
 

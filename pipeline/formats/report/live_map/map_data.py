@@ -158,7 +158,8 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
-    zones = shapely.simplify(zones, tolerance)
+    # Tens of thousands of vertices each: it would take ten times as long with topology kept.
+    zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))
     zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
     return {
         (ranked.season, ranked.rank): within(zones[i : i + 1], chart.extent)

@@ -15,12 +15,11 @@ import pyproj
 import pytest
 import shapely
 
-from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan, Zone
-from tests.pipeline.formats import small_run
-from tests.pipeline.formats.exchange import runs
+from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.validators import geopackage_faults
 
