@@ -43,8 +43,14 @@ FIELDS = {
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
     "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
     "kind": Field(
-        "Kind", "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered"
+        "Kind",
+        "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered; "
+        "of water with a depth: natural or dredged",
     ),
+    "depth_min_m": Field(
+        "Least depth (m)", "At chart datum; negative where it dries, empty where it is not charted"
+    ),
+    "depth_max_m": Field("Greatest depth (m)", "At chart datum; empty where it is not charted"),
     "rule": Field("Rule", "What the chart says or prescribes there"),
     "filled_share": Field(
         "Current filled (share)",

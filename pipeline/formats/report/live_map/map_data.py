@@ -44,7 +44,10 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
     """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
     scene = result.scene
     lattice = Lattice.of(scene.chart.bounds, scene.projection.scale)
-    shoals = scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
+    shoals, hazards = (
+        scene.projection.geometry_to_plane(np.array(areas, dtype=object))
+        for areas in (result.shoals, result.hazards)
+    )
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
@@ -53,6 +56,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),
         "noGo": _no_go(result, lattice),
         "shoals": _areas(result, shoals, lattice),
+        "hazards": _areas(result, hazards, lattice),
         "zones": _zones(result, lattice),
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
