@@ -201,7 +201,7 @@ def test_the_project_opens_as_a_finished_map(
     assert found["errors"] == []
     assert found["messages"] == []
     assert sorted(found["groups"]) == sorted(found["themes"]) == ["Summer", "Winter (December)"]
-    assert len(found["layers"]) == 21
+    assert len(found["layers"]) == 22
     assert all(layer["valid"] for layer in found["layers"].values())
     counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
     assert sorted(counts) == sorted(len(result.season_routes(s)) for s in ("summer", "winter"))
