@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -91,11 +91,7 @@ class Route:
     @cached_property
     def soft_no_go(self) -> BaseGeometry:
         """The soft no-go zone V of this class: its padded edges, buffered."""
-        padded = self.padding_used[self.padding_used[:, 4] > 0]
-        if not len(padded):
-            return shapely.MultiPolygon()
-        lines = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
-        return shapely.union_all(shapely.buffer(lines, padded[:, 4], quad_segs=16))
+        return _united([self.padding_used])[0]
 
     @property
     def fuel_per_distance(self) -> float:
@@ -110,6 +106,35 @@ class Route:
         """
         bound = self.fuel_bound.value
         return max(0.0, self.fuel / bound - 1) if bound > 0 else math.inf
+
+
+def unite_soft_no_go(routes: Sequence[Route]) -> None:
+    """Compute V of several routes together, which takes half the time, and keep it with them."""
+    zones = _united([route.padding_used for route in routes])
+    for route, zone in zip(routes, zones, strict=True):
+        vars(route)["soft_no_go"] = zone
+
+
+def _united(paddings: Sequence[FloatArray]) -> list[BaseGeometry]:
+    """V of each of several routes, of its edges (e, 5): x0, y0, x1, y1, padding.
+
+    Routes on one chart share most of their padded edges: those of the same routes are united once.
+    """
+    padded = [edges[edges[:, 4] > 0] for edges in paddings]
+    route = np.repeat(np.arange(len(padded)), [len(edges) for edges in padded])
+    if not len(route):
+        return [shapely.MultiPolygon() for _ in padded]
+    rows, row = np.unique(np.vstack(padded), axis=0, return_inverse=True)
+    shared = np.zeros((len(rows), len(padded)), dtype=bool)
+    shared[row.ravel(), route] = True
+    members, group = np.unique(shared, axis=0, return_inverse=True)
+    lines = shapely.linestrings(rows[:, :4].reshape(-1, 2, 2))
+    capsules = shapely.buffer(lines, rows[:, 4], quad_segs=16)
+    parts = [shapely.union_all(capsules[group.ravel() == one]) for one in range(len(members))]
+    return [
+        shapely.union_all([parts[one] for one in np.flatnonzero(members[:, at])])
+        for at in range(len(padded))
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,6 +191,8 @@ def plot(
             )
         for file in drawn.files:
             typer.echo(short_path(file))
+        for reason in drawn.skipped:
+            typer.echo(reason, err=True)
         for failure in drawn.failures:
             typer.echo(f"error: {failure}", err=True)
         raise typer.Exit(1 if drawn.failures else 0)

@@ -8,11 +8,13 @@ from __future__ import annotations
 import secrets
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 from pipeline.cli.plot_variants import compared_variants
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
+from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.run import planned_scenario
 from pipeline.stages.write import output_directory, safe_name
 
@@ -39,11 +41,15 @@ _METADATA: dict[str, dict[str, str | None]] = {
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """The files that were written, and one line for each season that could not be drawn."""
+    """The files that were written, and one line for each season that could not be drawn.
+
+    `skipped` has one for each figure of which a season has nothing to show.
+    """
 
     directory: Path
     files: tuple[Path, ...]
     failures: tuple[str, ...]
+    skipped: tuple[str, ...] = ()
 
 
 def plot(
@@ -96,18 +102,19 @@ def plot(
             if entry.season in chosen and entry.failure
         }
         directory = output_directory(output.resolve(), scenario.name) / FOLDER
-        files = [
-            _save(
-                figure(result, name, kind, width, variants),
-                directory / f"{safe_name(name)}-{kind.value}.{form.value}",
-                f"{result.scenario.title or scenario.name}, {result.season_title(name)}: "
-                f"{kind.value}",
+        files, skipped = [], []
+        for name, kind in product((name for name in chosen if name not in failures), selected):
+            try:
+                drawing = figure(result, name, kind, width, variants)
+            except NothingToDrawError as reason:
+                skipped.append(f"season {name!r}: no figure {kind.value}: {reason}")
+                continue
+            path = directory / f"{safe_name(name)}-{kind.value}.{form.value}"
+            about = result.scenario.title or scenario.name
+            files.append(
+                _save(drawing, path, f"{about}, {result.season_title(name)}: {kind.value}")
             )
-            for name in chosen
-            if name not in failures
-            for kind in selected
-        ]
-    return Drawn(directory, tuple(files), tuple(failures.values()))
+    return Drawn(directory, tuple(files), tuple(failures.values()), tuple(skipped))
 
 
 def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str) -> None:

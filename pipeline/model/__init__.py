@@ -24,6 +24,7 @@ from pipeline.model.evaluation import (
 )
 from pipeline.model.land import (
     Credit,
+    DepthArea,
     Land,
     PlaceName,
     Zone,
@@ -43,6 +44,7 @@ __all__ = [
     "Credit",
     "CurrentGrid",
     "DepartureChoice",
+    "DepthArea",
     "Evaluation",
     "Fetched",
     "GapShares",

@@ -42,6 +42,19 @@ class Zone:
 
 
 @dataclass(frozen=True, slots=True)
+class DepthArea:
+    """Water of a chart between two depths in metres at chart datum, NaN where not charted.
+
+    A negative depth dries. `area` is in lon/lat degrees.
+    """
+
+    kind: Literal["natural", "dredged"]
+    least_m: float
+    greatest_m: float
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
 class PlaceName:
     """A chart's name for some land: a point on it (degrees), and how large it is (square degrees).
 
@@ -64,7 +77,7 @@ class Land:
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
     it, but a route that crosses it does so where the two disagree. `places` are the chart's names
     of land, where it has any. `depths` says where the chart has depths; None where it has none at
-    all.
+    all. `depth_areas` are its areas of equal depth, where it has any.
     """
 
     polygons: tuple[Polygon, ...]
@@ -75,3 +88,4 @@ class Land:
     second_shore: tuple[Polygon, ...] = ()
     places: tuple[PlaceName, ...] = ()
     depths: DepthCover | None = None
+    depth_areas: tuple[DepthArea, ...] = ()

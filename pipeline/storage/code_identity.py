@@ -125,9 +125,14 @@ def _imported(file: Path) -> tuple[str, ...]:
             names.add(node.module)
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
         else:
-            waiting += ast.iter_child_nodes(node)
+            waiting += filter(_may_hold_statements, ast.iter_child_nodes(node))
     own = {name for name in names if name.partition(".")[0] in _PACKAGES}
     return tuple(sorted(own | {package for name in own for package in _parents(name)}))
+
+
+def _may_hold_statements(node: ast.AST) -> bool:
+    """Whether an import may stand in a node: in no expression, which most nodes are."""
+    return isinstance(node, ast.stmt | ast.excepthandler | ast.match_case)
 
 
 def _data_beside(file: Path) -> Iterator[Path]:

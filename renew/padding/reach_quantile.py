@@ -73,6 +73,13 @@ class TurnSampler:
         turns = self._turns(statistics, course)
         return np.asarray(_reaches(row, normals, turns, vessel.speed, vessel.turn_rate))
 
+    def draws(
+        self, statistics: CurrentStatistics, course: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Headings (t, draws), rad, and currents (t, draws, 2), m/s, of the turns of `reaches`."""
+        turns = self._turns(statistics, course)
+        return turns.heading, np.stack([turns.u, turns.v], axis=-1)
+
     def quantile(
         self,
         statistics: CurrentStatistics,

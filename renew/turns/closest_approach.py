@@ -32,6 +32,7 @@ class Tightest(NamedTuple):
     reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
         sides, at the speed sailed there, in draws of the current in the triangle and of headings
         about this one.
+    headings, currents : (n,) rad and (n, 2) m/s, these draws.
     """
 
     point: FloatArray
@@ -40,6 +41,8 @@ class Tightest(NamedTuple):
     padding: float
     gap: float
     reaches: FloatArray
+    headings: FloatArray
+    currents: FloatArray
 
 
 def tightest(
@@ -85,10 +88,13 @@ def tightest(
     triangles = shapely.polygons(route.corners)
     inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
     when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
-    reaches = TurnSampler(seed, _DRAWS).reaches(
-        as_field(current).statistics(
-            route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
-        ),
+    sampler = TurnSampler(seed, _DRAWS)
+    statistics = as_field(current).statistics(
+        route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
+    )
+    headings, currents = sampler.draws(statistics, np.array([course]))
+    reaches = sampler.reaches(
+        statistics,
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),
@@ -101,4 +107,6 @@ def tightest(
         padding=float(padding[nearest]),
         gap=float(gaps[nearest]),
         reaches=reaches[0],
+        headings=headings[0],
+        currents=currents[0],
     )

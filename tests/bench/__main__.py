@@ -28,6 +28,7 @@ from tests.bench import (
     planner_figures,
     sea_figures,
     speed_figures,
+    writing,
 )
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "growth": archipelago_figures.growth,
     "pipeline": pipeline_figures.figures,
     "outputs": output_figures.figures,
+    "writing": writing.figures,
     "faults": fault_figures.figures,
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from shapely import box
 
 import renew
+from renew.route import unite_soft_no_go
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre
 
@@ -94,3 +95,19 @@ def test_plans_print_and_compare_by_identity() -> None:
 def test_a_plan_built_without_routes_has_no_best_one() -> None:
     with pytest.raises(renew.UnreachableError, match="holds no route"):
         _ = renew.Plan((), ()).best
+
+
+def test_soft_no_go_zones_united_together_are_those_united_alone() -> None:
+    chart, current, start, goal = random_scene(5)
+    routes = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=6).routes
+    assert len(routes) > 2
+    unite_soft_no_go(routes)
+    for route in routes:
+        capsules = [
+            shapely.LineString(edge[:4].reshape(2, 2)).buffer(edge[4], quad_segs=16)
+            for edge in route.padding_used
+            if edge[4] > 0
+        ]
+        alone = shapely.union_all(capsules)
+        assert not alone.is_empty
+        assert route.soft_no_go.symmetric_difference(alone).area < 1e-6

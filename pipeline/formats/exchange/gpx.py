@@ -25,7 +25,7 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.waypoints import both_sides, season_waypoints
+from pipeline.formats.passage.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
 from pipeline.formats.shared.text import route_summary, speed_over_ground
 from pipeline.formats.shared.xml_text import xml_text
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RankedRoute, RunResult
 
 # Maximum distance between points of the track, true metres: between them, the planned line and the

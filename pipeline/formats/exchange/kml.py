@@ -20,8 +20,8 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.tracks import tracks
-from pipeline.formats.exchange.waypoints import both_sides
+from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.waypoints import both_sides
 from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.text import route_summary
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]

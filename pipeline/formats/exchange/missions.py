@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pipeline.formats.exchange.text import wrapped_longitude
-from pipeline.formats.exchange.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.text import speed_over_ground
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
 # MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, of the latter speed over ground and a throttle

@@ -24,7 +24,7 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.formats.shared.xml_text import xml_text
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
 PROVENANCE = "urn:renew:provenance:1"

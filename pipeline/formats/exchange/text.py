@@ -6,12 +6,12 @@ import re
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from pipeline.formats.exchange.thinning import DECIMALS
-from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M
+from pipeline.formats.passage.tracks import DECIMALS
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
 from pipeline.formats.shared.unknowns import route_unknowns
 
 if TYPE_CHECKING:
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.model import RouteMetrics
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # Number of arrows along the chart's longer side.
 _COUNT_ACROSS = 22
 _MAX_CLASSES = 5
+# Strongest current, m/s, for which the classes are made at least: weaker ones are none to speak of.
+_MIN_STRONGEST = 0.05
 # Length of the strongest class's arrows, as a share of their spacing.
 _LENGTH_SHARE = 1.05
 # Length of an arrow of speed 0, as a share of the strongest's.
@@ -81,7 +83,7 @@ class SpeedScale:
 def speed_scale(result: RunResult) -> SpeedScale:
     """Classes of equal, round width up to the strongest current drawn in any season."""
     strongest = max(float(arrows(result, e.season).speed.max(initial=0.0)) for e in result.plans)
-    step = nice_step(max(strongest, 1e-3) / _MAX_CLASSES)
+    step = nice_step(max(strongest, _MIN_STRONGEST) / _MAX_CLASSES)
     count = max(1, math.ceil(strongest / step - 1e-9))
     return SpeedScale(tuple(round(step * (i + 1), 10) for i in range(count)))
 

@@ -90,7 +90,7 @@ def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0)
     left = xmax - length - (4 if is_short else 16) * size
     low = ymin - drop_pt * size
     for field, role in enumerate(("ink", "halo")):
-        axes.add_patch(
+        axes.add_artist(
             Rectangle(
                 (left + field * length / 2, low),
                 length / 2,

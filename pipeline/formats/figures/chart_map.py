@@ -51,8 +51,6 @@ _MIN_RATIO, _MAX_RATIO = 0.45, 1.7
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
-# Opacity of the part of the hard no-go zone that is not land.
-_ADDED_ALPHA = 0.4
 # Distance from a marker to its label.
 _LABEL_GAP_PT = 8.0
 _TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
@@ -181,22 +179,32 @@ def add_layers(axes: Axes, layers: Sequence[Artist], sea: PathPatch) -> None:
 
 
 def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
-    """Land before simplification, and shoals, in as much detail as can be seen.
+    """Land before simplification, shoals and hazards, in as much detail as can be seen.
 
     Clipped to an area if one is given.
     """
     detail = DETAIL_PT * point(axes)
-    land = _visible(_clipped(result.scene.land, within), detail)
-    shoals = result.scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
+    land = visible(_clipped(result.scene.land, within), detail)
+    to_plane = result.scene.projection.geometry_to_plane
+    shoals = to_plane(np.array(result.shoals, dtype=object))
+    hazards = to_plane(np.array(result.hazards, dtype=object))
     return [
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
         patch(
-            _visible(_clipped(shoals, within), detail),
+            visible(_clipped(shoals, within), detail),
             facecolor=COLOURS["shoal"],
             edgecolor="none",
             zorder=4,
+        ),
+        # The smallest are seen by their edges.
+        patch(
+            _clipped(hazards, within),
+            facecolor=COLOURS["hazard"],
+            edgecolor=COLOURS["hazard"],
+            linewidth=0.8,
+            zorder=4.2,
         ),
     ]
 
@@ -205,10 +213,8 @@ def no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = No
     """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
     if result.scenario.is_planar:
         return []
-    no_go = _visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
-    return [
-        patch(no_go, facecolor=COLOURS["land"], edgecolor="none", alpha=_ADDED_ALPHA, zorder=3.5)
-    ]
+    no_go = visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
+    return [patch(no_go, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)]
 
 
 def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
@@ -254,14 +260,16 @@ def zone_handles(result: RunResult) -> list[Artist]:
 
 
 def land_handles(result: RunResult) -> list[Artist]:
-    """Legend of land, of the hard no-go zone, and of shoals where there are any."""
+    """Legend of land, of the hard no-go zone, and of shoals and hazards where there are any."""
     from matplotlib.patches import Patch
 
-    added = [Patch(facecolor=COLOURS["land"], alpha=_ADDED_ALPHA, label="hard no-go zone")]
+    added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
+    hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
     return [
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
         *([] if result.scenario.is_planar else added),
         *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
+        *(hazards if result.hazards else []),
     ]
 
 
@@ -327,7 +335,7 @@ def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
             drawn.set_clip_path(sea)
         label(axes, line.label, line.foot, below=line.is_meridian)
     frame = patch(extent, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=7.5)
-    axes.add_patch(frame)
+    axes.add_artist(frame)
     frame.set_clip_on(False)
     draw_scale_bar(axes, result.scene.projection)
 
@@ -339,7 +347,7 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
     return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
 
 
-def _visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+def visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
     """Simplify areas (n,) by a detail, and drop those smaller than it."""
     west, south, east, north = shapely.bounds(areas).T
     return np.asarray(
@@ -391,7 +399,7 @@ def _map_axes(
     axes.set_xlim(xmin, xmax)
     axes.set_ylim(ymin, ymax)
     sea = patch(result.scene.chart.extent, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
-    axes.add_patch(sea)
+    axes.add_artist(sea)
     return axes, sea
 
 

@@ -150,7 +150,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     axes.set_ylim(low[1], high[1])
     box = shapely.box(*low, *high)
     sea = patch(box, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
-    axes.add_patch(sea)
+    axes.add_artist(sea)
     # Turns are one reach apart, so that they don't overlap much.
     count = min(_MAX_BESIDE, int(half / reach))
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
@@ -165,7 +165,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     ]
     add_layers(axes, layers, sea)
     frame = patch(box, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=9)
-    axes.add_patch(frame)
+    axes.add_artist(frame)
     frame.set_clip_on(False)
     draw_scale_bar(axes, scene.projection, drop_pt=8)
 

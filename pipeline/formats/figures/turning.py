@@ -9,10 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 
 import renew
-from pipeline.errors import StageError
 from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
 from pipeline.formats.figures.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
@@ -29,8 +27,8 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-# Number of drawn turns to either side, and the seed of their draws.
-_TURNS, _SEED = 60, 0
+# Number of drawn turns to either side, and of points of each.
+_TURNS, _TRACK_POINTS = 60, 181
 _POINTS_PER_INCH = 72.0
 _HEIGHT_SHARE, _MIN_HEIGHT_PT = 0.62, 190.0
 _KILOMETRES_FROM_M = 2_000.0
@@ -38,23 +36,16 @@ _KILOMETRES_FROM_M = 2_000.0
 _MARGIN = 0.15
 
 
+class NothingToDrawError(Exception):
+    """A season has nothing that the figure shows; the message says why."""
+
+
 def turns_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
     """Draw turns to both sides in draws of the current's spread, with the padding of the edge."""
-    from renew.inputs.current import as_field
-    from renew.turns.contingency import fly_turns
-
-    ranked = result.season_routes(season)[0]
-    found = _tightest(result, ranked)
+    found = _tightest(result, result.season_routes(season)[0])
     scale = result.scene.projection.scale
-    deviations = np.random.default_rng(_SEED).standard_normal((1, _TURNS, 2))
-    (tracks,) = fly_turns(
-        found.point[None],
-        np.array([found.heading]),
-        as_field(result.scene.currents[season]),
-        result.scene.vessel,
-        deviations,
-        np.array([_passed(ranked, found.point)]),
-    )
+    tracks = turn_tracks(found, result.scene.vessel)[:, :: max(1, len(found.headings) // _TURNS)]
+    tracks = tracks.reshape(-1, *tracks.shape[2:])
     unit, unit_m = _unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
     # Along the edge to the right, and away from it upwards.
     along = found.edge[1] - found.edge[0]
@@ -62,7 +53,7 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     away = np.array([-along[1], along[0]])
     if (found.point - found.edge[0]) @ away < 0:
         along, away = -along, -away
-    local = (tracks - found.point) @ np.stack([along, away]).T * scale / unit_m
+    local = tracks @ np.stack([along, away]).T * scale / unit_m
     figure, axes = _axes(width_pt)
     for track in local:
         axes.plot(*track.T, color=COLOURS["other"], linewidth=0.5, alpha=0.35, zorder=2)
@@ -98,6 +89,23 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     axes.set_ylabel(f"away from it, {unit}", fontsize=SMALL_PT)
     _title(axes, "Hard-over turns at the tightest place, in draws of the current")
     return figure
+
+
+def turn_tracks(found: renew.Tightest, vessel: renew.Vessel) -> FloatArray:
+    """Full turns (2, n, points, 2) to port and to starboard from the origin, m, in all draws.
+
+    Closed form: a circle through the water, carried by the current.
+    """
+    time = np.linspace(0.0, vessel.turn_period, _TRACK_POINTS)
+    begin = found.headings[:, None]
+    carried = found.currents[:, None] * time[:, None]
+    tracks = []
+    for side in (1, -1):
+        heading = begin + side * vessel.turn_rate * time
+        east, north = np.sin(heading) - np.sin(begin), np.cos(begin) - np.cos(heading)
+        circle = vessel.turning_radius * side * np.stack([east, north], axis=-1)
+        tracks.append(circle + carried)
+    return np.stack(tracks)
 
 
 def reach_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
@@ -151,19 +159,11 @@ def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
         seed=result.scenario.planner.seed,
     )
     if found is None:
-        raise StageError(
-            f"plot: season {ranked.season!r} has no padding at all, so no tightest place: choose "
-            "other figures with --figure, or planner.padding = 'adaptive'"
+        raise NothingToDrawError(
+            "no edge beside its best route is padded, so there is no tightest place at which to "
+            "turn (planner.padding = 'adaptive' pads)"
         )
     return found
-
-
-def _passed(ranked: RankedRoute, point: FloatArray) -> float:
-    """When a route passes a point (2,) of it, s on the current's clock."""
-    path = np.asarray(ranked.route.path)
-    passed = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))
-    along = float(shapely.line_locate_point(shapely.LineString(path), shapely.Point(point)))
-    return float(np.interp(along, np.append(0.0, passed), ranked.route.times))
 
 
 def _unit(longest_m: float) -> tuple[str, float]:

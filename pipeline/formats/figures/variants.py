@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.formats.figures.artists import stroke
+from pipeline.formats.figures.artists import SMALL_PT, drawable, stroke
 from pipeline.formats.figures.chart_map import (
     add_layers,
     draw_frame,
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pipeline.formats.shared.result import RunResult
+
+
+# Characters of a reason, and least number in a line; mean width of a letter, as a share of its size
+# with the box's edges.
+_MAX_REASON, _MIN_LETTERS, _LETTER_SHARE = 300, 20, 0.65
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,37 @@ def variants_figure(
         ranked = one.result.season_routes(season) if one.result else ()
         draw_start_and_goal(axes, result, [r.route.path for r in ranked])
         draw_frame(axes, result, sea)
+        if not ranked:
+            _write_reason(axes, _reason(one, season))
     return figure
+
+
+def _reason(variant: Variant, season: str) -> str:
+    """Why a variant has no route."""
+    if variant.result is None:
+        return variant.failure
+    failures = (one.failure for one in variant.result.plans if one.season == season)
+    return next(failures, "") or "no route was found"
+
+
+def _write_reason(axes: Axes, reason: str) -> None:
+    """Write why there is no route into the middle of a map."""
+    width_pt = axes.get_position().width * axes.figure.bbox.width * 72 / axes.figure.dpi
+    letters = max(_MIN_LETTERS, int(width_pt / (_LETTER_SHARE * SMALL_PT)))
+    lines = textwrap.wrap(drawable(reason, _MAX_REASON), letters)
+    axes.text(
+        0.5,
+        0.5,
+        "\n".join(lines),
+        transform=axes.transAxes,
+        ha="center",
+        va="center",
+        fontsize=SMALL_PT,
+        color=COLOURS["ink"],
+        parse_math=False,
+        zorder=10,
+        bbox={"facecolor": COLOURS["halo"], "edgecolor": COLOURS["frame"], "boxstyle": "round"},
+    )
 
 
 def _figures(variant: Variant, season: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.gis.columns import Table, integer, multi, text
+from pipeline.formats.gis.columns import Table, integer, multi, real, text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -39,6 +39,19 @@ def hazards(result: RunResult) -> Table:
 def chart_areas(result: RunResult) -> Table:
     """Shallow, uncharted and restricted areas, and traffic schemes."""
     return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
+
+
+def depth_areas(result: RunResult) -> Table:
+    """Areas of equal depth."""
+    found = result.fetched.land.depth_areas
+    return Table(
+        multi([one.area for one in found]),
+        {
+            "kind": text([one.kind for one in found]),
+            "depth_min_m": real([one.least_m for one in found]),
+            "depth_max_m": real([one.greatest_m for one in found]),
+        },
+    )
 
 
 def islands(result: RunResult) -> Table:

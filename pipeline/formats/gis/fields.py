@@ -45,8 +45,12 @@ FIELDS = {
     "kind": Field(
         "Kind",
         "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered, shut "
-        "not in its hours",
+        "not in its hours; of water with a depth: natural or dredged",
     ),
+    "depth_min_m": Field(
+        "Least depth (m)", "At chart datum; negative where it dries, empty where it is not charted"
+    ),
+    "depth_max_m": Field("Greatest depth (m)", "At chart datum; empty where it is not charted"),
     "rule": Field("Rule", "What the chart says or prescribes there"),
     "filled_share": Field(
         "Current filled (share)",

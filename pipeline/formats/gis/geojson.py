@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from pipeline.formats.exchange.text import attribution, document_title, waypoint_name
-from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import json_value
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.gis.chart_layers import chart_areas, coast, hazards, islands, no_go
+from pipeline.formats.gis.chart_layers import (
+    chart_areas,
+    coast,
+    depth_areas,
+    hazards,
+    islands,
+    no_go,
+)
 from pipeline.formats.gis.columns import (
     ROUTE_STEP_M,
     ZONE_STEP_M,
@@ -243,6 +250,14 @@ LAYERS = (
         "areas and traffic schemes, which may be entered; shut areas, with their hours.",
         "MultiPolygon",
         chart_areas,
+    ),
+    Layer(
+        "depth_areas",
+        "Depths",
+        "Depth areas and dredged areas of the chart, by their least and greatest depth in metres "
+        "at chart datum; none of a chart without depths.",
+        "MultiPolygon",
+        depth_areas,
     ),
     Layer(
         "no_go",

@@ -28,6 +28,8 @@ _MAP, _LABEL, _LEGEND, _SCALE_BAR, _PAGE = 65639, 65641, 65642, 65646, 65638
 _NAUTICAL_MILE_M, _METRES_PER_DEGREE = 1852.0, 111_195.0
 # Length of half a scale bar, as a share of the map's width.
 _BAR_SHARE = 1 / 10
+# Size of the numbers of a scale bar, points.
+_BAR_PT = 7.0
 
 
 def put_layouts(root: Element, crs: MapCrs, title: str, credit: str) -> None:
@@ -94,9 +96,12 @@ def _scale_bar(
         "numSegmentsLeft": "0",
         "numMapUnitsPerScaleBarUnit": "1",
         "mapUuid": frame.get("uuid"),
+        "height": "1.5",
+        "labelBarSpace": "1",
     }
     for key, value in settings.items():
         bar.set(key, value)
+    etree.SubElement(bar, "scaleBarFont", description=_font(_BAR_PT))
 
 
 def _label(

@@ -8,8 +8,6 @@ import numpy as np
 import shapely
 
 from pipeline.formats.exchange.text import waypoint_name
-from pipeline.formats.exchange.tracks import tracks
-from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.columns import (
     Table,
     concatenated,
@@ -19,11 +17,13 @@ from pipeline.formats.gis.columns import (
     stack,
     text,
 )
+from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.waypoints import season_waypoints
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]

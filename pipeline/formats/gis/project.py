@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 _DRAWING_ORDER = (
     *("islands", "passage", "routes", "path_points", "contingency", "legs"),
     *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+    "depth_areas",
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.gis.fields import FIELDS
+from pipeline.formats.gis.chart_styles import (
+    chart_areas_style,
+    coast_style,
+    depth_areas_style,
+    hazards_style,
+    no_go_style,
+)
 from pipeline.formats.gis.symbols import (
     Label,
     Rule,
+    Style,
     arrow,
     colour,
     fill,
@@ -34,8 +40,6 @@ if TYPE_CHECKING:
 _COLLISION_COLOUR = "#d50000"
 _HALO, _INK = colour(COLOURS["halo"]), colour(COLOURS["ink"])
 _SOFT_OPACITY = 0.38
-# Water that simplification and margins add to land, and the room around hazards.
-_NO_GO_COLOUR, _HAZARD_COLOUR = "#e2d3b8", "#7b1fa2"
 _BEST, _OTHER = '"rank" = 1', '"rank" > 1'
 _AT_GOAL = '"course_deg" IS NULL'
 # Minimum and maximum length of the strongest arrows on paper, mm; closer points are thinned out.
@@ -44,29 +48,6 @@ _ARROW_MM = (5.5, 12.0)
 _SHORTEST = 0.4
 # Maximum number of characters of a season's title along its route.
 _MAX_LABEL_LENGTH = 32
-
-
-@dataclass(frozen=True)
-class Style:
-    """How a layer's features are drawn and labelled, and the layer's opacity."""
-
-    renderer: Element
-    labels: Element | None = None
-    opacity: float = 1.0
-
-    def put(self, layer: Element, columns: Iterable[str]) -> None:
-        """Write the style into a layer's element, with aliases for its columns."""
-        layer.set("labelsEnabled", "0" if self.labels is None else "1")
-        layer.set("simplifyDrawingHints", "1")
-        layer.append(self.renderer)
-        if self.labels is not None:
-            layer.append(self.labels)
-        etree.SubElement(layer, "layerOpacity").text = f"{self.opacity:g}"
-        aliases = etree.SubElement(layer, "aliases")
-        for index, column in enumerate(columns):
-            etree.SubElement(
-                aliases, "alias", field=column, index=str(index), name=FIELDS[column].alias
-            )
 
 
 def style(layer: str, view: View) -> Style:
@@ -196,42 +177,6 @@ def _islands(view: View) -> Style:
     return Style(rule_renderer("marker", [Rule("Islands", "", [none])]), labeling(labels))
 
 
-def _coast(view: View) -> Style:
-    """Draw land brown, as the report does."""
-    del view
-    land = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
-    return Style(rule_renderer("fill", [Rule("Land", "", [land])]))
-
-
-def _no_go(view: View) -> Style:
-    """Draw what is no-go beside the land in a lighter brown."""
-    del view
-    zone = fill(colour(_NO_GO_COLOUR), colour(COLOURS["coast"]), 0.1, dotted=True)
-    return Style(rule_renderer("fill", [Rule("Hard no-go zone", "", [zone])]))
-
-
-def _hazards(view: View) -> Style:
-    """Draw hazards so that they are seen on a map of the whole."""
-    del view
-    zone = fill(colour(_HAZARD_COLOUR, 0.5), colour(_HAZARD_COLOUR), 0.3)
-    return Style(rule_renderer("fill", [Rule("Hazards", "", [zone])]))
-
-
-def _chart_areas(view: View) -> Style:
-    """Fill what is no-go; outline what may be entered."""
-    del view
-    faint = {kind: colour(COLOURS[kind], 0.06) for kind in ("restricted", "traffic", "shut")}
-    symbols = {
-        "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
-        "uncharted": ("Uncharted", fill(colour(COLOURS["grid"]))),
-        "restricted": ("Restricted", fill(faint["restricted"], colour(COLOURS["restricted"]), 0.3)),
-        "traffic": ("Traffic scheme", fill(faint["traffic"], colour(COLOURS["traffic"]), 0.3)),
-        "shut": ("Shut area", fill(faint["shut"], colour(COLOURS["shut"]), 0.5)),
-    }
-    rules = [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in symbols.items()]
-    return Style(rule_renderer("fill", rules))
-
-
 def _soft_no_go(view: View) -> Style:
     """Draw zones grey; the layer as a whole is translucent, so that overlaps don't darken."""
 
@@ -333,10 +278,11 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "path_points": _path_points,
     "channels": _channels,
     "islands": _islands,
-    "coast": _coast,
-    "hazards": _hazards,
-    "chart_areas": _chart_areas,
-    "no_go": _no_go,
+    "coast": lambda _: coast_style(),
+    "hazards": lambda _: hazards_style(),
+    "chart_areas": lambda _: chart_areas_style(),
+    "no_go": lambda _: no_go_style(),
+    "depth_areas": lambda _: depth_areas_style(),
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from pipeline.formats.gis.fields import FIELDS
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 
@@ -55,6 +56,29 @@ class Label:
     size_pt: float
     along_line: bool = False
     finer_than: float = 0.0
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a layer's features are drawn and labelled, and the layer's opacity."""
+
+    renderer: Element
+    labels: Element | None = None
+    opacity: float = 1.0
+
+    def put(self, layer: Element, columns: Iterable[str]) -> None:
+        """Write the style into a layer's element, with aliases for its columns."""
+        layer.set("labelsEnabled", "0" if self.labels is None else "1")
+        layer.set("simplifyDrawingHints", "1")
+        layer.append(self.renderer)
+        if self.labels is not None:
+            layer.append(self.labels)
+        etree.SubElement(layer, "layerOpacity").text = f"{self.opacity:g}"
+        aliases = etree.SubElement(layer, "aliases")
+        for index, column in enumerate(columns):
+            etree.SubElement(
+                aliases, "alias", field=column, index=str(index), name=FIELDS[column].alias
+            )
 
 
 def clean(text: str) -> str:

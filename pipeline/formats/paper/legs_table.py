@@ -15,8 +15,8 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.tracks import tracks
-from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M
+from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
 from pipeline.formats.shared.legs import step_times
 from pipeline.formats.shared.route_profile import coast_index
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.tracks import Tracks
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.tracks import Tracks
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]

@@ -17,10 +17,11 @@ from pipeline.formats.exchange.text import (
     time_after,
     vessel_name,
 )
-from pipeline.formats.exchange.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
+from pipeline.formats.figures.chart_map import DETAIL_PT, visible
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.paper.legs_table import HEADINGS, distance_text, rows, tightest_text
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.text import percent, speed_over_ground
 from pipeline.formats.shared.unknowns import route_unknowns
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pipeline.formats.exchange.waypoints import Waypoints
     from pipeline.formats.paper.legs_table import Row
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
 # A4, landscape, in points; margins, and the height of a line of text.
@@ -174,13 +175,15 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
     middle, size = (low + high) / 2, reach * np.array([width / height, 1.0])
     frame = shapely.box(*(middle - size), *(middle + size))
     land = np.array(result.scene.land, dtype=object)
-    near = shapely.clip_by_rect(land[shapely.intersects(land, frame)], *frame.bounds)
+    detail = DETAIL_PT * 2 * size[0] / width
+    near = visible(
+        shapely.clip_by_rect(land[shapely.intersects(land, frame)], *frame.bounds), detail
+    )
     axes.set_xlim(middle[0] - size[0], middle[0] + size[0])
     axes.set_ylim(middle[1] - size[1], middle[1] + size[1])
-    axes.add_patch(patch(np.array([frame]), facecolor=COLOURS["water"], edgecolor=COLOURS["frame"]))
-    axes.add_patch(
-        patch(near, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.3)
-    )
+    water, coast = COLOURS["water"], COLOURS["coast"]
+    axes.add_artist(patch(np.array([frame]), facecolor=water, edgecolor=COLOURS["frame"]))
+    axes.add_artist(patch(near, facecolor=COLOURS["land"], edgecolor=coast, linewidth=0.3))
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
     for number, (x, y) in enumerate(way, start=1):

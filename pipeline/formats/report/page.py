@@ -74,6 +74,7 @@ class Report:
     comparison_origin: str
     polygons: int
     has_shoals: bool
+    has_hazards: bool
     has_class_islands: bool
     accuracy_m: float
     simplified: Simplified
@@ -169,6 +170,7 @@ def gather(result: RunResult) -> Report:
         comparison_origin=scenario.published.origin if scenario.published else "",
         polygons=len(result.fetched.land.polygons),
         has_shoals=bool(result.shoals),
+        has_hazards=bool(result.hazards),
         has_class_islands=bool(result.evaluation.class_islands),
         accuracy_m=result.fetched.land.accuracy_m,
         simplified=result.simplified,

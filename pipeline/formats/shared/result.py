@@ -115,6 +115,11 @@ class RunResult:
         """Water too shallow for the vessel, lon/lat degrees: no-go like land."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
+    @property
+    def hazards(self) -> tuple[BaseGeometry, ...]:
+        """Rocks, wrecks, marks and the like with the room around them, lon/lat degrees: no-go."""
+        return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "hazard")
+
     @cached_property
     def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
         """Restricted and shut areas, and traffic schemes: those in the chart, with planar areas.

@@ -57,6 +57,7 @@ def overlay(lands: Sequence[Land]) -> Land:
         second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
         places=tuple(place for land in lands for place in land.places),
         depths=_depths(lands),
+        depth_areas=tuple(area for land in lands for area in land.depth_areas),
     )
 
 

@@ -10,13 +10,13 @@ that are not known to lie deep enough. Where cells overlap, the larger scale tak
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
 
 from pipeline.geo.known_cells import DepthCover
-from pipeline.model import Credit, Land, Zone
+from pipeline.model import Credit, DepthArea, Land, Zone
 from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
@@ -39,8 +39,11 @@ if TYPE_CHECKING:
 
     Geometries = npt.NDArray[np.object_]
 
-# Areas with a depth range.
-_DEPTH_CLASSES = ("DEPARE", "DRGARE")
+# Areas with a depth range, and what they are called.
+_DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
+    "DEPARE": "natural",
+    "DRGARE": "dredged",
+}
 # Objects on the bed, their depth (VALSOU) known or not.
 _SUNKEN = ("OBSTRN", "WRECKS", "UWTROC", "MARCUL")
 # Fixed objects, dangerous at any depth. Most areas of these classes are outside the safe water
@@ -122,9 +125,14 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
     """
     parts = _parts(cells, box)
     covered = merged(np.array([part.area for part in parts], dtype=object))
-    depths = [_depths(part) for part in parts]
-    sea = merged(np.concatenate([area[depth >= safety_depth_m] for area, depth in depths]))
-    shoals = [merged(area[~(depth >= safety_depth_m)]) for area, depth in depths]
+    depths = [tuple(_depth_areas(part)) for part in parts]
+    safe = [[one.area for one in areas if one.least_m >= safety_depth_m] for areas in depths]
+    sea = merged(np.array([area for areas in safe for area in areas], dtype=object))
+    # An unknown depth is NaN, and so not deep enough.
+    shoals = [
+        merged(np.array([a.area for a in areas if not a.least_m >= safety_depth_m], dtype=object))
+        for areas in depths
+    ]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
     sea = subtract(sea, merged(np.array(shoals, dtype=object)))
     hazards = [zone for part in parts for zone in _hazards(part, sea, safety_depth_m)]
@@ -154,6 +162,7 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         zones=tuple(zones),
         depths=DepthCover(areas=tuple(extract_polygons(np.array([covered], dtype=object)))),
         places=tuple(place for part in parts for place in _places(part)),
+        depth_areas=tuple(area for areas in depths for area in areas),
     )
 
 
@@ -177,20 +186,18 @@ def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
     return tuple(parts)
 
 
-def _depths(part: _Part) -> tuple[Geometries, npt.NDArray[np.float64]]:
-    """Return a part's depth areas (n,) and their shallow limits (n,) in m, NaN where unknown."""
-    areas: list[Geometries] = [np.empty(0, dtype=object)]
-    depths: list[npt.NDArray[np.float64]] = [np.empty(0)]
-    for name in _DEPTH_CLASSES:
+def _depth_areas(part: _Part) -> Iterator[DepthArea]:
+    """Yield a part's depth areas and dredged areas."""
+    for name, kind in _DEPTH_CLASSES.items():
         objects = part.cell.objects.get(name)
         if objects is None:
             continue
-        # Clipping leaves lines where an area only touches the part.
+        limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
         inside = _cut_to(objects.geometry, part.area)
-        is_area = shapely.area(inside) > 0
-        areas.append(inside[is_area])
-        depths.append(objects.numbers("DRVAL1")[is_area])
-    return np.concatenate(areas), np.concatenate(depths)
+        for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
+            # Clipping leaves lines where an area only touches the part.
+            if shapely.area(area) > 0:
+                yield DepthArea(kind, least, greatest, area)
 
 
 def _cut_to(geometries: Geometries, area: BaseGeometry) -> Geometries:

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
     Geometries = npt.NDArray[np.object_]
 
-# Attributes that are read: depths of areas (DRVAL1) and of objects (VALSOU), coverage, zones of
-# confidence, restrictions, names.
-_COLUMNS = ("DRVAL1", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
+# Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
+# zones of confidence, restrictions, names.
+_COLUMNS = ("DRVAL1", "DRVAL2", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
 # Options of GDAL's driver: lists as text, no primitives, no references between objects.
 _OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
 # Fields that identify a cell: edition, update and its date, scale, datum and unit of depths.

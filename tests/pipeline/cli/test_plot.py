@@ -103,6 +103,18 @@ def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_pa
     assert tree(tmp_path / "new" / ".artefacts" / "plan") == plans
 
 
+def test_a_figure_with_nothing_to_show_is_skipped_with_a_sentence(tmp_path: Path) -> None:
+    unpadded = scenario()
+    planner = unpadded.planner.model_copy(update={"padding": "none", "clearance": 0.0})
+    unpadded = unpadded.model_copy(update={"planner": planner})
+    drawn = plot(unpadded, tmp_path, kinds=[Kind.TURNS, Kind.REACH, Kind.ROUTES])
+    assert [file.name for file in drawn.files] == ["gyre-routes.png"]
+    assert drawn.failures == ()
+    turns, reach = drawn.skipped
+    assert turns.startswith("season 'gyre': no figure turns: no edge")
+    assert reach.startswith("season 'gyre': no figure reach: no edge")
+
+
 def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
     seasons = [
         {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},

@@ -44,7 +44,10 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
     """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
     scene = result.scene
     lattice = Lattice.of(scene.chart.bounds, scene.projection.scale)
-    shoals = scene.projection.geometry_to_plane(np.array(result.shoals, dtype=object))
+    shoals, hazards = (
+        scene.projection.geometry_to_plane(np.array(areas, dtype=object))
+        for areas in (result.shoals, result.hazards)
+    )
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
@@ -53,6 +56,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),
         "noGo": _no_go(result, lattice),
         "shoals": _areas(result, shoals, lattice),
+        "hazards": _areas(result, hazards, lattice),
         "zones": _zones(result, lattice),
         "grid": _grid(result, lattice),
         "start": lattice.line(scene.start[None, :]),
@@ -159,7 +163,8 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
-    zones = shapely.simplify(zones, tolerance)
+    # Tens of thousands of vertices each: it would take ten times as long with topology kept.
+    zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))
     zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
     return {
         (ranked.season, ranked.rank): within(zones[i : i + 1], chart.extent)

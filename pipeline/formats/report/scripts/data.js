@@ -62,6 +62,7 @@ function readData() {
     land: data.land.map((ring) => readRing(ring, stepM)),
     noGo: data.noGo.map((ring) => readRing(ring, stepM)),
     shoals: data.shoals.map((ring) => readRing(ring, stepM)),
+    hazards: data.hazards.map((ring) => readRing(ring, stepM)),
     zones: data.zones.map((zone) => ({
       kind: zone.kind,
       text: zone.text,

@@ -16,8 +16,6 @@ const MAX_ZOOM = Math.log2(SCALE_BAR);
 const LETTER_WIDTH = 6.5;
 const LABEL_GAP = 16;
 
-// As on the static maps.
-const NO_GO_OPACITY = 0.4;
 const ROUTE_SELECTED = { weight: 4, opacity: 1, dashArray: null };
 const ROUTE_UNSELECTED = { weight: 1.6, opacity: 0.6, dashArray: null };
 const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
@@ -119,7 +117,7 @@ class VoyageMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "land", "coast", "shoal", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
+    const roles = ["water", "grid", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -152,13 +150,15 @@ class VoyageMap {
 
   /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
-    const { extent, grid, land, noGo, shoals } = this.data;
+    const { extent, grid, land, noGo, shoals, hazards } = this.data;
     this.water = this.area(extent, "water", {}).addTo(this.map);
     this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
-    this.noGo = this.area(noGo, "nogo", { fillOpacity: NO_GO_OPACITY }).addTo(this.map);
+    this.noGo = this.area(noGo, "nogo", {}).addTo(this.map);
     this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
     // Shoals are no-go, so they lie inside the areas drawn as land.
     this.shoals = this.area(shoals, "land", {}).addTo(this.map);
+    // The smallest are seen by their edges.
+    this.hazards = this.area(hazards, "land", { stroke: true, weight: 1.5 }).addTo(this.map);
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
       this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
@@ -322,7 +322,8 @@ class VoyageMap {
     this.water.setStyle({ fillColor: colour("water") });
     for (const line of this.grid) line.setStyle({ color: colour("grid") });
     this.shoals.setStyle({ fillColor: colour("shoal") });
-    this.noGo.setStyle({ fillColor: colour("land") });
+    this.hazards.setStyle({ color: colour("hazard"), fillColor: colour("hazard") });
+    this.noGo.setStyle({ fillColor: colour("nogo") });
     this.land.setStyle({ fillColor: colour("land"), color: colour("coast") });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));

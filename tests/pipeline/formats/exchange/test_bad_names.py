@@ -19,7 +19,7 @@ from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.shared.json_values import encodable_text
 from pipeline.formats.shared.xml_text import xml_text
 from pipeline.stages.write import safe_name
-from tests.pipeline.formats.exchange import runs
+from tests.pipeline.formats import runs
 from tests.pipeline.formats.exchange.test_gpx import check_order
 from tests.pipeline.formats.exchange.test_kml import schema
 from tests.pipeline.formats.exchange.test_rtz import VERSIONS

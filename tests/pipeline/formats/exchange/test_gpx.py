@@ -14,10 +14,9 @@ import shapely
 from lxml import etree
 
 from pipeline.formats.exchange.gpx import write_gpx
-from pipeline.formats.exchange.waypoints import both_sides, season_waypoints
+from pipeline.formats.passage.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.legs import planned_times
-from tests.pipeline.formats import small_run
-from tests.pipeline.formats.exchange import oracles, runs
+from tests.pipeline.formats import oracles, runs, small_run
 
 if TYPE_CHECKING:
     from pathlib import Path

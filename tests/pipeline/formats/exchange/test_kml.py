@@ -14,10 +14,9 @@ import shapely
 from lxml import etree
 
 from pipeline.formats.exchange.kml import write_kml
-from pipeline.formats.exchange.waypoints import both_sides
+from pipeline.formats.passage.waypoints import both_sides
 from pipeline.formats.shared.palette import season_colour
-from tests.pipeline.formats import small_run
-from tests.pipeline.formats.exchange import oracles, runs
+from tests.pipeline.formats import oracles, runs, small_run
 
 if TYPE_CHECKING:
     from pathlib import Path

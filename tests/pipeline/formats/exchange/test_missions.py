@@ -10,14 +10,14 @@ import pytest
 from pymavlink import mavutil, mavwp
 
 from pipeline.formats.exchange.missions import write_mission, write_plan
-from pipeline.formats.exchange.waypoints import season_waypoints
-from tests.pipeline.formats.exchange import runs
+from pipeline.formats.passage.waypoints import season_waypoints
+from tests.pipeline.formats import runs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
 LINK = mavutil.mavlink

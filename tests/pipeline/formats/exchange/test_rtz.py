@@ -10,8 +10,8 @@ import pytest
 from lxml import etree
 
 from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.exchange.waypoints import season_waypoints
-from tests.pipeline.formats.exchange import runs
+from pipeline.formats.passage.waypoints import season_waypoints
+from tests.pipeline.formats import runs
 from tests.validators import rtz_faults
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.exchange.waypoints import season_waypoints
-from tests.pipeline.formats.exchange import runs
+from pipeline.formats.passage.waypoints import season_waypoints
+from tests.pipeline.formats import runs
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult

@@ -152,7 +152,8 @@ def bars(axes: Axes) -> list[tuple[FloatArray, FloatArray]]:
 def tight(padding: float, gap: float, reaches: FloatArray) -> renew.Tightest:
     """A tightest place with given values."""
     edge = np.array([[0.0, gap], [1.0, gap]])
-    return renew.Tightest(np.zeros(2), edge, 0.0, padding, gap, reaches)
+    still = np.zeros((len(reaches), 2))
+    return renew.Tightest(np.zeros(2), edge, 0.0, padding, gap, reaches, still[:, 0], still)
 
 
 def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:

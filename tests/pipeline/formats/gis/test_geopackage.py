@@ -15,12 +15,11 @@ import pyproj
 import pytest
 import shapely
 
-from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan, Zone
-from tests.pipeline.formats import small_run
-from tests.pipeline.formats.exchange import runs
+from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.validators import geopackage_faults
 
@@ -40,6 +39,7 @@ LAYERS = {
     "coast": "MultiPolygon",
     "hazards": "MultiPolygon",
     "chart_areas": "MultiPolygon",
+    "depth_areas": "MultiPolygon",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
@@ -333,7 +333,7 @@ def test_across_180_degrees_layers_are_continuous(result: RunResult, tmp_path: P
         here, there = layer(ours, name), layer(theirs, name)
         assert len(here) == len(there)
         if here.empty:
-            assert name in {"hazards", "chart_areas"}, "a chart without depths"
+            assert name in {"hazards", "chart_areas", "depth_areas"}, "a chart without depths"
             continue
         shift = np.array([60.4, 0.0, 60.4, 0.0])
         assert there.total_bounds - here.total_bounds == pytest.approx(shift, abs=1e-6)

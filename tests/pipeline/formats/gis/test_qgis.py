@@ -31,6 +31,7 @@ pytestmark = pytest.mark.slow
 LAYERS = (
     *("islands", "passage", "routes", "path_points", "contingency", "legs"),
     *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+    "depth_areas",
 )
 # Opens FILE's project and its layers, draws both into FOLDER, and prints what it found.
 _QGIS = """
@@ -92,6 +93,7 @@ found = {
     "read": read,
     "title": project.title(),
     "plane": project.crs().isValid() and not project.crs().isGeographic(),
+    "crs": project.crs().description(),
     "visible": [layer.id() for layer in visible],
     "groups": [group.name() for group in tree.findGroups()],
     "themes": project.mapThemeCollection().mapThemes(),
@@ -194,11 +196,12 @@ def test_the_project_opens_as_a_finished_map(
     found = opened(qgis_python, tmp_path / "results" / "routes.gpkg", tmp_path / "pictures")
     assert found["read"]
     assert found["plane"]
+    assert found["crs"] == "Plane of the RENEW planner"
     assert found["title"] == "Two islands"
     assert found["errors"] == []
     assert found["messages"] == []
     assert sorted(found["groups"]) == sorted(found["themes"]) == ["Summer", "Winter (December)"]
-    assert len(found["layers"]) == 21
+    assert len(found["layers"]) == 22
     assert all(layer["valid"] for layer in found["layers"].values())
     counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
     assert sorted(counts) == sorted(len(result.season_routes(s)) for s in ("summer", "winter"))
@@ -224,7 +227,9 @@ def test_plain_layers_are_styled_named_and_drawn(
         # No column is shown by its raw name, and each feature is drawn by one rule.
         assert not set(layer["columns"]) & set(layer["aliases"])
         assert sum(layer["by_rules"]) == layer["count"]
-        assert layer["count"] > 0 or name in {"hazards", "chart_areas"}, "a chart without depths"
+        assert layer["count"] > 0 or name in {"hazards", "chart_areas", "depth_areas"}, (
+            "a chart without depths"
+        )
     assert found["errors"] == []
     pixels = picture(tmp_path / "pictures" / "plain.png")
     for colour in (COLOURS["land"], season_colour(0)):

@@ -36,7 +36,16 @@ if TYPE_CHECKING:
 
 LAYERS = {
     *("routes", "passage", "legs", "path_points", "channels", "islands"),
-    *("coast", "hazards", "chart_areas", "no_go", "soft_no_go", "currents", "contingency"),
+    *(
+        "coast",
+        "hazards",
+        "chart_areas",
+        "depth_areas",
+        "no_go",
+        "soft_no_go",
+        "currents",
+        "contingency",
+    ),
 }
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
@@ -75,7 +84,8 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 
 
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
-    areas = ("legs", "coast", "hazards", "chart_areas", "no_go", "soft_no_go", "channels")
+    chart = ("coast", "hazards", "chart_areas", "depth_areas", "no_go")
+    areas = (*chart, "legs", "soft_no_go", "channels")
     kinds = {"routes": "line", **dict.fromkeys(areas, "fill")}
     for layer, root in styles(package).items():
         renderer = root.find("renderer-v2")
@@ -129,7 +139,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
     shown = {"Routes", "Waypoints", "Cross-track limits", "Soft no-go zones", "Currents"}
     assert on == [shown, {"Routes"}]
     assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
-    names = ["Islands", "Hazards", "Land", "Areas of the chart", "Hard no-go zone"]
+    names = ["Islands", "Hazards", "Land", "Areas of the chart", "Hard no-go zone", "Depths"]
     assert [layer.get("name") for layer in chart] == names
 
 
@@ -141,6 +151,7 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert sorted(set(kinds), key=kinds.index) == [
         *("islands", "passage", "routes", "path_points", "contingency", "legs"),
         *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+        "depth_areas",
     ]
     # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.exchange.waypoints import season_waypoints
 from pipeline.formats.paper.legs_table import distance_text, position, rows
 from pipeline.formats.paper.passage_plan import write_passage_plan
-from tests.pipeline.formats import small_run
-from tests.pipeline.formats.exchange import oracles, runs
+from pipeline.formats.passage.waypoints import season_waypoints
+from tests.pipeline.formats import oracles, runs, small_run
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ import pyproj
 import pytest
 
 from pipeline.formats.shared.legs import legs, metres_along, times_at
-from tests.pipeline.formats.exchange import runs
+from tests.pipeline.formats import runs
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult

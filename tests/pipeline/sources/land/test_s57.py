@@ -229,6 +229,18 @@ def test_only_water_known_to_be_deep_enough_is_water() -> None:
     assert found.equals(HARBOUR.difference(middle)), "shallow, unknown and unsurveyed are no-go"
 
 
+def test_depth_areas_are_kept_with_both_limits(harbour: Land) -> None:
+    limits = {(one.kind, one.least_m, one.greatest_m) for one in harbour.depth_areas}
+    # As the cell has them: the dredged main channel, and flats that dry by up to 3.2 m.
+    assert any(kind == "dredged" and least > 9 for kind, least, _ in limits)
+    assert any(kind == "natural" and least < 0 <= greatest for kind, least, greatest in limits)
+    deep = shapely.union_all([one.area for one in harbour.depth_areas if one.least_m >= DEPTH_M])
+    no_go = shapely.union_all(harbour.polygons)
+    water = BOSTON.difference(no_go)
+    assert water.difference(deep).area < 1e-9 * BOSTON.area
+    assert all(one.area.area > 0 for one in harbour.depth_areas)
+
+
 def test_where_depth_areas_overlap_the_shallower_counts() -> None:
     shoal = shapely.box(0.002, 0.002, 0.004, 0.004)
     assert no_go(cell({"DRGARE": objects(shoal, DRVAL1=1.0)})).equals(shoal)

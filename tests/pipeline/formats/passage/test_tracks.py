@@ -8,9 +8,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.formats.exchange.tracks import curve_for, initial_course_deg, tracks
+from pipeline.formats.passage.tracks import curve_for, initial_course_deg, tracks
 from pipeline.geo.projection import Projection
-from tests.pipeline.formats.exchange import oracles
+from tests.pipeline.formats import oracles
 
 latitudes = st.floats(-70, 70)
 offsets = st.floats(-6, 6)

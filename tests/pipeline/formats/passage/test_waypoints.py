@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.exchange.safe_corridor import Obstacles, safe_corridor
-from pipeline.formats.exchange.waypoints import (
+from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
+from pipeline.formats.passage.waypoints import (
     MAX_CROSS_TRACK_M,
     MAX_EXTRA_FUEL,
     Waypoints,
@@ -20,7 +20,7 @@ from pipeline.formats.exchange.waypoints import (
     waypoints,
 )
 from pipeline.formats.shared.legs import planned_times
-from tests.pipeline.formats.exchange import oracles, runs
+from tests.pipeline.formats import oracles, runs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -116,7 +116,7 @@ def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
 ) -> None:
     result = runs.random_run(1)
     (usual, *_), obstacles = season_waypoints(result, runs.SEASON), Obstacles(result.scene)
-    monkeypatch.setattr("pipeline.formats.exchange.waypoints.MAX_EXTRA_FUEL", 3e-5)
+    monkeypatch.setattr("pipeline.formats.passage.waypoints.MAX_EXTRA_FUEL", 3e-5)
     finer = waypoints(usual.ranked, result, obstacles)
     assert len(finer.lonlat) > len(usual.lonlat)
     line = np.vstack([leg[:-1] for leg in oracles.drawn(finer, 500.0)] + [finer.lonlat[-1:]])
@@ -146,7 +146,7 @@ def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> N
 def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("pipeline.formats.exchange.thinning._CLEARANCE_WEIGHT", 0.0)
+    monkeypatch.setattr("pipeline.formats.passage.cheapest_chain._CLEARANCE_WEIGHT", 0.0)
     result = runs.random_run(2)
     obstacles = Obstacles(result.scene)
     for ranked in result.routes:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.exchange.safe_corridor import SafeCorridor
-from pipeline.formats.exchange.thinning import Drawing, thin
+from pipeline.formats.passage.safe_corridor import SafeCorridor
+from pipeline.formats.passage.thinning import thin
+from pipeline.formats.passage.tracks import Drawing
 from pipeline.geo.projection import Projection
 
 # At 20 degrees east on the equator loxodromes are straight lines of the plane.

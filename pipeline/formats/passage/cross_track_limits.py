@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from pipeline.formats.exchange.safe_corridor import cross, edges_of
+from pipeline.formats.passage.safe_corridor import cross, edges_of
 
 if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-    from pipeline.formats.exchange.safe_corridor import Obstacles, SafeCorridor
-    from pipeline.formats.exchange.tracks import Tracks
+    from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor
+    from pipeline.formats.passage.tracks import Tracks
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.intp]
@@ -40,16 +41,15 @@ def cross_track_limits(
     vessel can still turn away everywhere. 0 where the leg itself lies in V, as it may at start or
     goal: nothing is promised there.
     """
-    lines = legs.lines
-    areas = np.concatenate([_side_areas(legs, cap), _side_areas(legs, -cap)])
-    both = np.concatenate([lines, lines])
-    limits = np.full(len(both), cap)
-    soft = shapely.linestrings(_edges_near(edges_of([soft_no_go]), areas))
+    count = len(legs.lines)
+    sides = _Sides.of(legs, cap)
+    limits = np.full(2 * count, cap)
+    soft = shapely.linestrings(_edges_near(edges_of([soft_no_go]), sides.areas))
     for edges, tree in (obstacles.edges, (soft, shapely.STRtree(soft))):
-        area, edge = tree.query(areas, predicate="intersects")
-        _lower_to(limits, areas, both, area, edges[edge])
-    limits[shapely.intersects(soft_no_go, both)] = 0.0
-    return limits[: len(lines)], limits[len(lines) :]
+        area, edge = tree.query(sides.areas, predicate="intersects")
+        _lower_to(limits, sides, area, edges[edge])
+    limits[np.tile(shapely.intersects(soft_no_go, legs.lines), 2)] = 0.0
+    return limits[:count], limits[count:]
 
 
 def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatArray:
@@ -86,22 +86,65 @@ def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatA
     return radii
 
 
-def _side_areas(legs: Tracks, width: float) -> ObjectArray:
-    """Area to port of each leg (k,), to starboard with a negative width.
+@dataclass(frozen=True)
+class _Sides:
+    """Both sides of k legs: all port sides, then all starboard sides.
 
-    Bounded by the leg, which is extended by the width at both ends, and reaching at least the width
-    away from it.
+    `areas`, `lines` (2k,): the area beside a leg, and the leg; `chords` (2k, 2, 2) from its start
+    to its end, `offsets` (2k,) the most that it departs from there.
     """
-    starts = np.flatnonzero(np.diff(legs.leg, prepend=-1))
-    ends = np.append(starts[1:], len(legs.leg)) - 1
-    chord = legs.xy[ends] - legs.xy[starts]
-    ahead = chord / np.linalg.norm(chord, axis=1)[:, None]
-    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
-    # A leg bends away from its chord: without this offset the far side would be too close.
-    offset = np.abs(((legs.xy - legs.xy[starts][legs.leg]) * aside[legs.leg]).sum(axis=1))
-    far = aside * (width + np.sign(width) * np.maximum.reduceat(offset, starts))[:, None]
-    back = legs.xy[starts] - abs(width) * ahead
-    front = legs.xy[ends] + abs(width) * ahead
+
+    areas: ObjectArray
+    lines: ObjectArray
+    chords: FloatArray
+    offsets: FloatArray
+
+    @classmethod
+    def of(cls, legs: Tracks, width: float) -> _Sides:
+        """Sides of legs, reaching at least a width away from them."""
+        starts = np.flatnonzero(np.diff(legs.leg, prepend=-1))
+        ends = np.append(starts[1:], len(legs.leg)) - 1
+        chords = np.stack([legs.xy[starts], legs.xy[ends]], axis=1)
+        aside = _aside(chords)
+        apart = np.abs(((legs.xy - legs.xy[starts][legs.leg]) * aside[legs.leg]).sum(axis=1))
+        offsets = np.maximum.reduceat(apart, starts)
+        areas = [_side_areas(legs, starts, ends, side * (width + offsets)) for side in (1, -1)]
+        return cls(
+            np.concatenate(areas),
+            np.tile(legs.lines, 2),
+            np.tile(chords, (2, 1, 1)),
+            np.tile(offsets, 2),
+        )
+
+    def least_distance(self, side: IntArray, edges: ObjectArray) -> FloatArray:
+        """Distance (n,) that edges have at least from the legs of their sides."""
+        ends = shapely.get_coordinates(edges).reshape(-1, 2, 2)
+        half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
+        begin, chord = self.chords[side, 0], self.chords[side, 1] - self.chords[side, 0]
+        way = ends.mean(axis=1) - begin
+        share = np.clip((way * chord).sum(axis=1) / (chord * chord).sum(axis=1), 0.0, 1.0)
+        middle = np.linalg.norm(way - share[:, None] * chord, axis=1)
+        return np.asarray(middle - half - self.offsets[side])
+
+
+def _aside(chords: FloatArray) -> FloatArray:
+    """Unit vectors (k, 2) to port of chords (k, 2, 2)."""
+    along = chords[:, 1] - chords[:, 0]
+    ahead = along / np.linalg.norm(along, axis=1)[:, None]
+    return np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
+
+
+def _side_areas(legs: Tracks, starts: IntArray, ends: IntArray, reach: FloatArray) -> ObjectArray:
+    """Area to port of each leg (k,), to starboard with a negative reach (k,).
+
+    Bounded by the leg, which is extended at both ends, and reaching that far from its chord.
+    """
+    aside = _aside(np.stack([legs.xy[starts], legs.xy[ends]], axis=1))
+    ahead = np.stack([aside[:, 1], -aside[:, 0]], axis=-1)
+    far = aside * reach[:, None]
+    width = np.abs(reach)[:, None]
+    back = legs.xy[starts] - width * ahead
+    front = legs.xy[ends] + width * ahead
     rings = [
         np.vstack(
             [
@@ -118,25 +161,24 @@ def _side_areas(legs: Tracks, width: float) -> ObjectArray:
     return np.asarray(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=of_leg)))
 
 
-def _lower_to(
-    limits: FloatArray, areas: ObjectArray, legs: ObjectArray, area: IntArray, edges: ObjectArray
-) -> None:
-    """Lower the limit of an area to its leg's distance from the parts inside it of some edges.
+def _lower_to(limits: FloatArray, sides: _Sides, area: IntArray, edges: ObjectArray) -> None:
+    """Lower the limit of a side to its leg's distance from the parts inside it of some edges.
 
-    Edge i (n,) meets the area with index `area[i]`. What of an edge lies inside takes long to find,
-    and is no nearer than the edge: the nearest edges come first, a few of each area at once, until
-    no other can be nearer.
+    Edge i (n,) meets the area with index `area[i]`. What of an edge lies inside takes long to find:
+    the edges that may be nearest come first, a few of each area at once, until no other can be
+    nearer.
     """
-    whole = shapely.distance(edges, legs[area])
-    order = np.lexsort((whole, area))
-    area, edges, whole = area[order], edges[order], whole[order]
+    least = sides.least_distance(area, edges)
+    order = np.lexsort((least, area))
+    area, edges, least = area[order], edges[order], least[order]
     rank = np.arange(len(area)) - np.searchsorted(area, area)
     for first in range(0, int(rank.max(initial=-1)) + 1, _AT_ONCE):
-        tried = (rank >= first) & (rank < first + _AT_ONCE) & (whole < limits[area])
+        tried = (rank >= first) & (rank < first + _AT_ONCE) & (least < limits[area])
         if not tried.any():
             break
-        parts = shapely.intersection(areas[area[tried]], edges[tried])
-        np.minimum.at(limits, area[tried], shapely.distance(parts, legs[area[tried]]))
+        of = area[tried]
+        parts = shapely.intersection(sides.areas[of], edges[tried])
+        np.minimum.at(limits, of, shapely.distance(parts, sides.lines[of]))
 
 
 def _edges_near(edges: FloatArray, areas: ObjectArray) -> FloatArray:

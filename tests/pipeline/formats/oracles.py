@@ -11,7 +11,7 @@ import shapely
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.waypoints import Waypoints
+    from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RunResult
 
     FloatArray = npt.NDArray[np.float64]

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 Curve = Literal["Loxodrome", "Orthodrome"]
 """A leg's geometry in RTZ's terms: constant course, or shortest distance."""
 
+# Decimals of degrees in the files, a millimetre: legs are checked at the positions written.
+DECIMALS = 8
 # Latitude (degrees) above which legs are orthodromes: IEC 61174 warns that systems draw loxodromes
 # differently there.
 _HIGH_LATITUDE_DEG = 70.0
@@ -93,6 +95,23 @@ def tracks(
     between = _on_loxodrome if curve == "Loxodrome" else _on_geodesic
     lonlat = between(begin[leg], end[leg], share)
     return Tracks(lonlat, projection.to_plane(lonlat), leg)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How legs are drawn: curve, and maximum error in true metres."""
+
+    projection: Projection
+    curve: Curve
+    error_m: float
+
+    def lonlat(self, xy: FloatArray) -> FloatArray:
+        """Degrees (n, 2) of planar points, as they will be written."""
+        return np.round(self.projection.to_lonlat(xy), DECIMALS)
+
+    def lines(self, begin: FloatArray, end: FloatArray) -> npt.NDArray[np.object_]:
+        """Legs from degrees (k, 2) to degrees (k, 2), as lines of the plane."""
+        return tracks(begin, end, self.curve, self.projection, self.error_m).lines
 
 
 def initial_course_deg(begin: FloatArray, end: FloatArray, curve: Curve) -> FloatArray:

@@ -114,15 +114,14 @@ class SafeCorridor:
     def clearance(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
         """Distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
         clearance = np.full(len(geometries), self.wanted_clearance)
-        # The box of a long leg holds thousands of edges: its pieces are looked at one by one, and
-        # most of them are far from all.
-        pieces, owner = _pieces(geometries)
-        near = shapely.dwithin(self.blocked, pieces, self.wanted_clearance)
-        pieces, owner = pieces[near], owner[near]
+        # Most lines are far from all. The box of a long one holds thousands of edges, so its pieces
+        # are looked at one by one.
+        near = np.flatnonzero(shapely.dwithin(self.blocked, geometries, self.wanted_clearance))
+        pieces, owner = _pieces(geometries[near])
         (index, _), apart = self._blocked_edges.query_nearest(
             pieces, max_distance=self.wanted_clearance, all_matches=False, return_distance=True
         )
-        np.minimum.at(clearance, owner[index], apart)
+        np.minimum.at(clearance, near[owner[index]], apart)
         return clearance
 
 

@@ -7,9 +7,9 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.exchange.cross_track_limits import cross_track_limits, turning_radii
-from pipeline.formats.exchange.safe_corridor import Obstacles, SafeCorridor
-from pipeline.formats.exchange.tracks import Tracks
+from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
+from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor
+from pipeline.formats.passage.tracks import Tracks
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
 from tests.strategies import PAPER_VESSEL
@@ -108,3 +108,23 @@ def test_turns_are_halved_until_they_fit() -> None:
     shoal = shapely.box(70, 9, 91, 30)
     assert turned(wide.difference(shoal), 30.0) == 15
     assert turned(shapely.Polygon(), 30.0) == 0
+
+
+def test_limits_are_the_nearest_of_all_edges_to_each_side() -> None:
+    # By the parts of all edges inside each side's area, with none left out.
+    random = np.random.default_rng(4)
+    rocks = [shapely.Point(*random.uniform(-150, 250, 2)).buffer(3) for _ in range(120)]
+    way = np.cumsum(random.uniform(-20, 40, (6, 2)), axis=0)
+    track = legs(*map(tuple, way))
+    rocks = [rock for rock in rocks if rock.distance(shapely.LineString(way)) > 1]
+    soft, around = shapely.MultiPolygon(rocks), obstacles()
+    found = np.array(cross_track_limits(track, soft, around, CAP))
+    for side, sign in enumerate((1, -1)):
+        for leg, line in enumerate(track.lines):
+            begin, end = way[leg], way[leg + 1]
+            ahead = (end - begin) / np.linalg.norm(end - begin) * CAP
+            aside = sign * np.array([-ahead[1], ahead[0]])
+            corners = [begin - ahead, end + ahead, end + ahead + aside, begin - ahead + aside]
+            within = shapely.intersection(shapely.Polygon(corners), soft.boundary)
+            expected = min(CAP, line.distance(within)) if not within.is_empty else CAP
+            assert found[side, leg] == pytest.approx(expected)

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.exchange.cross_track_limits import cross_track_limits, turning_radii
-from pipeline.formats.exchange.safe_corridor import Obstacles, safe_corridor
-from pipeline.formats.exchange.thinning import Drawing, thin
-from pipeline.formats.exchange.tracks import Tracks, curve_for, initial_course_deg, tracks
+from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
+from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
+from pipeline.formats.passage.thinning import thin
+from pipeline.formats.passage.tracks import Drawing, Tracks, curve_for, initial_course_deg, tracks
 from pipeline.formats.shared.legs import mean_speed, metres_along, times_at
+from renew.route import unite_soft_no_go
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.formats.exchange.safe_corridor import SafeCorridor
-    from pipeline.formats.exchange.tracks import Curve
+    from pipeline.formats.passage.safe_corridor import SafeCorridor
+    from pipeline.formats.passage.tracks import Curve
     from pipeline.formats.shared.result import RankedRoute, RunResult
 
     FloatArray = npt.NDArray[np.float64]
@@ -82,9 +83,9 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
         attributes[_CACHE] = (Obstacles(result.scene), {})
     obstacles, cached = attributes[_CACHE]
     if season not in cached:
-        cached[season] = tuple(
-            waypoints(ranked, result, obstacles) for ranked in result.season_routes(season)
-        )
+        routes = result.season_routes(season)
+        unite_soft_no_go([ranked.route for ranked in routes])
+        cached[season] = tuple(waypoints(ranked, result, obstacles) for ranked in routes)
     found: tuple[Waypoints, ...] = cached[season]
     return found
 
