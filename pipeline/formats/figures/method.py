@@ -15,13 +15,10 @@ from pipeline.formats.figures.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
-    land_handles,
-    land_layers,
-    line_handle,
     map_figure,
-    no_go_layers,
 )
 from pipeline.formats.figures.island_labels import draw_island_labels
+from pipeline.formats.figures.map_layers import land_handles, land_layers, line_handle, no_go_layers
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.text import distance, fuel
 

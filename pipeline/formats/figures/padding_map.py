@@ -28,10 +28,12 @@ from pipeline.formats.figures.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
+    map_figure,
+)
+from pipeline.formats.figures.map_layers import (
     land_handles,
     land_layers,
     line_handle,
-    map_figure,
     no_go_layers,
     soft_handle,
     soft_layer,

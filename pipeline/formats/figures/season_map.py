@@ -13,16 +13,18 @@ from pipeline.formats.figures.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
+    map_figure,
+)
+from pipeline.formats.figures.island_labels import draw_island_labels
+from pipeline.formats.figures.map_layers import (
     land_handles,
     land_layers,
-    map_figure,
     no_go_layers,
     soft_handle,
     soft_layer,
     zone_handles,
     zone_layers,
 )
-from pipeline.formats.figures.island_labels import draw_island_labels
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.palette import season_colour

@@ -1,0 +1,155 @@
+"""Layers that maps share, and their legends: land, no-go, hazards, zones of the chart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.formats.figures.artists import patch, point
+from pipeline.formats.figures.palette import COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from shapely.geometry.base import BaseGeometry
+
+    from pipeline.formats.shared.result import RunResult
+
+# Size, points, below which details of the coast are dropped: they can't be seen, and would make up
+# most of a file.
+DETAIL_PT = 0.25
+SOFT_ALPHA = 0.38
+ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
+
+
+def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+    """Land before simplification, shoals and hazards, in as much detail as can be seen.
+
+    Clipped to an area if one is given.
+    """
+    detail = DETAIL_PT * point(axes)
+    land = visible(_clipped(result.scene.land, within), detail)
+    to_plane = result.scene.projection.geometry_to_plane
+    shoals = to_plane(np.array(result.shoals, dtype=object))
+    hazards = to_plane(np.array(result.hazards, dtype=object))
+    return [
+        patch(
+            land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
+        ),
+        patch(
+            visible(_clipped(shoals, within), detail),
+            facecolor=COLOURS["shoal"],
+            edgecolor="none",
+            zorder=4,
+        ),
+        # The smallest are seen by their edges.
+        patch(
+            _clipped(hazards, within),
+            facecolor=COLOURS["hazard"],
+            edgecolor=COLOURS["hazard"],
+            linewidth=0.8,
+            zorder=4.2,
+        ),
+    ]
+
+
+def no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+    """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
+    if result.scenario.is_planar:
+        return []
+    no_go = visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
+    return [patch(no_go, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)]
+
+
+def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
+    """A soft no-go zone, translucent."""
+    visible = shapely.simplify(area, DETAIL_PT * point(axes))
+    return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
+
+
+def zone_layers(result: RunResult) -> list[Artist]:
+    """Restricted areas and traffic schemes, outlined, over the land."""
+    return [
+        patch(
+            area,
+            facecolor=(COLOURS[zone.kind], ZONE_ALPHA),
+            edgecolor=COLOURS[zone.kind],
+            linewidth=0.9,
+            linestyle=ZONE_DASHES,
+            zorder=4.5,
+        )
+        for zone, area in result.open_zones
+    ]
+
+
+def zone_handles(result: RunResult) -> list[Artist]:
+    """Legend of the areas that `zone_layers` draws; empty if there are none."""
+    from matplotlib.patches import Patch
+
+    kinds = {zone.kind for zone, _ in result.open_zones}
+    return [
+        Patch(
+            facecolor=(COLOURS[kind], ZONE_ALPHA),
+            edgecolor=COLOURS[kind],
+            linestyle=ZONE_DASHES,
+            label=text,
+        )
+        for kind, text in (
+            ("restricted", "restricted"),
+            ("traffic", "traffic scheme"),
+            ("shut", "shut area"),
+        )
+        if kind in kinds
+    ]
+
+
+def land_handles(result: RunResult) -> list[Artist]:
+    """Legend of land, of the hard no-go zone, and of shoals and hazards where there are any."""
+    from matplotlib.patches import Patch
+
+    added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
+    hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
+    return [
+        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
+        *([] if result.scenario.is_planar else added),
+        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
+        *(hazards if result.hazards else []),
+    ]
+
+
+def soft_handle(text: str = "soft no-go: the padding") -> Artist:
+    """Legend of a soft no-go zone."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label=text)
+
+
+def line_handle(role: str, width_pt: float, text: str) -> Artist:
+    """Legend of a line."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=text)
+
+
+def visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+    """Simplify areas (n,) by a detail, and drop those smaller than it."""
+    west, south, east, north = shapely.bounds(areas).T
+    return np.asarray(
+        shapely.simplify(areas[np.maximum(east - west, north - south) >= detail], detail)
+    )
+
+
+def _clipped(
+    areas: Sequence[BaseGeometry] | npt.NDArray[np.object_], within: BaseGeometry | None
+) -> npt.NDArray[np.object_]:
+    """Clip areas to another area, if one is given."""
+    areas = np.array(areas, dtype=object)
+    if within is None:
+        return areas
+    near = areas[shapely.intersects(areas, within)]
+    return np.asarray(shapely.intersection(near, within))
