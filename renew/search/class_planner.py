@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from renew._types import BoolArray, FloatArray
+from renew._types import FloatArray
 from renew.classes.channel import Channel
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, TooLateError
@@ -32,22 +32,16 @@ from renew.paths.least_fuel_path import (
     path_through_sections,
     refined_path,
 )
-from renew.paths.random_chains import random_chains
-from renew.paths.shortcuts import each_shortened, with_shortcuts
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
-from renew.search.harmonic_mean import harmonic_mean
 from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_as_it_is, steered_with_room
+from renew.search.sampled_paths import sampled_paths
 from renew.steering.steer_in_corridor import steer_as_drawn
-from renew.steering.turning_radius import steerable
 
 # Ratio of a steered path's fuel to that of the path before from which other ways are tried.
 _DEAR = 1.01
-# Number of sampled chains, least fuel first, that are tried to be steered, and number of those that
-# are smoothed further.
-_MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 # Number of times that the padding of a class may grow before the class is given up.
 _MAX_GROWTHS = 8
 
@@ -346,31 +340,11 @@ class ClassPlanner:
             )
 
     def _best_sample(self, corridor: Corridor) -> Found:
-        """Least-fuel chain of the paper's sampling, smoothed; the harmonic mean is its class's.
-
-        The published figures are of smoothed paths. So each chain is smoothed before it is checked
-        and counts in the mean: as they are drawn, hardly any can be steered.
-        """
-        voyage, method, rays = self.problem.voyage, self.method, self.problem.rays
-        rng = np.random.default_rng([method.seed, *corridor.channel.triangles.tolist()])
-        chains = random_chains(corridor, method.samples, rng)
-        paths, times = each_shortened(corridor, rays, chains)
-        if not paths:
-            raise InfeasibleError(
-                f"each of {method.samples} sampled chains crosses the soft no-go zone, or water "
-                "whose current is as strong as the vessel"
-            )
-        chosen = np.flatnonzero(_are_steerable(paths, voyage))
-        if not len(chosen):
-            raise InfeasibleError(
-                f"none of {method.samples} sampled chains can be steered at a turn rate of "
-                f"{math.degrees(voyage.vessel.turn_rate):g} degrees a second; method='optimal' may"
-            )
-        class_mean = harmonic_mean(voyage.vessel.fuel_rate * times[chosen])
-        best = [paths[i] for i in chosen[np.argsort(times[chosen])[:_MAX_CHAINS]]]
-        smooth = [with_shortcuts(corridor, rays, path) for path in best[:_MAX_SMOOTHED]]
+        """Least-fuel path of the paper's sampling; the harmonic mean is its class's."""
+        method = self.method
+        paths, class_mean = sampled_paths(corridor, self.problem.rays, method.samples, method.seed)
         first: InfeasibleError | None = None
-        for path in (*sorted(smooth, key=voyage.fuel), *best):
+        for path in paths:
             try:
                 found = self._steered_in_class(corridor, corridor, path)
             except InfeasibleError as error:
@@ -397,15 +371,3 @@ def _bulging(corridor: Corridor) -> FloatArray:
 def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
     """Corridor, and the least-fuel path (n, 2) near a rough one."""
     return corridor, refined_path(corridor, rough)
-
-
-def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
-    """Which of some paths (n, 2) can be steered: those with equally many points in one go."""
-    points = np.array([len(path) for path in paths])
-    result = np.zeros(len(paths), dtype=bool)
-    for count in np.unique(points):
-        alike = np.flatnonzero(points == count)
-        stacked = np.stack([paths[i] for i in alike.tolist()])
-        times = np.stack([voyage.reading_times(paths[i])[1:-1] for i in alike.tolist()])
-        result[alike] = steerable(stacked, voyage.current, voyage.vessel, times)
-    return result
