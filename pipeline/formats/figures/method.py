@@ -11,14 +11,19 @@ import numpy as np
 import shapely
 
 from pipeline.formats.figures.artists import lines, patch, stroke
-from pipeline.formats.figures.chart_map import (
+from pipeline.formats.figures.maps.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
     map_figure,
 )
-from pipeline.formats.figures.island_labels import draw_island_labels
-from pipeline.formats.figures.map_layers import land_handles, land_layers, line_handle, no_go_layers
+from pipeline.formats.figures.maps.island_labels import draw_island_labels
+from pipeline.formats.figures.maps.layers import (
+    land_handles,
+    land_layers,
+    line_handle,
+    no_go_layers,
+)
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.text import distance, fuel
 

@@ -21,7 +21,7 @@ from pipeline.formats.figures.artists import (
     point,
     stroke,
 )
-from pipeline.formats.figures.chart_map import (
+from pipeline.formats.figures.maps.chart_map import (
     BOTTOM_PT,
     WIDTH_PT,
     Margins,
@@ -30,7 +30,7 @@ from pipeline.formats.figures.chart_map import (
     draw_start_and_goal,
     map_figure,
 )
-from pipeline.formats.figures.map_layers import (
+from pipeline.formats.figures.maps.layers import (
     land_handles,
     land_layers,
     line_handle,

@@ -12,7 +12,7 @@ import numpy as np
 
 import renew
 from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
-from pipeline.formats.figures.chart_map import WIDTH_PT
+from pipeline.formats.figures.maps.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.text import distance
 

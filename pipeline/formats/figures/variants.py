@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.artists import SMALL_PT, drawable, stroke
-from pipeline.formats.figures.chart_map import (
+from pipeline.formats.figures.maps.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
     map_figure,
 )
-from pipeline.formats.figures.map_layers import (
+from pipeline.formats.figures.maps.layers import (
     land_handles,
     land_layers,
     line_handle,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.figures.arrows import SpeedScale, speed_scale
+from pipeline.formats.figures.maps.arrows import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.geo.earth import METRES_PER_DEGREE
 

@@ -18,7 +18,7 @@ from pipeline.formats.exchange.text import (
     vessel_name,
 )
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
-from pipeline.formats.figures.map_layers import DETAIL_PT, visible
+from pipeline.formats.figures.maps.layers import DETAIL_PT, visible
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.paper.legs_table import HEADINGS, distance_text, rows, tightest_text
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints

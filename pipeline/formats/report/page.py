@@ -139,7 +139,7 @@ def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures.arrows import speed_scale
+    from pipeline.formats.figures.maps.arrows import speed_scale
     from pipeline.formats.report.live_map.encode import json_for_script
     from pipeline.formats.report.live_map.map_data import map_data
     from pipeline.formats.report.parts.comparison import comparison

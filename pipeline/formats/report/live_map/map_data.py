@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.figures.arrows import on_water
+from pipeline.formats.figures.maps.arrows import on_water
 from pipeline.formats.report.live_map.encode import Lattice, coarser, series, within
 from pipeline.formats.report.live_map.positions import positions
 from pipeline.formats.shared.text import zone_text

@@ -94,7 +94,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     """Gather a season's part."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures.season_map import season_svg
+    from pipeline.formats.figures.maps.season_map import season_svg
     from pipeline.formats.report.parts.thumbnail import thumbnail
 
     ranked = result.season_routes(entry.season)
@@ -147,7 +147,7 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
 
 def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
     """What a season's sentences are made from; None without a route."""
-    from pipeline.formats.figures.arrows import arrows
+    from pipeline.formats.figures.maps.arrows import arrows
 
     if not metrics:
         return None

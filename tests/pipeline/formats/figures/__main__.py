@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from pipeline.formats.figures.kinds import Kind, figure
-from pipeline.formats.figures.season_map import overview_figure
+from pipeline.formats.figures.maps.season_map import overview_figure
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from tests.conftest import ROOT

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.formats.figures.arrows import arrows, speed_scale
 from pipeline.formats.figures.artists import in_season_colour, patch, stroke
-from pipeline.formats.figures.chart_map import (
+from pipeline.formats.figures.maps.arrows import arrows, speed_scale
+from pipeline.formats.figures.maps.chart_map import (
     add_layers,
     draw_frame,
     draw_start_and_goal,
     map_figure,
 )
-from pipeline.formats.figures.island_labels import draw_island_labels
-from pipeline.formats.figures.map_layers import (
+from pipeline.formats.figures.maps.island_labels import draw_island_labels
+from pipeline.formats.figures.maps.layers import (
     land_handles,
     land_layers,
     no_go_layers,

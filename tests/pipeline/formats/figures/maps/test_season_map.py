@@ -11,9 +11,9 @@ import pytest
 import shapely
 from matplotlib.image import imread
 
-from pipeline.formats.figures.chart_map import Margins
+from pipeline.formats.figures.maps.chart_map import Margins
+from pipeline.formats.figures.maps.season_map import overview_figure, season_svg
 from pipeline.formats.figures.palette import COLOURS, DARK
-from pipeline.formats.figures.season_map import overview_figure, season_svg
 from pipeline.formats.shared.palette import season_colour
 from tests.pipeline.formats import small_run
 

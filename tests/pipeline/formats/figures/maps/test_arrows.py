@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.figures.arrows import SpeedScale, arrows, speed_scale
+from pipeline.formats.figures.maps.arrows import SpeedScale, arrows, speed_scale
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult

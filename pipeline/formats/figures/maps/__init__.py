@@ -1,0 +1,1 @@
+"""Maps: their frame, layers, arrows of the current and labels of islands."""
