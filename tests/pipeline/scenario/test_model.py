@@ -48,6 +48,8 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     assert taken.pop("arrive_by") is None
     # The scenario itself has these, on the chart.
     assert taken.pop("via") == taken.pop("avoid") == ()
+    # Speeds are chosen from Python alone.
+    assert taken.pop("speed") is None
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
     assert options == taken
