@@ -47,6 +47,7 @@ RUN = (
     "docs/how-to/own-vessel.md",
     "docs/how-to/plotter.md",
     "docs/how-to/vehicle.md",
+    "docs/how-to/via-and-avoid.md",
 )
 SPAN = re.compile(r"`([^`\n]+)`")
 FILE_IN_REPOSITORY = re.compile(r"(?:renew|pipeline|catalog|tests|docs)/[\w./-]*")
