@@ -135,7 +135,8 @@ def plan(
         Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
         in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
         time there is. Land is padded, and turns are steered, for the highest. The plan then has a
-        `trade_off` of fuel against arrival. See :mod:`renew.search.speed_search`.
+        `trade_off` of fuel against arrival. Not with `via`, nor with areas shut for some hours.
+        See :mod:`renew.search.speed_search`.
 
     Returns
     -------
