@@ -4,7 +4,7 @@ A dynamic programme in two parts. The first runs over sections of the channel: f
 points on each, so that the way round is right. The second refines the path found on transversals,
 lines square to it from V to V, in ever narrower windows, so that it can bend, and bulge out of its
 channel: the least-fuel path of a class may leave its row of triangles across open water and come
-back.
+back. At the end Newton's method moves all points at once.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from renew.errors import InfeasibleError
 from renew.kernels.capsules import capsules_near
 from renew.kernels.viterbi import quickest_chain
 from renew.paths.corridor import SLACK, Corridor
+from renew.paths.newton import straightened
 from renew.paths.refinement import (
     Water,
     refined_on_transversals,
@@ -49,9 +50,9 @@ class _Pass(NamedTuple):
     bend: float
 
 
-# Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. The
+# Half-widths of the passes, as shares of the path, down to 1/1,800: 7 cm on the single gyre. The
 # wider ones have more points, so that legs between them can take almost any course.
-_WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
+_WINDOWS = tuple(0.15 * 0.45**step for step in range(8))
 _WIDE = tuple(
     _Pass(window, max(1 / 80, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
@@ -61,6 +62,8 @@ _NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
 # chosen already; and the path bends more often.
 _WIDE_IN_EDDIES = _WIDE[2:]
 _NARROW_IN_EDDIES = (*_NARROW[:3], *(one._replace(spacing=1 / 160) for one in _NARROW[3:]))
+# How far points move at the end, as a share of the path, when long stretches of it are turned.
+_FARTHEST = 0.05
 # A point (x, y) as x + iy, so that points can be looked up among others.
 _AS_COMPLEX = np.array([1, 1j])
 
@@ -126,6 +129,7 @@ def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
     """The same without via points."""
     has_small_eddies = corridor.voyage.table.has_small_eddies
     path = _refined(corridor, rough, _NARROW_IN_EDDIES if has_small_eddies else _NARROW)
+    path = _straightened(corridor, path)
     if not corridor.legs_clear(path).all():
         raise InfeasibleError("its path lies in V, and no path clear of V is near")
     return _thinned(corridor, path)
@@ -151,6 +155,14 @@ def _refined(corridor: Corridor, path: FloatArray, passes: tuple[_Pass, ...]) ->
             path, window, one.points, longest, water.near(near), exempt[:, near].copy()
         )
     return path
+
+
+def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
+    """Path (n, 2) with its long stretches turned to where they are quickest."""
+    farthest = _FARTHEST * _length(path)
+    within = capsules_near(corridor.search_capsules, path, farthest)
+    water = Water(corridor.stream, corridor.search_capsules.select(within))
+    return straightened(path, farthest, water, np.asarray(corridor.exempt.any(axis=1)))
 
 
 def _midline(corridor: Corridor) -> FloatArray:

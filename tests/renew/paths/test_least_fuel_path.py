@@ -46,8 +46,15 @@ def test_still_water_gives_the_shortest_path(seed: int) -> None:
     start, goal = np.array([10.0, 10.0]), np.array([190.0, 190.0])
     best = renew.plan(chart, STILL, NIMBLE, start, goal, padding="none", classes=12).best
     shortest = visibility_length(chart, start, goal)
-    assert shortest * (1 - 1e-9) <= best.length <= shortest * 1.003
+    assert shortest * (1 - 1e-9) <= best.length <= shortest * 1.0005
     assert best.fuel == pytest.approx(best.length)
+
+
+def test_a_long_way_over_open_still_water_is_straight() -> None:
+    chart = renew.Chart(box(0, 0, 42_000, 14_500), [])
+    vessel = renew.Vessel(speed=5.0, turn_rate=math.radians(16.5), length=7.0)
+    best = renew.plan(chart, STILL, vessel, (2300, 6500), (39_500, 2000), classes=1).best
+    assert best.length == pytest.approx(math.hypot(37_200, 4500), rel=1e-5)
 
 
 @settings(max_examples=5, deadline=None)
@@ -91,7 +98,7 @@ def test_bulging_out_of_the_channel_over_open_water_saves_fuel() -> None:
         )
         saved[voyage.fuel(narrow) - voyage.fuel(bulging)] = corridor, bulging
     corridor, bulging = saved[max(saved)]
-    assert max(saved) > 0.03 * voyage.fuel(bulging)
+    assert max(saved) > 0.02 * voyage.fuel(bulging)
     # The channel's triangles come first among those of the corridor.
     own = shapely.polygons(corridor.corners[: len(corridor.channel.triangles)])
     channel = shapely.union_all(own).buffer(1e-6)

@@ -1,0 +1,95 @@
+"""Newton's method on a path's points: long stretches turn, nothing gets slower or touches land."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.optimize
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renew.kernels.capsules import Capsules, legs_are_clear
+from renew.kernels.current_table import STILL_WATER, table_of
+from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import Clock, Stream, arrivals
+from renew.paths.newton import straightened
+from renew.paths.refinement import Water
+from tests.strategies import SIZE, StreamFunctionCurrent, seeds
+
+NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
+AT_ONCE = Clock(0.0, math.inf)
+CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
+NOTHING_WHOLE = np.zeros(2, dtype=bool)
+
+
+def test_a_long_slight_bulge_is_straight_afterwards_in_still_water() -> None:
+    along = np.linspace(0, 100, 81)
+    path = np.column_stack([along, 1.7 * np.sin(np.pi * along / 100)])
+    found = straightened(path, 5.0, CALM, NOTHING_WHOLE)
+    assert np.abs(found[:, 1]).max() < 1e-4
+    assert found[[0, -1]].tolist() == path[[0, -1]].tolist()
+
+
+def test_no_point_moves_farther_than_it_may() -> None:
+    along = np.linspace(0, 100, 81)
+    path = np.column_stack([along, 20 * np.sin(np.pi * along / 100)])
+    found = straightened(path, 3.0, CALM, NOTHING_WHOLE)
+    moved = np.linalg.norm(found - path, axis=1).max()
+    assert 1.0 < moved <= 3.0
+
+
+@settings(max_examples=25)
+@given(seed=seeds, crab=st.booleans())
+def test_a_path_is_never_slower_and_stays_clear(seed: int, crab: bool) -> None:
+    rng = np.random.default_rng(seed)
+    along = np.linspace(20, SIZE - 20, 30)
+    path = np.column_stack([along, SIZE / 2 + np.cumsum(rng.normal(0, 2, 30))])
+    start = rng.uniform(20, SIZE - 20, (12, 2))
+    capsules = Capsules(start, start + rng.normal(0, 5, (12, 2)), rng.uniform(0.5, 3, 12))
+    line = shapely.LineString(path)
+    axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
+    capsules = capsules.select(shapely.distance(axes, line) > capsules.radius)
+    table = StreamFunctionCurrent(seed, 0.6).table((0.0, 0.0, SIZE, SIZE))
+    water = Water(Stream(table, Polar(1.0, crab), AT_ONCE), capsules)
+    found = straightened(path, 10.0, water, NOTHING_WHOLE)
+    assert arrivals(found, water.stream)[-1] <= arrivals(path, water.stream)[-1]
+    assert legs_are_clear(found[:-1], found[1:], capsules).all()
+
+
+def test_first_and_last_leg_stay_whole_where_asked() -> None:
+    path = np.column_stack([np.linspace(0, 100, 41), np.zeros(41)])
+    path[1:-1, 1] = 2.0
+    found = straightened(path, 10.0, CALM, np.array([True, True]))
+    assert found[[0, 1, -2, -1]].tolist() == path[[0, 1, -2, -1]].tolist()
+    freed = straightened(path, 10.0, CALM, NOTHING_WHOLE)
+    assert np.abs(freed[:, 1]).max() < 1e-3
+
+
+@pytest.mark.parametrize("is_steady", [True, False])
+def test_a_general_optimiser_finds_nothing_quicker_square_to_the_path(is_steady: bool) -> None:
+    """In open water SciPy's BFGS over the same points ends where Newton's method does."""
+    axis = np.linspace(-20, 120, 141)
+    x, y = np.meshgrid(axis, axis)
+    psi = np.stack([0.3 * np.cos(np.pi * x / 90), 0.4 * np.sin(np.pi * y / 70)], axis=-1)
+    if is_steady:
+        table = table_of(axis, axis, psi)
+    else:
+        times = np.array([0.0, 60.0, 150.0])
+        table = table_of(axis, axis, np.stack([psi, 0.2 * psi, -psi]), times=times)
+    water = Water(Stream(table, Polar(1.0, crab=True), Clock(0.0, 2.0)), NO_LAND)
+    path = np.column_stack([np.linspace(0, 100, 25), np.linspace(0, 30, 25)])
+    found = straightened(path, 60.0, water, NOTHING_WHOLE)
+    normal = np.array([-30.0, 100.0]) / math.hypot(30, 100)
+
+    def time(shift: np.ndarray) -> float:
+        moved = path.copy()
+        moved[1:-1] += shift[:, None] * normal
+        return float(arrivals(moved, water.stream)[-1])
+
+    least = scipy.optimize.minimize(time, np.zeros(23), method="BFGS", options={"gtol": 1e-7})
+    gained = arrivals(path, water.stream)[-1] - least.fun
+    assert gained > 0.3
+    assert arrivals(found, water.stream)[-1] <= least.fun + 0.01 * gained
