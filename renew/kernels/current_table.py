@@ -32,6 +32,7 @@ class Table(NamedTuple):
     and after the last the current is held, or repeats itself after a `period` (s) that is finite.
     `error` (m/s) is the largest difference found between field and table. `per_x` and
     `per_y` are cells per metre, `per_second` is slices per second; 0 where they don't stand evenly.
+    `strongest` (m/s) is the strongest current: between nodes it is no stronger than at those.
     """
 
     x: FloatArray
@@ -43,11 +44,7 @@ class Table(NamedTuple):
     per_x: float
     per_y: float
     per_second: float
-
-    @property
-    def strongest(self) -> float:
-        """Strongest current (m/s): between nodes it is no stronger than at the strongest."""
-        return float(np.linalg.norm(self.uv, axis=-1).max())
+    strongest: float
 
     @property
     def is_steady(self) -> bool:
@@ -57,7 +54,7 @@ class Table(NamedTuple):
     @property
     def has_small_eddies(self) -> bool:
         """Whether the current turns so often that it takes many nodes to reproduce it."""
-        return max(len(self.x), len(self.y)) > _SMALL_EDDIES
+        return self.nodes_needed > _SMALL_EDDIES
 
     @property
     def nodes_needed(self) -> float:
@@ -93,7 +90,18 @@ def table_of(
     times = np.zeros(1) if times is None else times
     x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
     slices = uv.reshape(len(times), len(y), len(x), 2)
-    return Table(x, y, times, slices, error, period, *map(_density, (x, y, times)))
+    per_x, per_y, per_second = map(_density, (x, y, times))
+    strongest = _strongest(slices)
+    return Table(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
+
+
+@kernel
+def _strongest(uv: FloatArray) -> float:
+    """Largest length (m/s) of velocities (nt, ny, nx, 2)."""
+    square = 0.0
+    for u, v in uv.reshape(-1, 2):
+        square = max(square, u * u + v * v)
+    return math.sqrt(square)
 
 
 def _density(axis: FloatArray) -> float:

@@ -23,11 +23,12 @@ from renew.paths.refinement import Water
 # Step of the differences, as a share of a leg.
 _STEP = 0.05
 # Iterations, and tries with ever more damping, or more points held, in each of them.
-_ITERATIONS, _TRIES = 8, 12
-# Least damping, as a share of the mean second derivative, and its factor from try to try.
-_LEAST_DAMPING, _MORE = 1e-4, 8.0
+_ITERATIONS, _TRIES = 8, 6
+# Damping of the first try, as a share of the mean second derivative, its factor from try to try,
+# and the share below which there is none.
+_DAMPING, _MORE, _LEAST_DAMPING = 0.05, 8.0, 1e-4
 # Gain of an iteration, as a share of the time under way, below which it is the last.
-_GAIN = 1e-6
+_GAIN = 3e-6
 
 
 class _Quadratic(NamedTuple):
@@ -58,7 +59,7 @@ def straightened(
     if len(path) > 2:
         movable[1] &= not keep_whole[0]
         movable[-2] &= not keep_whole[1]
-    damping = 0.0
+    damping = _DAMPING
     for _ in range(_ITERATIONS):
         before = times[-1]
         normals = _normals(path)
