@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from renew._compiled import for_kernels
+from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentField, CurrentLike, as_field
@@ -31,9 +31,9 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PIECES = 256
 WITHIN = (_NODES + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
-# Blocks of a way in a changing current, rounds in each, and the change of its times, as a share of
-# the time under way, from which they count as settled.
-_BLOCKS, _ITERATIONS, _SETTLED = 16, 40, 1e-11
+# Rounds in which times in a changing current are put in, the change of them, as a share of the time
+# under way, from which they count as settled, that from which it shows a slope, and its largest.
+_ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-11, 1e-6, 0.9
 
 
 def check_drift(drift: str) -> None:
@@ -191,35 +191,68 @@ def times_under_way(
     """Times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
 
     `durations` gives the time over some pieces from the times at their ends. In a steady current
-    that is asked once. In one that changes the way is cut into blocks: in each, times are put in
-    until they come out again (Picard's iteration), and a block in which they don't is halved.
+    that is asked once. In one that changes times are put in until they come out again; a stretch of
+    the way on which they don't is halved.
     """
     times = np.full(count + 1, float(departure))
     if is_steady:
         times[1:] += np.cumsum(durations(slice(0, count), times))
         return times
-    first, size, pace = 0, max(1, count // _BLOCKS), 0.0
+    first, size, pace = 0, count, 0.0
     while first < count:
         last = min(first + size, count)
         # Each piece may take about as long as the last one before.
-        block = times[first] + pace * np.arange(last - first + 1)
-        for _ in range(_ITERATIONS):
-            found = times[first] + np.cumsum(durations(slice(first, last), block))
-            # Infinite where no way can be made: then so is the change.
-            change = np.abs(found - block[1:]).max()
-            block[1:] = found
-            if not change > _SETTLED * (found[-1] - departure):
-                break
-        is_settled = math.isfinite(found[-1]) and change <= _SETTLED * (found[-1] - departure)
+        guess = pace * np.arange(last - first + 1)
+        since, is_settled = _settled(durations, slice(first, last), guess, times[first])
         if is_settled or size == 1:
-            times[first + 1 : last + 1] = found
-            first, pace = last, float(found[-1] - times[first]) / (last - first)
-            if not math.isfinite(found[-1]):
+            times[first : last + 1] = times[first] + since
+            if not math.isfinite(since[-1]):
                 times[last:] = math.inf
                 break
+            first, size, pace = last, 2 * size, float(since[-1]) / (last - first)
         else:
             size //= 2
     return times
+
+
+def _settled(
+    durations: Callable[[slice, FloatArray], FloatArray],
+    some: slice,
+    since: FloatArray,
+    begin: float,
+) -> tuple[FloatArray, bool]:
+    """Times (s + 1,), s since the beginning of some pieces, at their ends, and if they are settled.
+
+    From a guess of them, by Newton's method: the time over a piece is taken as linear in that at
+    its middle, with the slope that the last two rounds show.
+    """
+    middle, lasts, slope = (np.zeros(len(since) - 1) for _ in range(3))
+    for at_round in range(_ROUNDS):
+        last_middle, last_lasts = middle, lasts
+        middle, lasts = (since[:-1] + since[1:]) / 2, durations(some, begin + since)
+        if not np.isfinite(lasts).all():
+            return np.append(0.0, np.cumsum(lasts)), False
+        moved = middle - last_middle
+        if at_round:
+            # Rounding has no slope, and one so steep can't be right: she would not come later.
+            far = np.abs(moved) > _FAR * since[-1]
+            slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
+        found = _chained(middle, lasts, slope)
+        change = np.abs(found - since).max()
+        since = found
+        if change <= _SETTLED * since[-1]:
+            return since, True
+    return since, False
+
+
+@kernel
+def _chained(middle: FloatArray, lasts: FloatArray, slope: FloatArray) -> FloatArray:
+    """Times (s + 1,), s, at the ends of pieces that last so long (s) around these middles (s)."""
+    since = np.zeros(len(lasts) + 1)
+    for k in range(len(lasts)):
+        half = slope[k] / 2
+        since[k + 1] = ((1 + half) * since[k] + lasts[k] - 2 * half * middle[k]) / (1 - half)
+    return since
 
 
 def fuel(
