@@ -202,7 +202,7 @@ def times_under_way(
     while first < count:
         last = min(first + size, count)
         # Each piece may take about as long as the last one before.
-        guess = pace * np.arange(last - first + 1)
+        guess = np.linspace(0.0, pace * (last - first), last - first + 1)
         since, is_settled = _settled(durations, slice(first, last), guess, times[first])
         if is_settled or size == 1:
             times[first : last + 1] = times[first] + since
