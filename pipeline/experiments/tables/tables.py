@@ -75,8 +75,9 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
             "Equal padding: who needs least fuel?",
             "Every rival has Eq. 4 as its objective (the isochrone and the energy graph their own) "
             "and keeps the same padding as our route. With adaptive padding that is the padding of "
-            "our best route, and elsewhere the least that any of our routes kept. Compared with "
-            "each rival's best seed. Only here do we claim to be least.",
+            "our best route; elsewhere the least that any of our routes kept; and on shores that "
+            "none of ours passes, the least that our rule asks of a route along them. Compared "
+            "with each rival's best seed. Only here do we claim to be least.",
             tuple(_equal(compared, results)),
         ),
         Table(
