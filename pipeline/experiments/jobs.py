@@ -162,7 +162,7 @@ def _theirs(
         voyage.start,
         voyage.goal,
         water=PaddedWater.of(voyage.chart, padding, np.stack([voyage.start, voyage.goal])),
-        budget=Budget(spec.classes, spec.cell_m, spec.nodes, calls),
+        budget=Budget(spec.classes, spec.cell_m, spec.nodes, spec.dubins_step_m, calls),
         seed=job.seed,
     )
     paths = []

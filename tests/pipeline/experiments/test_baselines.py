@@ -170,3 +170,23 @@ def test_the_energy_of_a_leg_is_least_over_all_speeds() -> None:
     allowed = through <= 1.0
     by_hand = ((1.0 + through) * 10.0 / speeds)[allowed].min()
     assert energies(a, b, current, 1.0)[0] == pytest.approx(by_hand, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_trees_of_poses_step_and_give_up_as_their_budget_says(tmp_path: Path) -> None:
+    """Longer steps give smaller trees, and a tree that has used up its calls says so."""
+    environment = small_environment()
+    files = {}
+    for step in (3.0, 20.0):
+        files[step] = tmp_path / f"step{step}.pickle"
+        spec = environment.spec.model_copy(update={"dubins_step_m": step})
+        files[step].write_bytes(pickle.dumps(dataclasses.replace(environment, spec=spec)))
+    states = {}
+    for step, file in files.items():
+        ((result, _),) = results_of([Job("small", "fixed", "RRT-D", 1)], Work(file), 1)
+        assert result.best is not None
+        states[step] = result.best.candidate.states
+    assert states[3.0] > 2 * states[20.0]
+    few = Job("small", "fixed", "RRT*-D", 1, options=(("calls", 20),))
+    ((result, _),) = results_of([few], Work(files[3.0]), 1)
+    assert result.failure == "no path within 20 calls"
