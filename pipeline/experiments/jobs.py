@@ -132,9 +132,9 @@ def _ours(job: Job, voyage: Voyage, options: dict[str, object], station: float) 
 def _equal_padding(
     job: Job, plan: renew.Plan, voyage: Voyage, options: Mapping[str, object]
 ) -> FloatArray:
-    """Padding (e, 5) that rivals have to keep beside the plan of a case; of other plans nothing."""
+    """Padding (e, 5) that rivals have to keep beside a case's plan; else the best route's own."""
     if job.planner != "RENEW" or job.options or options["padding"] != "adaptive":
-        return np.empty((0, 5))
+        return plan.best.padding_used
     return equal_padding(plan, voyage, float(str(options["clearance"])))
 
 
