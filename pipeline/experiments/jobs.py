@@ -16,12 +16,14 @@ import numpy as np
 
 import renew
 from pipeline.experiments.baselines.candidate import Budget, Candidate
-from pipeline.experiments.baselines.ours import kept_padding, planned
+from pipeline.experiments.baselines.ours import planned
 from pipeline.experiments.baselines.registry import PLANNERS
 from pipeline.experiments.kernels.water import PaddedWater
+from pipeline.experiments.referee.equal_padding import equal_padding
 from pipeline.experiments.referee.referee import Judgement, judged
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pipeline.experiments.environments.loading import Environment
@@ -121,10 +123,19 @@ def _ours(job: Job, voyage: Voyage, options: dict[str, object], station: float) 
     return Result(
         job,
         (Judged(candidate, judgement, len(plan.routes)),),
-        padding=kept_padding(plan),
+        padding=_equal_padding(job, plan, voyage, options),
         routes=len(plan.routes),
         corners=plan.best.corners,
     )
+
+
+def _equal_padding(
+    job: Job, plan: renew.Plan, voyage: Voyage, options: Mapping[str, object]
+) -> FloatArray:
+    """Padding (e, 5) that rivals have to keep beside a case's plan; else the best route's own."""
+    if job.planner != "RENEW" or job.options or options["padding"] != "adaptive":
+        return plan.best.padding_used
+    return equal_padding(plan, voyage, float(str(options["clearance"])))
 
 
 def _padding(job: Job, environment: Environment, padding_file: Path) -> float | FloatArray:
@@ -151,7 +162,7 @@ def _theirs(
         voyage.start,
         voyage.goal,
         water=PaddedWater.of(voyage.chart, padding, np.stack([voyage.start, voyage.goal])),
-        budget=Budget(spec.classes, spec.cell_m, spec.nodes, calls),
+        budget=Budget(spec.classes, spec.cell_m, spec.nodes, spec.dubins_step_m, calls),
         seed=job.seed,
     )
     paths = []

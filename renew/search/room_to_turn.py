@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import refined_path
-from renew.steering.steer_in_corridor import steer_in_corridor
+from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
 
 # Number of times that edges are padded more where a path can't be steered.
 _MAX_WIDENINGS = 16
@@ -29,16 +31,17 @@ def steered_with_room(
     """Path (n, 2) and trajectory (m, 4) that can be steered, and the corridor with room for them.
 
     A path without padding wraps corners so closely that there may be no room to round them: where
-    it can't be steered the edges around are padded, and it is refined again.
+    it can't be steered the edges around are padded, and it is refined again. Where no edge is near,
+    or that doesn't help, it is thinned there.
     """
-    radius = corridor.voyage.vessel.turning_radius
+    radius, tried = corridor.voyage.vessel.turning_radius, path
     used, places, widths = corridor, np.empty((0, 2)), np.empty(0)
     first: InfeasibleError | None = None
     for _ in range(_MAX_WIDENINGS):
         try:
             if first is not None:
-                path = refined_path(used, path)
-            return steered_as_it_is(used, path)
+                tried = refined_path(used, tried)
+            return steered_as_it_is(used, tried)
         except InfeasibleError as error:
             first = first or error
             if not error.places:
@@ -55,4 +58,6 @@ def steered_with_room(
                 # No edge is near.
                 break
             used = corridor.with_padding(wider)
+    with contextlib.suppress(InfeasibleError):
+        return corridor, *steer_thinned_in_places(path, corridor)
     raise first or InfeasibleError("no attempt was made")

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from renew._compiled import for_kernels
-from renew._types import BoolArray, FloatArray
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear
@@ -28,10 +28,17 @@ _MAX_GROWTHS, _GROWTH = 6, 1.01
 # rounding.
 _CROWDING = 1.5
 # Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
-# leave a sharp corner no room.
-_TOLERANCES = (0.01, 0.03, 0.1, 0.3)
+# leave a sharp corner no room. The last ones only where the path can't be steered otherwise.
+_TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
+# Number of those by which all of a path is thinned at most, and at first where places differ.
+_MAX_THINNED, _FIRST_THINNED = 4, 3
+# Distance, in v/ω, around a place that can't be steered within which a path is thinned more, and
+# number of times that it is.
+_AROUND, _MAX_THINNINGS = 4.0, 12
 # Share of v/ω by which a path, and its track, may miss a via point.
 _MISS = 0.02
+# Makes a point a complex number, so that points can be looked for as values.
+_AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.01
 
@@ -63,19 +70,59 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     return best
 
 
+def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
+    """The same for a path (n, 2) that can't be steered otherwise, thinned more where it can't.
+
+    Among small eddies some curves of a least-fuel path follow each other too closely to be steered,
+    while most of it can be, and would lose fuel if all of it were thinned as much as they need.
+    """
+    stays = _tolerances_stood(path, corridor)
+    reach = _AROUND * corridor.voyage.vessel.turning_radius
+    first: InfeasibleError | None = None
+    for rounding in _ROUNDINGS:
+        wanted = np.full(len(path), _FIRST_THINNED)
+        for _ in range(_MAX_THINNINGS):
+            try:
+                return _steered(path[stays >= wanted], corridor, rounding)
+            except InfeasibleError as error:
+                first = first or error
+                if not error.places:
+                    break
+                near = np.linalg.norm(path - error.places[0], axis=1) <= reach
+            kept = near & (stays >= wanted) & (stays <= len(_TOLERANCES))
+            if not kept.any():
+                break
+            wanted[near] = stays[kept].min() + 1
+    raise first or InfeasibleError("no rounding to try")
+
+
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
     """A path (n, 2) thinned by growing tolerances, each different from the one before."""
     yield path
-    count, radius = len(path), corridor.voyage.vessel.turning_radius
-    lines = [shapely.LineString(piece) for piece in corridor.voyage.cut(path)]
-    for tolerance in _TOLERANCES:
-        first, *others = (
-            shapely.get_coordinates(line.simplify(tolerance * radius)) for line in lines
-        )
-        thinned = np.concatenate([first, *(piece[1:] for piece in others)])
+    count, stays = len(path), _tolerances_stood(path, corridor)
+    for tolerances in range(1, _MAX_THINNED + 1):
+        thinned = path[stays >= tolerances]
         if len(thinned) < count:
             yield thinned
             count = len(thinned)
+
+
+def _tolerances_stood(path: FloatArray, corridor: Corridor) -> IntArray:
+    """Number (n,) of the tolerances by which a path can be thinned with each of its points left.
+
+    Its ends and via points always are. What Douglas and Peucker's way leaves at a tolerance it
+    leaves at all that are smaller.
+    """
+    radius = corridor.voyage.vessel.turning_radius
+    stays: list[IntArray] = []
+    for piece in corridor.voyage.cut(path):
+        line, count = shapely.LineString(piece), np.zeros(len(piece), dtype=np.int64)
+        for tolerance in _TOLERANCES:
+            left = shapely.get_coordinates(line.simplify(tolerance * radius))
+            count += np.isin(piece @ _AS_COMPLEX, left @ _AS_COMPLEX)
+        count[[0, -1]] = len(_TOLERANCES) + 1
+        stays.append(count[1:] if stays else count)
+    return np.concatenate(stays)
 
 
 def _steered(

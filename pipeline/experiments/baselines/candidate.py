@@ -44,12 +44,14 @@ class Budget:
     classes : number of homotopy classes of those that search by classes.
     cell : of grids, m.
     nodes : of roadmaps.
-    calls : of an anytime planner's cost and collision functions.
+    dubins_step : longest step of trees of poses, m.
+    calls : of a tree's or an anytime planner's cost and collision functions.
     """
 
     classes: int = 16
     cell: float = 2.0
     nodes: int = 2000
+    dubins_step: float = 14.0
     calls: int = 400_000
 
 

@@ -11,6 +11,11 @@ if TYPE_CHECKING:
 
 Group = Literal["ours", "paper", "fuel"]
 
+# Calls after which a tree gives up. OMPL has no index of poses, so the time of a tree of them grows
+# with its square: RRT*-D needs 3 to 20 s up to its first solution on real charts, 2,700 to 10,300
+# calls; with all of these some 25 s.
+_TREE, _DUBINS_TREE = 200_000, 12_000
+
 
 @dataclass(frozen=True, slots=True)
 class Planner:
@@ -22,8 +27,8 @@ class Planner:
     group : ours, one of the paper's baselines, or a rival with fuel as its objective.
     module, function : where it is; empty for ours.
     runs : number of seeds in a full run; 1 where nothing is drawn.
-    calls : budget of an anytime planner, in calls of its functions, about 10 s of one core; 0 for
-        others.
+    calls : budget of a tree or of an anytime planner, in calls of its functions: about 10 s of one
+        core, or for a tree more than it mostly needs to its first solution; 0 for others.
     """
 
     name: str
@@ -44,17 +49,17 @@ PLANNERS = {
     for planner in (
         Planner("RENEW", "ours"),
         Planner("RENEW sampled", "ours", runs=10),
-        Planner("RRT", "paper", "trees", "rrt", 10),
-        Planner("RRT-D", "paper", "trees", "rrt_dubins", 10),
-        Planner("RRT*", "paper", "trees", "rrt_star", 10),
-        Planner("RRT*-D", "paper", "trees", "rrt_star_dubins", 10),
+        Planner("RRT", "paper", "trees", "rrt", 10, _TREE),
+        Planner("RRT-D", "paper", "trees", "rrt_dubins", 10, _DUBINS_TREE),
+        Planner("RRT*", "paper", "trees", "rrt_star", 10, _TREE),
+        Planner("RRT*-D", "paper", "trees", "rrt_star_dubins", 10, _DUBINS_TREE),
         Planner("PRM", "paper", "roadmaps", "prm", 10),
         Planner("PRM-D", "paper", "roadmaps", "prm_dubins", 10),
         Planner("A*", "paper", "grid_a_star", "a_star"),
         Planner("A*-D", "paper", "grid_a_star", "a_star_dubins"),
-        Planner("BIT*", "fuel", "with_fuel", "bit_star", 3, 6_000_000),
-        Planner("RRT* Eq. 4", "fuel", "with_fuel", "rrt_star_fuel", 3, 2_000_000),
-        Planner("PRM*", "fuel", "with_fuel", "prm_star_fuel", 3, 800_000),
+        Planner("BIT*", "fuel", "with_fuel", "bit_star", 3, 8_000_000),
+        Planner("RRT* Eq. 4", "fuel", "with_fuel", "rrt_star_fuel", 3, 1_800_000),
+        Planner("PRM*", "fuel", "with_fuel", "prm_star_fuel", 3, 1_000_000),
         Planner("isochrone", "fuel", "isochrone", "isochrone"),
         Planner("energy graph", "fuel", "energy_graph", "energy_graph"),
     )

@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from pipeline.experiments.kernels.water import PaddedWater
     from renew._types import FloatArray
 
-# Longest step of a tree (m): with these the trees are about as large as published on 4-gyre (395
-# and 477 states).
-_RANGE, _DUBINS_RANGE = 4.0, 14.0
-# Calls after which a tree gives up: far more than it needs in any of the environments.
-_MOST_CALLS = 2_000_000
+# Longest step of a tree (m): with it the trees are about as large as published. A tree of poses
+# takes the environment's own.
+_RANGE = 4.0
 
 
 def _tree(
@@ -43,23 +41,23 @@ def _tree(
     is_dubins: bool,
 ) -> list[Candidate]:
     """First solution of a tree, and the same simplified."""
-    del current, budget
+    del current
     seed_ompl(seed)
     started = time.process_time()
     radius = vessel.turning_radius if is_dubins else None
-    space = Space(water, radius, Calls(_MOST_CALLS))
+    space = Space(water, radius, Calls(budget.calls))
     problem = space.problem(start, goal)
     objective = ob.PathLengthOptimizationObjective(space.information)
     # Any solution is good enough.
     objective.setCostThreshold(objective.infiniteCost())
     problem.setOptimizationObjective(objective)
     planner = getattr(og, planner_name)(space.information)
-    planner.setRange(_DUBINS_RANGE if is_dubins else _RANGE)
+    planner.setRange(budget.dubins_step if is_dubins else _RANGE)
     planner.setProblemDefinition(problem)
     planner.setup()
     planner.solve(space.calls.condition())
     if not problem.hasExactSolution():
-        raise NoPathError(f"no path within {_MOST_CALLS:,} calls")
+        raise NoPathError(f"no path within {budget.calls:,} calls")
     data = ob.PlannerData(space.information)
     planner.getPlannerData(data)
     states = list(problem.getSolutionPath().getStates())

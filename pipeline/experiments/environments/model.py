@@ -48,7 +48,8 @@ class EnvironmentSpec(StrictModel):
     `scene` says where it comes from: read off a published picture, reconstructed from published
     figures, or ours; then equal figures are no evidence. `scenario` is a scenario's name or its
     table; `currents` and `scale` replace the scenario's own. `cell_m` and `nodes` size the grids
-    and roadmaps of the baselines, as published; `station_m` is the spacing of the paper's
+    and roadmaps of the baselines, as published; `dubins_step_m` is the longest step of trees of
+    poses, such that they are about as large as published; `station_m` is the spacing of the paper's
     contingency turns; `runs` is the number of seeds of what draws. `baselines` are those of the
     paper that run in it, all if it is left out; k and the order of classes vary where it
     `is_swept`.
@@ -65,6 +66,7 @@ class EnvironmentSpec(StrictModel):
     classes: Annotated[Integer, Field(ge=1)] = 16
     cell_m: Positive = 2.0
     nodes: Annotated[Integer, Field(ge=10)] = 2000
+    dubins_step_m: Positive = 14.0
     station_m: Positive = 1.0
     runs: Annotated[Integer, Field(ge=1)] = 10
     baselines: tuple[str, ...] | None = None

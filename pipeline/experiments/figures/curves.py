@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from pipeline.experiments.baselines.registry import PLANNERS
 from pipeline.experiments.plan_of_jobs import TIMED
@@ -27,6 +27,8 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 # direction (rad), and draws. Ours: the inputs of the published example are not published.
 _SPEED, _SPEED_SPREAD, _DIRECTION_SPREAD, _DRAWS = 0.30, 0.1, np.radians(10), 20_000
 _RISK = 0.05
+# Marks on the axis of fuel beside ours, percent.
+_PERCENTS = (-0.5, 0, 0.5, 1, 2, 5)
 # Published paddings of the example, m: towards the edge, and away from it.
 _PUBLISHED = (4.47, 1.96)
 
@@ -60,15 +62,17 @@ def turning_circles(vessel: renew.Vessel) -> Figure:
         left.plot([], [], color=colour, label=f"current {name}, starting at its padding")
     left.set(aspect="equal", xlabel="along the edge (m)", ylabel="m from the edge", xlim=(-4, 8))
     left.set_title("Hard-over turns in 0.30 m/s at 45° to the edge", fontsize=10, loc="left")
-    left.set_ylim(-10.5, 1.2)
-    left.legend(fontsize=8, loc="lower left")
+    left.set_ylim(-7.5, 1.2)
+    left.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), frameon=False)
     draw_reaches(right, samples, _RISK)
     right.set(xlabel="reach towards the edge (m)", ylabel="share of drawn turns")
     right.set_title(
         "Reach of drawn turns: the padding is the 95 % quantile", fontsize=10, loc="left"
     )
-    right.set_ylim(-0.28, 1.05)
-    right.legend(fontsize=8, loc="lower right", title="current")
+    right.set_ylim(-0.02, 1.05)
+    right.legend(
+        fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), title="current", frameon=False
+    )
     return figure
 
 
@@ -110,8 +114,9 @@ def fuel_against_seconds(spec: EnvironmentSpec, results: Results) -> Figure | No
             axes.plot(*at, "*", ms=13, color=COLOURS["best"], label="RENEW, k = 16")
             axes.axhline(at[1], color=COLOURS["best"], lw=0.8, ls=":")
         axes.set(xscale="log", xlabel="CPU time (s)", ylabel="fuel")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_title(f"{spec.title}, {case.title}", fontsize=10, loc="left")
         axes.legend(fontsize=8)
     return figure
@@ -119,7 +124,7 @@ def fuel_against_seconds(spec: EnvironmentSpec, results: Results) -> Figure | No
 
 def loss_against_size(spec: EnvironmentSpec, results: Results) -> Figure:
     """How much more fuel each rival's best seed needs than our route, by the eddies' size."""
-    figure = Figure(figsize=(8, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.5, 4.4), layout="constrained")
     axes = figure.subplots()
     fuel = [planner for planner in PLANNERS.values() if planner.group == "fuel"]
     for planner, colour in zip(fuel, _COLOURS, strict=True):
@@ -135,5 +140,7 @@ def loss_against_size(spec: EnvironmentSpec, results: Results) -> Figure:
     axes.set_xticks(range(len(spec.cases)), [case.title for case in spec.cases], fontsize=8)
     axes.set(xlabel="half-wave of the eddies", ylabel="more fuel than RENEW (%)")
     axes.set_yscale("symlog", linthresh=1)
-    axes.legend(fontsize=8)
+    axes.set_yticks(_PERCENTS, [f"{percent:g}" for percent in _PERCENTS])
+    axes.grid(axis="y", color=COLOURS["grid"], lw=0.6)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure

@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 _DRAWN = 0.0
 
 
-def all_planners(environment: Environment, results: Results) -> Figure:
+def all_planners(environment: Environment, case: Case, results: Results) -> Figure:
     """The paper's baselines, smoothed, and the rivals with our padding, beside our route."""
-    spec, case = environment.spec, environment.spec.cases[0]
-    figure = Figure(figsize=(12.5, 5.8), layout="constrained")
+    spec = environment.spec
+    figure = Figure(figsize=(12.5, 6.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     for axes, group, water, title in (
-        (left, "paper", "bare", "baselines of the paper, unpadded, smoothed, seed 0"),
-        (right, "fuel", "padded", "rivals with Eq. 4, our padding, best seed"),
+        (left, "paper", "bare", "the paper's baselines, unpadded, smoothed, seed 0"),
+        (right, "fuel", "padded", "rivals with our padding, best seed"),
     ):
         _scene(axes, environment, case, f"{spec.title}: {title}")
         number = 0
@@ -74,7 +74,7 @@ def few_and_many_classes(environment: Environment, results: Results) -> Figure |
 def ablation(environment: Environment, results: Results) -> Figure:
     """Our route and A*'s in each case, with the padding."""
     cases = environment.spec.cases
-    figure = Figure(figsize=(3.7 * len(cases), 4.6), layout="constrained")
+    figure = Figure(figsize=(3.2 * len(cases), 4.4), layout="constrained")
     for axes, case in zip(figure.subplots(1, len(cases)), cases, strict=True):
         _scene(axes, environment, case, case.title)
         ours = results.of(environment.spec, case, "RENEW")
@@ -84,7 +84,7 @@ def ablation(environment: Environment, results: Results) -> Figure:
         for one in runs.paths:
             draw_path(axes, one.candidate.path, _label("A* smoothed", one), 1)
         _ours(axes, ours)
-        _legend(axes)
+        _legend(axes, columns=1, below=0.24)
     return figure
 
 
@@ -102,9 +102,12 @@ def _label(name: str, judged: Judged) -> str:
     return f"{name}  {judged.judgement.fuel:.1f}"
 
 
-def _legend(axes: Axes) -> None:
-    legend = axes.legend(fontsize=7, loc="upper left", title="fuel", title_fontsize=7)
-    legend.set_zorder(10)
+def _legend(axes: Axes, columns: int = 4, below: float = 0.11) -> None:
+    """Name the paths below the map, where they hide none of it."""
+    axes.legend(
+        fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -below), ncols=columns,
+        title="fuel", title_fontsize=8, frameon=False,
+    )  # fmt: skip
 
 
 def _soft(padding: FloatArray) -> shapely.geometry.base.BaseGeometry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import itertools
 import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,13 +22,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.experiments.findings import Findings
-    from pipeline.experiments.tables.summary import Cell, Row
+    from pipeline.experiments.tables.summary import Cell, Row, Table
 
 REPORT = "report.html"
 _DPI = 110
 _TEXTS = {
     "environment", "scene", "case", "planner", "origin", "form", "order", "ours_is", "figure",
 }  # fmt: skip
+# Columns that a group of rows shares: they stand in a line above it.
+_SHARED = ("environment", "case", "scene")
 _HEADINGS = {
     "fuel_sd": "± sd",
     "fuel_best": "best seed",
@@ -72,7 +75,9 @@ def write_report(found: Findings, directory: Path) -> Path:
             pictures = []
             for drawing in drawings(found):
                 buffer = io.BytesIO()
-                drawing.figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+                drawing.figure.savefig(
+                    buffer, format="png", dpi=_DPI, bbox_inches="tight", metadata={"Software": None}
+                )
                 path = folder / f"{drawing.name}.png"
                 path.write_bytes(buffer.getvalue())
                 files.append(path)
@@ -105,6 +110,7 @@ def _page(found: Findings, pictures: list[_Picture]) -> str:
         texts=_TEXTS,
         headings=_HEADINGS,
         cell=_cell,
+        groups=_groups,
         row_class=_row_class,
         light=COLOURS,
         dark=DARK,
@@ -120,15 +126,29 @@ def _cell(value: Cell, column: str) -> str:
     return str(value)
 
 
-def _row_class(rows: tuple[Row, ...], index: int) -> str:
-    """How a row is shown: ours, published, and where another case begins."""
-    row = rows[index]
-    classes = []
+def _groups(table: Table) -> tuple[list[str], list[tuple[str, list[Row]]]]:
+    """Columns of a table, and its rows by what they share, each group with its heading."""
+    if "case" not in table.columns:
+        return list(table.columns), [("", list(table.rows))]
+    groups = [
+        (_heading(shared), list(rows))
+        for shared, rows in itertools.groupby(
+            table.rows, key=lambda row: tuple(row.get(name) for name in _SHARED)
+        )
+    ]
+    return [column for column in table.columns if column not in _SHARED], groups
+
+
+def _heading(shared: tuple[Cell, ...]) -> str:
+    """What stands above the rows of a case."""
+    environment, case, scene = shared
+    return f"{environment}, {case}" + (f" (scene: {scene})" if scene else "")
+
+
+def _row_class(row: Row, rows: list[Row]) -> str:
+    """How a row is shown: published, or ours among others."""
     if row.get("origin") == "published":
-        classes.append("published")
-    elif str(row.get("planner", "")).startswith("RENEW"):
-        classes.append("ours")
-    before = rows[index - 1] if index else {}
-    if any(row.get(name) != before.get(name) for name in ("environment", "case")):
-        classes.append("first")
-    return " ".join(classes)
+        return "published"
+    computed = {other.get("planner") for other in rows if other.get("origin") == "computed"}
+    is_ours = str(row.get("planner", "")).startswith("RENEW")
+    return "ours" if is_ours and len(computed) > 1 else ""

@@ -36,21 +36,43 @@ def _least(rows: Sequence[Row], where: str) -> Iterator[Verdict]:
     if not rivals:
         return
     lost = [row for row in rivals if row["ours_is"] == "lost"]
-    cases = {(row["environment"], row["case"]) for row in rivals}
-    if not lost:
-        closest = min(float(str(row["beside_ours_percent"])) for row in rivals)
+    cases = {_case(row) for row in rivals}
+    won = len(cases) - len({_case(row) for row in lost})
+    closest = min((row for row in rivals if row not in lost), key=_beside, default=None)
+    if closest is not None:
+        seeds = max(int(str(row["runs"])) for row in rivals)
+        count = f"all {len(cases)} cases" if not lost else f"{won} of {len(cases)} cases"
+        best = f"with their best of {seeds} seeds" if seeds > 1 else "with their only run"
         yield Verdict(
-            "good",
-            f"{where} our fuel is the least, to 0.1 %, in all of {len(cases)} cases, against the "
-            f"best seed of each rival; the closest rival is at {closest:+.3f} %.",
+            "plain" if lost else "good",
+            f"{where} no rival needs less fuel than our route, to 0.1 %, in {count}. Rivals count "
+            f"{best}; the closest is "
+            f"{closest['planner']} in {closest['environment']}, {closest['case']}, with "
+            f"{_beside(closest):+.3f} %.",
         )
     for row in lost:
         yield Verdict(
             "lost",
-            f"{where} we lose: {row['planner']} needs "
-            f"{-float(str(row['beside_ours_percent'])):.3f} % less fuel than our route in "
-            f"{row['environment']}, {row['case']}.",
+            f"{where} we lose: {row['planner']} needs {-_beside(row):.3f} % less fuel than our "
+            f"route in {row['environment']}, {row['case']}.{_steering(row)}",
         )
+
+
+def _case(row: Row) -> tuple[object, object]:
+    """The case that a row is of."""
+    return row["environment"], row["case"]
+
+
+def _beside(row: Row) -> float:
+    """How much more fuel a rival needs than our route, percent."""
+    return float(str(row["beside_ours_percent"]))
+
+
+def _steering(row: Row) -> str:
+    """A remark where none of a rival's paths can be steered, as ours can."""
+    if not str(row["steerable"]).startswith("0/"):
+        return ""
+    return " No path of that rival there can be steered by this vessel; ours can."
 
 
 def _turns(rows: Sequence[Row]) -> Iterator[Verdict]:
@@ -92,6 +114,7 @@ def _published(by_name: dict[str, tuple[Row, ...]]) -> Iterator[Verdict]:
                 )
                 yield Verdict(
                     "lost" if is_more and not is_own_scene else "plain",
-                    f"{row['environment']}, {row['case']}: fuel {ours['fuel']:.2f} beside "
-                    f"{row['fuel']:.2f} published{remark}.",
+                    f"{row['environment']}, {row['case']}: fuel {ours['fuel']:.2f} at a clearance "
+                    f"of {ours['clearance_m']:.2f} m, beside {row['fuel']:.2f} at "
+                    f"{row['clearance_m']:.2f} m published{remark}.",
                 )

@@ -75,14 +75,17 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
             "Equal padding: who needs least fuel?",
             "Every rival has Eq. 4 as its objective (the isochrone and the energy graph their own) "
             "and keeps the same padding as our route. With adaptive padding that is the padding of "
-            "our best route, and elsewhere the least that any of our routes kept. Compared with "
-            "each rival's best seed. Only here do we claim to be least.",
+            "our best route; elsewhere the least that any of our routes kept; and on shores that "
+            "none of ours passes, the least that our rule asks of a route along them. Compared "
+            "with each rival's best seed, whose length, clearance and states are shown. Only here "
+            "do we claim to be least.",
             tuple(_equal(compared, results)),
         ),
         Table(
             "k-sweep",
             "Number of classes k, in three orders",
-            "Adaptive padding. Depth-first is the paper's order; 'fuel' is our default.",
+            "Adaptive padding. Depth-first is the paper's order; 'fuel' is our default. Where no "
+            "fuel stands, none of the first k classes of that order can be sailed.",
             tuple(_sweep(specs, results)),
         ),
         Table(
@@ -101,9 +104,9 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
         Table(
             "contingency",
             "Contingency manoeuvres",
-            "One hard-over turn a station (the paper's count: five stations a metre on 4-gyre, one "
-            "elsewhere), and ours: ten a metre, to both sides, in the field and in four draws of "
-            "its spread. Sums over the seeds.",
+            "One hard-over turn a station (the paper's count: five stations a metre on 4-gyre, "
+            "and here in the single gyre and the ablation, one elsewhere), and ours: ten a metre, "
+            "to both sides, in the field and in four draws of its spread. Sums over the seeds.",
             tuple(_contingency(compared, results)),
         ),
         Table(
@@ -115,7 +118,7 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
         Table(
             "eddies",
             "Loss against eddy size",
-            "Unpadded. Loss is how much more fuel our route needs than the best rival's best seed.",
+            "Unpadded, one seed each. A positive figure beside ours is what the rival needs more.",
             tuple(_equal(of_name.get("eddies", []), results)),
         ),
         Table(
@@ -183,6 +186,9 @@ def _beside(runs: Runs, ours: float) -> Row:
     row = runs.row()
     if not runs.paths:
         return row
+    best = min(runs.paths, key=lambda one: one.judgement.fuel)
+    row |= {"length_m": best.judgement.length, "clearance_m": best.judgement.clearance}
+    row["states"] = best.candidate.states
     more = float(str(row["fuel_best"])) / ours - 1
     verdict = "lost" if more < -LEAST_BY else "least" if more > LEAST_BY else "equal"
     names = ("runs", "failed", "fuel_best", "fuel", "fuel_sd", "length_m", "clearance_m", "states")

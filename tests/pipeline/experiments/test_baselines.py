@@ -13,12 +13,10 @@ import shapely
 import renew
 from pipeline.experiments.baselines.class_search import Graph, best_of_classes
 from pipeline.experiments.baselines.energy_graph import energies
-from pipeline.experiments.baselines.ours import kept_padding
 from pipeline.experiments.baselines.registry import PLANNERS
 from pipeline.experiments.environments.loading import Environment
 from pipeline.experiments.environments.model import Case, EnvironmentSpec
 from pipeline.experiments.jobs import Job, run_job
-from pipeline.experiments.kernels.water import PaddedWater
 from pipeline.experiments.workers import results_of
 from renew.classes.h_signature import Rays
 from tests.pipeline.experiments.scenes import VESSEL, islands_voyage
@@ -174,15 +172,21 @@ def test_the_energy_of_a_leg_is_least_over_all_speeds() -> None:
     assert energies(a, b, current, 1.0)[0] == pytest.approx(by_hand, rel=1e-6)
 
 
-def test_rivals_need_keep_no_further_off_than_our_best_route() -> None:
-    voyage = islands_voyage()
-    plan = renew.plan(voyage.chart, voyage.current, VESSEL, voyage.start, voyage.goal)
-    water = PaddedWater.of(voyage.chart, kept_padding(plan))
-    # The route may touch V: middles of its legs lie off it, but for rounding.
-    middles = (plan.best.path[1:] + plan.best.path[:-1]) / 2
-    assert water.holds(middles).mean() > 0.95
-    # And where it is padded, a path closer to land is not allowed.
-    assert plan.best.padding_used[:, 4].max() > 0
-    padded = plan.best.padding_used[plan.best.padding_used[:, 4] > 0.5]
-    beside = padded[:, :2] + 0.45 * padded[:, 4:5] * np.array([[0.0, -1.0]])
-    assert not water.holds(beside).any()
+@pytest.mark.slow
+def test_trees_of_poses_step_and_give_up_as_their_budget_says(tmp_path: Path) -> None:
+    """Longer steps give smaller trees, and a tree that has used up its calls says so."""
+    environment = small_environment()
+    files = {}
+    for step in (3.0, 20.0):
+        files[step] = tmp_path / f"step{step}.pickle"
+        spec = environment.spec.model_copy(update={"dubins_step_m": step})
+        files[step].write_bytes(pickle.dumps(dataclasses.replace(environment, spec=spec)))
+    states = {}
+    for step, file in files.items():
+        ((result, _),) = results_of([Job("small", "fixed", "RRT-D", 1)], Work(file), 1)
+        assert result.best is not None
+        states[step] = result.best.candidate.states
+    assert states[3.0] > 2 * states[20.0]
+    few = Job("small", "fixed", "RRT*-D", 1, options=(("calls", 20),))
+    ((result, _),) = results_of([few], Work(files[3.0]), 1)
+    assert result.failure == "no path within 20 calls"

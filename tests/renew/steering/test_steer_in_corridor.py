@@ -15,7 +15,7 @@ import renew
 from renew.errors import InfeasibleError
 from renew.inputs.current import as_field
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
-from renew.steering.steer_in_corridor import steer_in_corridor
+from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
 from tests.eddies import walls
 from tests.renew.paths.corridors import corridor_of
 from tests.renew.steering.motion import assert_sailable
@@ -92,3 +92,39 @@ def test_a_vessel_that_turns_too_slowly_for_its_corridor_is_refused() -> None:
     path = refined_path(corridor, path_near(corridor, path_through_sections(corridor)))
     with pytest.raises(InfeasibleError, match=r"too narrow|too close|to turn in"):
         steer_in_corridor(path, corridor)
+
+
+def test_only_the_place_that_cannot_be_steered_is_thinned_more() -> None:
+    """A long wave that can be steered, with a kink of 1.3 m in it that can't."""
+    chart = renew.Chart(box(0, 0, 120, 60), [box(50, 0, 60, 10)])
+    voyage = voyage_on(chart, (5.0, 30.0), (115.0, 30.0))
+    corridor = corridor_of(voyage, "none")
+    x = np.linspace(5, 115, 111)
+    wave = np.column_stack([x, 30 + 2 * np.sin((x - 5) / 110 * 4 * np.pi)])
+    kink = wave[x == 40] + np.array([[0, 0], [0.8, 1.3], [1.6, -1.3], [2.4, 0]])
+    path = np.vstack([wave[x < 40], kink, wave[x > 43]])
+    with pytest.raises(InfeasibleError, match="two opposite turns near"):
+        steer_in_corridor(path, corridor)
+    steered, trajectory = steer_thinned_in_places(path, corridor)
+    assert_sailable(trajectory, STILL, voyage.start, voyage.goal)
+    assert shapely.LineString(steered).length < shapely.LineString(path).length
+    # Far from the kink the wave stays, to less than a fifth of a metre.
+    far = shapely.points(wave[np.abs(x - 41) > 15])
+    assert shapely.distance(far, shapely.LineString(steered)).max() < 0.2
+
+
+def test_the_best_class_among_eddies_as_wide_as_two_turns_is_steered() -> None:
+    """Half-waves of 7.7 m: the least-fuel path of the northern class has S-bends too tight to turn.
+
+    Zermelo's isochrones need 165.42 there, on a path that no vessel of this turning radius can
+    steer; without thinning in places our route of that class needed 171.7, the best of all 166.1.
+    """
+    islands = [
+        Polygon([(62, 70), (88, 62), (96, 84), (70, 92)]),
+        Polygon([(112, 118), (138, 112), (146, 134), (122, 144)]),
+    ]
+    chart = renew.Chart(box(0, 0, 200, 200), islands)
+    current = renew.GyreCurrent(0.8, 200, 200, 26, 26)
+    plan = renew.plan(chart, current, PAPER_VESSEL, (20, 15), (185, 180), padding="none", classes=2)
+    assert plan.best.fuel < 165.42
+    assert_sailable(plan.best.trajectory, current, plan.best.path[0], plan.best.path[-1])

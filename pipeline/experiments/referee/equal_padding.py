@@ -1,0 +1,88 @@
+"""The padding that rivals must keep beside our plan with adaptive padding.
+
+No rival needs to keep further off land than a route of ours would, and none may use water that all
+of ours have to leave alone.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+import renew
+from renew.padding.reach_quantile import TurnSampler
+from renew.padding.turn_reach import normals_away
+from renew.search.problem import Problem
+
+if TYPE_CHECKING:
+    from renew._types import FloatArray
+    from renew.inputs.voyage import Voyage
+
+    Paddings: TypeAlias = dict[tuple[float, ...], float]
+
+_DEFAULTS = inspect.signature(renew.plan).parameters
+_RISK, _SEED = _DEFAULTS["risk"].default, _DEFAULTS["seed"].default
+
+
+def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> FloatArray:
+    """Edges (e, 5) x0, y0, x1, y1, padding (m) that rivals must keep, for a fair comparison.
+
+    Each edge has the padding of the best route; those that it does not pad, the least that any
+    other route kept; and those that no route pads, the least that a route would keep that passes
+    along them, `clearance` at least: without it a rival could slip through a strait that is too
+    narrow for every route of ours.
+    """
+    paddings = least_paddings(voyage, clearance)
+    paddings |= _least([_kept(route) for route in plan.routes])
+    paddings |= _kept(plan.best)
+    return np.array([(*ends, padding) for ends, padding in paddings.items()]).reshape(-1, 5)
+
+
+def least_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
+    """Padding (m) of constrained edges by their ends: the less of both courses past each.
+
+    By the planner's rule, in the triangle at the edge, from one of its passing edges' midpoints to
+    the other's. An edge at the end of a bay, which nothing passes, has none.
+    """
+    triangulation = Problem(voyage, "auto", "fuel").triangulation
+    triangle, _ = np.nonzero(triangulation.hazardous)
+    is_passed = (triangulation.neighbours[triangle] >= 0).sum(axis=1) == 2
+    triangle, edges = triangle[is_passed], triangulation.constrained_edges[is_passed]
+    row, corner = np.nonzero(triangulation.neighbours[triangle] >= 0)
+    passing = triangulation.edge_vertices(triangle[row], corner)
+    enter, leave = triangulation.vertices[passing].mean(axis=1).reshape(-1, 2, 2).swapaxes(0, 1)
+    statistics = voyage.quick_current.statistics(triangulation.corners[triangle])
+    normals = normals_away(edges, (enter + leave) / 2)
+    sampler, rows = TurnSampler.for_risk(_SEED, _RISK), np.arange(len(edges))
+    needed = np.full(len(edges), np.inf)
+    for travel in (leave - enter, enter - leave):
+        course = np.arctan2(travel[:, 1], travel[:, 0])
+        reach = sampler.quantile(statistics, course, rows, normals, voyage.vessel, _RISK)
+        needed = np.minimum(needed, reach)
+    rows_of_edges = np.column_stack([edges.reshape(-1, 4), np.maximum(needed, clearance)])
+    return {_ends(row): row[4] for row in rows_of_edges.tolist()}
+
+
+def _kept(route: renew.Route) -> Paddings:
+    """Padding (m) that a route kept, by the edges' ends."""
+    kept: Paddings = {}
+    for row in route.padding_used.tolist():
+        kept[_ends(row)] = max(kept.get(_ends(row), 0.0), row[4])
+    return kept
+
+
+def _least(paddings: list[Paddings]) -> Paddings:
+    """Least padding of each edge."""
+    least: Paddings = {}
+    for one in paddings:
+        for ends, padding in one.items():
+            least[ends] = min(least.get(ends, padding), padding)
+    return least
+
+
+def _ends(row: list[float]) -> tuple[float, ...]:
+    """Ends of an edge, whichever way it is drawn."""
+    one, other = sorted([tuple(row[:2]), tuple(row[2:4])])
+    return (*one, *other)
