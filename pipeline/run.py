@@ -29,6 +29,7 @@ from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.side_bounds import side_bounds
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.speed_choices import speed_choices
 from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
@@ -292,9 +293,10 @@ class _StagedRun:
 
     def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
         """Second stage: return its artefact's key, and the artefact."""
-        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "via"}
+        names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
         inputs = self.scenario.model_dump(mode="json", include=names)
-        key = artefact_key("simplify", parts.land_key, inputs)
+        vessel = self.scenario.fastest_vessel
+        key = artefact_key("simplify", parts.land_key, inputs, vessel.model_dump())
         land = parts.fetched.land
         if self.scenario.region is None:
             return key, SimplifiedLand(planar.unsimplified(land), ())
@@ -307,7 +309,7 @@ class _StagedRun:
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
                 tolerance_m=chart.tolerance_m,
-                turning_radius_m=self.scenario.vessel.vessel().turning_radius * self.scenario.scale,
+                turning_radius_m=vessel.vessel().turning_radius * self.scenario.scale,
                 endpoints=tuple(chain(*pairwise(self.scenario.stops.values()))),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )
@@ -320,7 +322,11 @@ class _StagedRun:
         """Third stage: return its artefact's key, and the artefact."""
         scenario = self.scenario
         key = artefact_key(
-            "project", simplified_key, dict(parts.current_keys), self._scene_inputs()
+            "project",
+            simplified_key,
+            dict(parts.current_keys),
+            self._scene_inputs(),
+            speed_choices(scenario),
         )
 
         def make() -> Scene:
@@ -338,7 +344,7 @@ class _StagedRun:
         scenario = self.scenario
         if scenario.planner.clearance is not None or scenario.is_planar:
             return ()
-        key = artefact_key("offing", scene_key, accuracy_m, scenario.vessel.model_dump())
+        key = artefact_key("offing", scene_key, accuracy_m, scenario.fastest_vessel.model_dump())
         offing = self.store.load_or_make(
             "offing", key, Offing, lambda: Offing.of(scene, scenario, accuracy_m)
         )
@@ -369,6 +375,7 @@ class _StagedRun:
                 current_key,
                 self._scene_inputs(),
                 options.model_dump(mode="json"),
+                speed_choices(self.scenario).get(season),
             )
             evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
             tasks.append(

@@ -58,6 +58,7 @@ class RouteMetrics:
     length_m : geodesic length, true metres.
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
+    speed_m_s : mean speed through water, over time.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
     passages : what tells it from the season's other routes; how it passes the main island first,
@@ -76,6 +77,7 @@ class RouteMetrics:
     length_m: float
     clearance_m: float
     duration_s: float
+    speed_m_s: float
     optimality_gap: float
     trials: int
     collisions: int

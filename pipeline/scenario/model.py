@@ -322,6 +322,11 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has changing currents at scale = {self.scale:g}: a "
                     "turn by hard rudder would last hours of tide; plan at true scale, scale = 1"
                 )
+            if season.speed is not None and not season.is_changing and self.scale != 1:
+                faults.append(
+                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where her way "
+                    "takes other times; plan at true scale, scale = 1"
+                )
         faults += self._itinerary_faults()
         if faults:
             raise ValueError(FAULT_SEPARATOR.join(faults))
@@ -349,6 +354,17 @@ class Scenario(StrictModel):
                     f"has hours in [[avoid]] at scale = {self.scale:g}, where her way takes other "
                     "times; plan at true scale, scale = 1"
                 )
+
+    def vessel_in(self, season: Season) -> VesselSpec:
+        """The vessel with the highest speed that she has in a season."""
+        if season.speed is None:
+            return self.vessel
+        return self.vessel.model_copy(update={"speed_m_s": season.speed.most})
+
+    @property
+    def fastest_vessel(self) -> VesselSpec:
+        """The vessel with the highest speed that she has in any season."""
+        return max(map(self.vessel_in, self.seasons), key=lambda one: one.speed_m_s)
 
     @property
     def stops(self) -> dict[str, Point]:

@@ -155,7 +155,6 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
     speeds = arrows(result, season).speed
     return Season(
         metrics,
-        result.scene.vessel.speed,
         float(speeds.mean()) if len(speeds) else 0.0,
         evaluation.gap_shares_of(season),
         evaluation.clock_worth_of(season),

@@ -32,14 +32,13 @@ _NO_CURRENT = 0.01
 class Season:
     """What a season's sentences are made from.
 
-    `routes` are best first, at least one; `vessel_speed` is through water, m/s, and `current_speed`
-    the current's in the mean over the water. `gap` says what the best one's optimality gap is made
+    `routes` are best first, at least one; `current_speed` is the current's in the mean over the
+    water, m/s. `gap` says what the best one's optimality gap is made
     of, `worth` what it saves by knowing how the current changes, and `sides` how little fuel the
     other sides can need, where that is known.
     """
 
     routes: Sequence[RouteMetrics]
-    vessel_speed: float
     current_speed: float = math.inf
     gap: GapShares | None = None
     worth: ClockWorth | None = None
@@ -63,8 +62,8 @@ class Season:
     @property
     def is_still(self) -> bool:
         """Whether there is no current to speak of."""
-        gains = [abs(_gain(route, self.vessel_speed)) for route in self.routes]
-        return max([self.current_speed, *gains]) < _NO_CURRENT * self.vessel_speed
+        gains = [abs(_gain(route)) for route in self.routes]
+        return max([self.current_speed, *gains]) < _NO_CURRENT * self.best.speed_m_s
 
     def because(self) -> str:
         """Say in one sentence why the best route is the one to take."""
@@ -78,7 +77,7 @@ class Season:
             )
         if self.best.fuel > rival.fuel:  # the sampled method
             return "because the mean fuel of its class is the least, though not its own."
-        ours, theirs = (_gain(route, self.vessel_speed) for route in (self.best, rival))
+        ours, theirs = (_gain(route) for route in (self.best, rival))
         helped = f"the current adds {_signed(ours)} m/s to its speed, {_signed(theirs)} m/s there"
         if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
             more = distance(self.best.length_m - rival.length_m)
@@ -180,7 +179,7 @@ class Season:
         ours, theirs = speed_over_ground(best), speed_over_ground(rival)
         if not (math.isfinite(ours) and math.isfinite(theirs)):
             return f"{name} {fuel}, {length}."
-        gains = _signed(ours - self.vessel_speed), _signed(theirs - self.vessel_speed)
+        gains = _signed(_gain(best)), _signed(_gain(rival))
         if f"{ours:.2f}" == f"{theirs:.2f}":
             speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
         else:
@@ -237,9 +236,9 @@ def _safety(best: RouteMetrics) -> str:
     return f"{safe}{gap}."
 
 
-def _gain(route: RouteMetrics, vessel_speed: float) -> float:
+def _gain(route: RouteMetrics) -> float:
     """Mean speed that the current adds, m/s; 0 where a route has no duration."""
-    gain = speed_over_ground(route) - vessel_speed
+    gain = speed_over_ground(route) - route.speed_m_s
     return gain if math.isfinite(gain) else 0.0
 
 
