@@ -12,6 +12,7 @@ from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.still_water import still_fuel_per_metre
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -207,7 +208,6 @@ def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
     """Compare each route's fuel with the best route's, with still water and the shortest way."""
     if not metrics:
         return ()
-    vessel = result.scene.vessel
     excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
     largest = max(abs(e) for e in excesses)
     shortest = min(metrics, key=lambda row: row.length_m)
@@ -216,7 +216,7 @@ def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
             row,
             excess,
             100 * abs(excess) / largest if largest > 0 else 0.0,
-            row.fuel_per_distance * vessel.speed / vessel.fuel_rate,
+            row.fuel_per_distance / still_fuel_per_metre(result, row),
             row.fuel / shortest.fuel,
         )
         for row, excess in zip(metrics, excesses, strict=True)
