@@ -15,6 +15,7 @@ from pipeline.choices.region_search import search_region
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
+from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.outcome import Event, Outcome, ignore
@@ -261,10 +262,12 @@ class _StagedRun:
                 straits,
                 departed.choices,
             )
+            speeds = speed_notes(result)
+            result = replace(result, choices=(*choices, *speeds))
             shore_notes = crossing_notes(evaluation.shore_crossings)
             tides = unresolved_strait_notes(result)
             shut = shut_notes(scene, plans)
-            notes = (*safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
+            notes = (*speeds, *safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
             self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))
         return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated

@@ -196,7 +196,7 @@ class _ProfilePlot:
         a_metre = still_fuel_per_metre(self.result, self.ranked.metrics)
         still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
-        unit, name = next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
+        unit, name = fuel_unit(maximum)
         _draw_dashed(axes, self.run, still / unit)
         _draw_line(axes, self.run, used / unit)
         axes.set_ylim(0, 1.05 * maximum / unit)
@@ -223,7 +223,7 @@ class _ProfilePlot:
         mean = self.ranked.metrics.speed_m_s
         _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
         low, high = plain(round(float(speeds.min()), 2)), plain(round(float(speeds.max()), 2))
-        through = f"{plain(mean)} m/s" if low == high else f"{low} to {high} m/s"
+        through = f"{plain(mean)} m/s" if low == high else f"{low}–{high}"
         plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 
     def draw_current(self, axes: Axes) -> None:
@@ -281,6 +281,11 @@ class _ProfilePlot:
         points = shapely.points(projection.to_plane(self.profile.lonlat))
         nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
         return np.asarray(padded[nearest, 4] * projection.scale)
+
+
+def fuel_unit(maximum: float) -> tuple[float, str]:
+    """Unit for fuel up to a maximum, and its name in a title."""
+    return next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
 
 
 def _unit(longest_m: float) -> tuple[str, float]:

@@ -70,8 +70,8 @@ HEADINGS = Row(
 )
 
 
-# Of a route whose speeds are chosen.
-_TWO_SPEEDS = "Speed, kn\nground/water"
+# Of a route whose speeds are chosen: over ground, and through water.
+_TWO_SPEEDS = "Speed, kn\nSOG / STW"
 
 
 def headings(points: Waypoints) -> Row:

@@ -25,14 +25,15 @@ if TYPE_CHECKING:
 # Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
 # changes fuel by a few thousandths, by the propeller law.
 _SAME_SPEED = 1.1
-# Number of places along a leg at which its speed is looked up.
-_PLACES = 200
+# Number of places along a leg at which its speed is looked up, and of those that its first and last
+# part have at least.
+_PLACES, _MIN_PART = 200, 10
 
 
 def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:
     """Add points to waypoints (n, 2), degrees, where the speed of a route has changed by a tenth.
 
-    Each part of a leg then has speeds that are within that of each other.
+    Each part of a leg then has speeds that are within that of each other, or hardly more.
     """
     if route.speeds.max() <= _SAME_SPEED * route.speeds.min():
         return lonlat
@@ -64,7 +65,7 @@ def _changes(speeds: FloatArray) -> list[int]:
         if most > _SAME_SPEED * least:
             changes.append(at)
             least = most = speed
-    return changes
+    return [at for at in changes if _MIN_PART <= at <= len(speeds) - _MIN_PART]
 
 
 def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.still_water import still_fuel_per_metre
+from pipeline.formats.shared.trade_offs import trade_off, trade_off_text
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -62,7 +63,8 @@ class SeasonPart:
     says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
     whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
     plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
-    with a plot, where that was to be chosen.
+    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` say so of the speed,
+    and `speeds` are the lowest and highest of the best route, m/s.
     """
 
     title: str
@@ -84,6 +86,9 @@ class SeasonPart:
     padding: Markup
     departure: tuple[str, ...] = ()
     departure_plot: Markup | str = ""
+    how_fast: tuple[str, ...] = ()
+    trade_off_plot: Markup | str = ""
+    speeds: tuple[float, float] | None = None
 
     @property
     def best(self) -> RouteMetrics | None:
@@ -105,7 +110,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     label = f"{title}: {_map_label(metrics)}"
     picture = season_svg(result, entry.season, identity=anchor, label=f"Map of {label}")
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
-    passage = result.scenario.passage(entry.season, metrics[0].duration_s) if ranked else None
+    passage = result.scenario.passage(entry.season, round(metrics[0].duration_s)) if ranked else ()
     said = _sentences(result, metrics)
     rival = said.rival if said else None
     shown = [one for one in ranked if one.metrics is metrics[0] or one.metrics is rival]
@@ -129,6 +134,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
         profile=Markup(profile),  # noqa: S704 - our own
         padding=Markup(padding),  # noqa: S704 - our own
         **_departure(result, entry.season, anchor),
+        **_how_fast(result, entry.season, anchor),
     )
 
 
@@ -144,6 +150,24 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     sentences = departure_text(choice)
     plot = departure_svg(choice, identity=f"{anchor}-departure", label=sentences[0])
     return {"departure": sentences, "departure_plot": Markup(plot)}  # noqa: S704 - our own SVG
+
+
+def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
+    """How fast, as text and plot; nothing where the vessel has no choice."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures.trade_off_plot import trade_off_svg
+
+    found = trade_off(result, season)
+    if found is None:
+        return {}
+    sentences = trade_off_text(found)
+    plot = trade_off_svg(found, identity=f"{anchor}-trade-off", label=" ".join(sentences))
+    return {
+        "how_fast": sentences,
+        "trade_off_plot": Markup(plot),  # noqa: S704 - our own SVG
+        "speeds": (found.slowest, found.fastest),
+    }
 
 
 def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:

@@ -85,6 +85,8 @@ class Season:
         if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
             return f"because {helped}, over the same distance."
         but = "and" if ours >= theirs else "which outweighs that"
+        if _signed(ours) == _signed(theirs):
+            helped, but = f"the current adds {_signed(ours)} m/s to the speed on either", "and"
         return f"because {self._shorter(rival)}, {but} {helped}."
 
     def lead(self) -> str:
@@ -255,4 +257,4 @@ def _difference(value: float, than: float) -> str:
 
 def _signed(value: float) -> str:
     """Format a number with its sign, to two decimals."""
-    return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "\N{MINUS SIGN}")
