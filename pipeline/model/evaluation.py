@@ -154,7 +154,8 @@ class ClockWorth:
     Fuel, in the planner's units, of other plans when they are sailed in the changing current:
     `frozen` on the current at departure, `mean` on its mean over the best route's voyage,
     `shortest` on no current at all; inf where a plan can't be sailed, or none was found. `best` is
-    the best route's own, and no route stays below `bound`.
+    the best route's own, and no route stays below `bound`. Where speeds are chosen all are sailed
+    so that they arrive `in_time`.
     """
 
     season: str
@@ -163,6 +164,7 @@ class ClockWorth:
     mean: float
     shortest: float
     bound: float
+    in_time: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,8 @@ def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Cl
         )
     )
     bound = best.fuel / (1 + best.optimality_gap)
-    return ClockWorth(season.season, best.fuel, frozen, mean, shortest, bound)
+    in_time = season.season in scene.speeds
+    return ClockWorth(season.season, best.fuel, frozen, mean, shortest, bound, in_time)
 
 
 def hat_weights(times: FloatArray, moment: float) -> FloatArray:

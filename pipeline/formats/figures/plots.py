@@ -222,7 +222,7 @@ class _ProfilePlot:
         _draw_line(axes, self.run, self.profile.speed_m_s)
         mean = self.ranked.metrics.speed_m_s
         _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
-        low, high = plain(round(float(speeds.min()), 2)), plain(round(float(speeds.max()), 2))
+        low, high = f"{speeds.min():.2f}", f"{speeds.max():.2f}"
         through = f"{plain(mean)} m/s" if low == high else f"{low}–{high}"
         plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 

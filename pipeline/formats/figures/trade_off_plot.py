@@ -69,7 +69,7 @@ def trade_off_figure(found: TradeOff) -> Figure:
         bbox={"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"},
         zorder=4,
     )
-    note = "dashed: when she has to be there" if deadline <= x[-1] else ""
+    note = "dashed: deadline" if deadline <= x[-1] else ""
     plot_title(axes, f"Least fuel by arrival{scale_name}", note)
     axes.set_xlabel(
         f"arrival, {unit} after {moment_text(found.departure)}",

@@ -195,23 +195,25 @@ class Season:
 def clock_text(worth: ClockWorth) -> str:
     """Say in a sentence what it is worth to know how the current changes."""
     others = ", ".join(
-        f"{name} {_sailed(fuel, worth.best)}"
+        f"{name} {_sailed(fuel, worth)}"
         for name, fuel in (
             ("the plan on the current at departure", worth.frozen),
             ("the plan on its mean over the voyage", worth.mean),
             ("the shortest safe path", worth.shortest),
         )
     )
+    at = ", at speeds that bring it there in time" if worth.in_time else ""
     return (
-        f"Sailed in the changing current from the same departure on, {others}. No route at all "
+        f"Sailed in the changing current from the same departure on{at}, {others}. No route at all "
         f"saves more than {percent(1 - worth.bound / worth.best)}."
     )
 
 
-def _sailed(fuel: float, best: float) -> str:
+def _sailed(fuel: float, worth: ClockWorth) -> str:
     """Say what a plan needs when it is sailed, against the best route."""
+    best = worth.best
     if not math.isfinite(fuel):
-        return "can't be sailed"
+        return "comes too late" if worth.in_time else "can't be sailed"
     if abs(fuel / best - 1) < _SAME_FUEL:
         return "needs as much fuel as this route"
     return f"needs {_difference(fuel, best)} fuel than this route"

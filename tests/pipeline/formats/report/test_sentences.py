@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pipeline.formats.report.parts.sentences import Season
-from pipeline.model import GapShares, Passage, RouteMetrics, SideBound
+from pipeline.formats.report.parts.sentences import Season, clock_text
+from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(
     season="summer",
@@ -109,6 +109,29 @@ def test_the_reason_is_length_or_the_current() -> None:
         "the current adds +0.25 m/s to its speed, +0.30 m/s there."
     )
     assert Season([BEST]).because() == "because no other class has a route."
+    alike = replace(shorter, duration_s=1_200_000 / 1.25)
+    assert Season([BEST, alike]).because() == (
+        "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
+        "+0.25 m/s to the speed on either."
+    )
+
+
+def test_the_current_is_told_by_each_routes_own_speed() -> None:
+    """A route that is sailed faster through the water does not owe that to the current."""
+    faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
+    first, *_ = Season([replace(BEST, speed_m_s=0.75), faster]).verdict()
+    assert "both average 1.25 m/s over ground (+0.50 m/s from the current)" in first
+    assert "−0.00" not in Season([faster, BEST]).verdict()[0]
+
+
+def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
+    worth = ClockWorth("summer", 100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
+    text = clock_text(worth)
+    assert "departure on, at speeds that bring it there in time, the plan on the current" in text
+    assert "on its mean over the voyage comes too late" in text
+    text = clock_text(replace(worth, in_time=False))
+    assert "departure on, the plan" in text
+    assert "can't be sailed" in text
 
 
 def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
