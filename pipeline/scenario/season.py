@@ -268,8 +268,8 @@ class Season(StrictModel):
         ]
         if given:
             faults.append(
-                f"has {' and '.join(given)}, which need currents that change; add time_method = "
-                "'changing', or leave them out"
+                f"has {' and '.join(given)}, which need{'s' * (len(given) == 1)} currents that "
+                "change; add time_method = 'changing', or leave them out"
                 + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
             )
         else:
