@@ -168,7 +168,7 @@ def _described(
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error
     limits = np.array(cross_track_limits(legs, ranked.route.soft_no_go, obstacles, cap))
     port, starboard = np.maximum(limits - error, 0.0)
-    radius = scene.vessel_in(ranked.season).turning_radius
+    radius = float(ranked.route.speeds.max()) / scene.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
     time = times_at(metres_along(line)[ends], line, ranked, result)

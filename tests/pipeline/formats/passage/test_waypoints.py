@@ -281,9 +281,8 @@ def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
             assert not shapely.intersects(blocked, oracles.in_plane(any_run, arc))
         assert (taken.sum(axis=1) <= points.length_m[:-1] * 1.01).all()
         largest = max(largest, radius.max())
-    scene = any_run.scene
-    fastest = max(scene.vessel_in(entry.season).turning_radius for entry in any_run.plans)
-    hard_over = fastest * projection.scale
+    fastest = max(ranked.route.speeds.max() for ranked in any_run.routes)
+    hard_over = fastest / any_run.scene.vessel.turn_rate * projection.scale
     assert largest == pytest.approx(hard_over, rel=0.1)
 
 
