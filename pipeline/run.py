@@ -15,6 +15,7 @@ from pipeline.choices.region_search import search_region
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
+from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.outcome import Event, Outcome, ignore
@@ -29,6 +30,7 @@ from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.side_bounds import side_bounds
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
+from pipeline.stages.speed_choices import speed_choices
 from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
@@ -260,10 +262,12 @@ class _StagedRun:
                 straits,
                 departed.choices,
             )
+            speeds = speed_notes(result)
+            result = replace(result, choices=(*choices, *speeds))
             shore_notes = crossing_notes(evaluation.shore_crossings)
             tides = unresolved_strait_notes(result)
             shut = shut_notes(scene, plans)
-            notes = (*safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
+            notes = (*speeds, *safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
             self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))
         return replace(result, fetched=fetched, timings=dict(self.timings)), evaluated
@@ -292,9 +296,10 @@ class _StagedRun:
 
     def _simplify(self, parts: FetchedParts) -> tuple[str, SimplifiedLand]:
         """Second stage: return its artefact's key, and the artefact."""
-        names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "via"}
+        names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
         inputs = self.scenario.model_dump(mode="json", include=names)
-        key = artefact_key("simplify", parts.land_key, inputs)
+        vessel = self.scenario.fastest_vessel
+        key = artefact_key("simplify", parts.land_key, inputs, vessel.model_dump())
         land = parts.fetched.land
         if self.scenario.region is None:
             return key, SimplifiedLand(planar.unsimplified(land), ())
@@ -307,7 +312,7 @@ class _StagedRun:
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
                 tolerance_m=chart.tolerance_m,
-                turning_radius_m=self.scenario.vessel.vessel().turning_radius * self.scenario.scale,
+                turning_radius_m=vessel.vessel().turning_radius * self.scenario.scale,
                 endpoints=tuple(chain(*pairwise(self.scenario.stops.values()))),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )
@@ -320,7 +325,11 @@ class _StagedRun:
         """Third stage: return its artefact's key, and the artefact."""
         scenario = self.scenario
         key = artefact_key(
-            "project", simplified_key, dict(parts.current_keys), self._scene_inputs()
+            "project",
+            simplified_key,
+            dict(parts.current_keys),
+            self._scene_inputs(),
+            speed_choices(scenario),
         )
 
         def make() -> Scene:
@@ -338,7 +347,7 @@ class _StagedRun:
         scenario = self.scenario
         if scenario.planner.clearance is not None or scenario.is_planar:
             return ()
-        key = artefact_key("offing", scene_key, accuracy_m, scenario.vessel.model_dump())
+        key = artefact_key("offing", scene_key, accuracy_m, scenario.fastest_vessel.model_dump())
         offing = self.store.load_or_make(
             "offing", key, Offing, lambda: Offing.of(scene, scenario, accuracy_m)
         )
@@ -369,6 +378,7 @@ class _StagedRun:
                 current_key,
                 self._scene_inputs(),
                 options.model_dump(mode="json"),
+                speed_choices(self.scenario).get(season),
             )
             evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
             tasks.append(

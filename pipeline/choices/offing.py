@@ -55,7 +55,7 @@ class Offing:
         """Choose the offing of a scenario, given its chart's accuracy in metres."""
         scale = scenario.scale
         distance_m = scene.projection.geodesic_length_m(scene.stops)
-        wanted_m = wanted_offing_m(scenario.vessel, accuracy_m, distance_m)
+        wanted_m = wanted_offing_m(scenario.fastest_vessel, accuracy_m, distance_m)
         planar = min(
             passable_offing(scene.chart, start, goal, wanted_m / scale)
             for start, goal in pairwise(scene.stops)

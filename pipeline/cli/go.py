@@ -47,7 +47,12 @@ def go(
     *,
     vessel: VesselOption = "",
     speed: Annotated[
-        str, typer.Option(help="Speed through water, as 12kn, 6m/s; in place of --vessel.")
+        str,
+        typer.Option(
+            help="Speed through water, as 12kn, 6m/s; in place of --vessel. Or a choice, as "
+            "4kn..9kn, also beside it: the speed of each leg, for least fuel from --depart to "
+            "--arrive-by."
+        ),
     ] = "",
     length: Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")] = "",
     turning_circle: Annotated[
@@ -71,7 +76,10 @@ def go(
     ] = "",
     arrive_by: Annotated[
         str,
-        typer.Option(help="When to be there: she leaves as late as will do, not before --depart."),
+        typer.Option(
+            help="When to be there: she leaves as late as will do, not before --depart; or, with a "
+            "choice of --speed, then."
+        ),
     ] = "",
     currents: CurrentsOption = None,
     via: Annotated[
@@ -112,10 +120,12 @@ def go(
     """
     with reported_errors():
         from pipeline.paths import folder_to_write
+        from pipeline.voyage.quantities import RANGE
         from pipeline.voyage.request import VoyageRequest, voyage_scenario
         from pipeline.voyage.vessel_options import VesselFigures
 
-        figures = VesselFigures(speed, length, turning_circle, draught)
+        is_choice = RANGE in speed
+        figures = VesselFigures("" if is_choice else speed, length, turning_circle, draught)
         request = VoyageRequest(
             positions=tuple(positions),
             vessel=vessel,
@@ -124,6 +134,7 @@ def go(
             depart=depart,
             until=until,
             arrive_by=arrive_by,
+            speeds=speed if is_choice else "",
             currents=tuple(currents or ()),
             via=tuple(via or ()),
             avoid=tuple(avoid or ()),

@@ -59,6 +59,7 @@ def _route(
         "length_m": row.length_m,
         "clearance_m": _finite(row.clearance_m),
         "duration_s": row.duration_s,
+        "speed_through_water_m_s": row.speed_m_s,
         "departure": passage[0].isoformat() if passage else None,
         "arrival": passage[1].isoformat() if passage else None,
         "optimality_gap": _finite(row.optimality_gap),

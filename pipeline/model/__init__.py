@@ -34,6 +34,7 @@ from pipeline.model.planning import (
     Scene,
     SeasonPlan,
     Simplified,
+    SpeedChoice,
 )
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ __all__ = [
     "Side",
     "SideBound",
     "Simplified",
+    "SpeedChoice",
     "Zone",
     "current_notes",
     "season_notes",

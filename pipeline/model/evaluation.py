@@ -58,6 +58,7 @@ class RouteMetrics:
     length_m : geodesic length, true metres.
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
+    speed_m_s : mean speed through water, over time.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
     passages : what tells it from the season's other routes; how it passes the main island first,
@@ -76,6 +77,7 @@ class RouteMetrics:
     length_m: float
     clearance_m: float
     duration_s: float
+    speed_m_s: float
     optimality_gap: float
     trials: int
     collisions: int
@@ -152,7 +154,8 @@ class ClockWorth:
     Fuel, in the planner's units, of other plans when they are sailed in the changing current:
     `frozen` on the current at departure, `mean` on its mean over the best route's voyage,
     `shortest` on no current at all; inf where a plan can't be sailed, or none was found. `best` is
-    the best route's own, and no route stays below `bound`.
+    the best route's own, and no route stays below `bound`. Where speeds are chosen all are sailed
+    so that they arrive `in_time`.
     """
 
     season: str
@@ -161,6 +164,7 @@ class ClockWorth:
     mean: float
     shortest: float
     bound: float
+    in_time: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING, TypedDict
 
@@ -52,6 +52,25 @@ class Itinerary(TypedDict):
     avoid: tuple[renew.ShutArea, ...]
 
 
+class Pace(TypedDict, total=False):
+    """Speeds through water to choose from, m/s, and by when to be there; empty without a choice."""
+
+    speed: tuple[float, float]
+    arrive_by: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedChoice:
+    """Speeds through water, m/s, among which a season's vessel chooses from leg to leg.
+
+    She has `within_s` true seconds from her departure to the goal.
+    """
+
+    least: float
+    most: float
+    within_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
@@ -61,7 +80,8 @@ class Scene:
     and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
     chart. `departures` are those of the seasons whose currents change: on the clock of these
     currents, in seconds, they are 0. Routes pass the points `via` (n, 2), and keep out of the
-    `areas` of their season, on the same clock.
+    `areas` of their season, on the same clock. `speeds` are of the seasons that have a choice, in
+    place of the vessel's own.
     """
 
     chart: renew.Chart
@@ -78,6 +98,19 @@ class Scene:
     departures: Mapping[str, datetime] = field(default_factory=dict)
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     areas: Mapping[str, tuple[renew.ShutArea, ...]] = field(default_factory=dict)
+    speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
+
+    def vessel_in(self, season: str) -> renew.Vessel:
+        """The vessel at the highest speed that she has in a season."""
+        choice = self.speeds.get(season)
+        return self.vessel if choice is None else replace(self.vessel, speed=choice.most)
+
+    def pace(self, season: str, arrive_by_s: float) -> Pace:
+        """Speeds to choose from, as `renew.plan` takes them, with an arrival on its clock."""
+        choice = self.speeds.get(season)
+        if choice is None:
+            return {}
+        return {"speed": (choice.least, choice.most), "arrive_by": arrive_by_s}
 
     @property
     def stops(self) -> FloatArray:
@@ -106,7 +139,8 @@ class Scene:
 class SeasonPlan:
     """One season's plan; `failure` is empty when it was planned, else the reason in one line.
 
-    It `is_shut` where the reason is that no way joins start and goal in the region.
+    It `is_shut` where the reason is that no way joins start and goal in the region. Where speeds
+    are chosen, `arrive_by_s` is the arrival that was asked of the planner, on its clock.
     """
 
     season: str
@@ -114,6 +148,7 @@ class SeasonPlan:
     failure: str
     seconds: float
     is_shut: bool = False
+    arrive_by_s: float = math.inf
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:

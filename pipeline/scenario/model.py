@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scenario.avoided import AvoidedArea  # noqa: TC001 - pydantic evaluates annotations
+from pipeline.scenario.published import Published  # noqa: TC001 - as above
 from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.strict import (
@@ -22,7 +23,6 @@ from pipeline.scenario.strict import (
     NonNegative,
     Number,
     Point,
-    Positive,
     StrictModel,
 )
 from pipeline.scenario.vessel import VesselSpec
@@ -127,63 +127,6 @@ class OutputOptions(StrictModel):
         default=False,
         description="Whether to tell what the optimality gap is made of: the chart's share, the "
         "padding's, the bound's own. It takes up to as long again as planning. Give true or false.",
-    )
-
-
-class PublishedRow(StrictModel):
-    """One published route, in the publication's own units."""
-
-    label: str = Field(description="Who planned it. Give any text.", examples=["RENEW"])
-    season: str = Field(
-        default="",
-        description="Season of this scenario that it belongs to. Give the season's name.",
-        examples=["summer"],
-    )
-    fuel: Positive | None = Field(
-        default=None,
-        description="Published fuel, in the publication's units. Give a number above 0.",
-        examples=[160.563],
-    )
-    clearance: Positive | None = Field(
-        default=None,
-        description="Published clearance from land, in metres of the publication's scale. Give a "
-        "number above 0.",
-        examples=[9.153],
-        json_schema_extra={"unit": "scaled m"},
-    )
-    length: Positive | None = Field(
-        default=None,
-        description="Published length, in metres of the publication's scale. Give a number above "
-        "0.",
-        examples=[164.586],
-        json_schema_extra={"unit": "scaled m"},
-    )
-    fuel_per_distance: Positive | None = Field(
-        default=None,
-        description="Published F/D; left out, fuel divided by length. Give a number above 0.",
-        examples=[0.976],
-    )
-    side: str = Field(
-        default="",
-        description="Compass side on which it passes the largest island. Give 'north', 'east', "
-        "'south' or 'west'.",
-        examples=["west"],
-    )
-
-
-class Published(StrictModel):
-    """Published figures that the report compares with this run's."""
-
-    origin: str = Field(
-        description="The publication. Give any text.", examples=["RENEW (AAAI 2026), Palawan"]
-    )
-    scale: Positive = Field(
-        default=1.0,
-        description="The publication's scale: true metres per published metre. Give a number "
-        "above 0: 1 is the true scale.",
-    )
-    rows: tuple[PublishedRow, ...] = Field(
-        description="The published routes. Add a [[published.rows]] table for each."
     )
 
 
@@ -322,6 +265,11 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has changing currents at scale = {self.scale:g}: a "
                     "turn by hard rudder would last hours of tide; plan at true scale, scale = 1"
                 )
+            if season.speed is not None and not season.is_changing and self.scale != 1:
+                faults.append(
+                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where her way "
+                    "takes other times; plan at true scale, scale = 1"
+                )
         faults += self._itinerary_faults()
         if faults:
             raise ValueError(FAULT_SEPARATOR.join(faults))
@@ -349,6 +297,17 @@ class Scenario(StrictModel):
                     f"has hours in [[avoid]] at scale = {self.scale:g}, where her way takes other "
                     "times; plan at true scale, scale = 1"
                 )
+
+    def vessel_in(self, season: Season) -> VesselSpec:
+        """The vessel with the highest speed that she has in a season."""
+        if season.speed is None:
+            return self.vessel
+        return self.vessel.model_copy(update={"speed_m_s": season.speed.most})
+
+    @property
+    def fastest_vessel(self) -> VesselSpec:
+        """The vessel with the highest speed that she has in any season."""
+        return max(map(self.vessel_in, self.seasons), key=lambda one: one.speed_m_s)
 
     @property
     def stops(self) -> dict[str, Point]:

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, mode
 from pipeline.scenario.departures import DepartureTimes  # noqa: TC001 - pydantic evaluates annotations
 from pipeline.scenario.interval import Interval  # noqa: TC001 - as above
 from pipeline.scenario.period import Period, period
+from pipeline.scenario.speeds import SpeedRange  # noqa: TC001 - as above
 from pipeline.scenario.strict import (
     Integer,
     Name,
@@ -165,9 +166,15 @@ class Season(StrictModel):
     arrive_by: AwareDatetime | None = Field(
         default=None,
         description="Time at which the vessel has to be at the goal: she leaves as late as will "
-        "do, not before 'departure', in currents that change. Give a time with its zone, as "
-        "2026-07-02T18:00:00Z, or leave it out.",
+        "do, not before 'departure', in currents that change; or with 'speed' leaves then, and "
+        "takes that time. Give a time with its zone, as 2026-07-02T18:00:00Z, or leave it out.",
         examples=["2026-07-02T18:00:00Z"],
+    )
+    speed: SpeedRange | None = Field(
+        default=None,
+        description="Speeds through water among which the vessel chooses from leg to leg, in place "
+        "of her own, for least fuel between 'departure' and 'arrive_by'. Give a table as "
+        "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
     )
     max_hours: Positive | None = Field(
         default=None,
@@ -191,8 +198,6 @@ class Season(StrictModel):
             self._check_changing()
             return self
         self._check_steady()
-        if not self.valid and any(named != STILL for named in self.currents):
-            raise ValueError(f"(season {self.name!r}) lacks 'valid'; add the month as 'YYYY-MM'")
         return self
 
     def _check_changing(self) -> None:
@@ -204,7 +209,7 @@ class Season(StrictModel):
             faults.append("gives its current as numbers, which don't change; name 'currents'")
         if self.valid:
             faults.append("has 'valid', which its departure says already; leave it out")
-        faults += self._window_faults()
+        faults += [*self._window_faults(), *self._speed_faults(), *self._arrival_faults()]
         if faults:
             raise ValueError(
                 f"(season {self.name!r}) has time_method = 'changing' and " + "; it ".join(faults)
@@ -225,6 +230,25 @@ class Season(StrictModel):
                 )
         elif self.to_within is not None:
             yield "has 'to_within', but no 'departures' to choose from; add them"
+
+    def _speed_faults(self) -> Iterator[str]:
+        """What is wrong with the choice of speeds, or missing beside it."""
+        if self.speed is None:
+            return
+        if self.speed.least > self.speed.most:
+            yield (
+                f"has speed.least = {self.speed.least:g} m/s above speed.most = "
+                f"{self.speed.most:g} m/s; exchange them"
+            )
+        if self.departures is not None:
+            yield "has both 'departures' and 'speed'; leave one out"
+        elif self.departure is None and not self.is_changing:
+            yield "has 'speed', but no 'departure', from which her time counts; add it"
+        if self.arrive_by is None:
+            yield "has 'speed', but no 'arrive_by', for which her speed is chosen; add it"
+
+    def _arrival_faults(self) -> Iterator[str]:
+        """What is wrong with the time between departure and arrival."""
         if self.arrive_by is not None and self.departure is not None:
             if self.arrive_by <= self.departure:
                 yield (
@@ -235,22 +259,35 @@ class Season(StrictModel):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     def _check_steady(self) -> None:
-        """Refuse a choice of departures where the current is the same at all of them."""
+        """Refuse what a current needs that is the same at all times, or can't have; all at once."""
+        faults = [*self._speed_faults()]
         given = [
             repr(name)
             for name in ("departures", "to_within", "arrive_by")
-            if getattr(self, name) is not None
+            if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
         ]
         if given:
-            raise ValueError(
-                f"(season {self.name!r}) has {' and '.join(given)}, which need currents that "
+            faults.append(
+                f"has {' and '.join(given)}, which need{'s' * (len(given) == 1)} currents that "
                 "change; add time_method = 'changing', or leave them out"
+                + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
             )
+        else:
+            faults += self._arrival_faults()
+        if not self.valid and any(named != STILL for named in self.currents):
+            faults.append("lacks 'valid'; add the month as 'YYYY-MM'")
+        if faults:
+            raise ValueError(f"(season {self.name!r}) " + "; it ".join(faults))
 
     @property
     def is_changing(self) -> bool:
         """Whether the current changes on the way."""
         return self.time_method == "changing"
+
+    @property
+    def leaves_departure_open(self) -> bool:
+        """Whether it is to be chosen when the vessel leaves; with speeds she leaves at once."""
+        return self.departures is not None or (self.arrive_by is not None and self.speed is None)
 
     @property
     def first_departure(self) -> datetime | None:

@@ -113,7 +113,11 @@ def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
         season.name: season.first_departure
         for season in scenario.seasons
         if season.first_departure is not None
-        and (season.is_changing or any(area.has_hours for area in scenario.avoid))
+        and (
+            season.is_changing
+            or season.speed is not None
+            or any(area.has_hours for area in scenario.avoid)
+        )
     }
 
 

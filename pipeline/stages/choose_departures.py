@@ -65,8 +65,7 @@ def choose_departures(
     """
     departed = Departed(scenario, parts, scene_key, scene)
     for season in scenario.seasons:
-        is_open = season.departures is not None or season.arrive_by is not None
-        if not is_open or season.name not in parts.current_keys:
+        if not season.leaves_departure_open or season.name not in parts.current_keys:
             continue
         key = artefact_key(
             "departures", scene_key, scenario.planner.model_dump(mode="json"), season.model_dump()

@@ -2,7 +2,8 @@
 
 Each is what one would plan without a clock: on the current as it is at departure, on its mean over
 the voyage, or on none at all, which is the shortest safe path. All begin at the same time and keep
-the same padding rules.
+the same padding rules. Where speeds are chosen, each is sailed at its own, all of them faster or
+slower by one factor, so that it arrives as the season's vessel has to.
 """
 
 from __future__ import annotations
@@ -14,17 +15,21 @@ import numpy as np
 
 import renew
 from pipeline.model import ClockWorth
+from renew.inputs.fuel import passage
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pipeline.model import Scene, SeasonPlan
+    from pipeline.model import Current, Scene, SeasonPlan, SpeedChoice
     from pipeline.scenario.model import PlannerOptions
+    from renew.inputs.fuel import Drift
 
     FloatArray = npt.NDArray[np.float64]
 
 # Number of classes that the other plans look into: only their best route is used.
 _CLASSES = 4
+# Number of halvings by which a factor on speeds is found.
+_HALVINGS = 30
 
 
 def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> ClockWorth | None:
@@ -34,7 +39,7 @@ def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Cl
         return None
     best = season.plan.best
     frozen, mean, shortest = (
-        _sailed(scene, season.season, planned_in, options)
+        _sailed(scene, season, planned_in, options)
         for planned_in in (
             weighted(current, hat_weights(current.slice_times, 0.0)),
             weighted(current, mean_weights(current.slice_times, float(best.times[-1]))),
@@ -42,7 +47,8 @@ def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Cl
         )
     )
     bound = best.fuel / (1 + best.optimality_gap)
-    return ClockWorth(season.season, best.fuel, frozen, mean, shortest, bound)
+    in_time = season.season in scene.speeds
+    return ClockWorth(season.season, best.fuel, frozen, mean, shortest, bound, in_time)
 
 
 def hat_weights(times: FloatArray, moment: float) -> FloatArray:
@@ -69,20 +75,55 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 
 
 def _sailed(
-    scene: Scene, season: str, planned_in: renew.CurrentField, options: PlannerOptions
+    scene: Scene, season: SeasonPlan, planned_in: renew.CurrentField, options: PlannerOptions
 ) -> float:
     """Fuel in a season's current of the best route planned in another; inf without one."""
-    asked = options.model_copy(update={"classes": _CLASSES})
+    asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
+    vessel, current = scene.vessel_in(name), scene.currents[name]
     try:
         plan = renew.plan(
             scene.chart,
             planned_in,
-            scene.vessel,
+            vessel,
             scene.start,
             scene.goal,
             **{**asked.model_dump(), "clearance": options.clearance or 0.0},
-            **scene.itinerary(season),
+            **scene.itinerary(name),
+            **scene.pace(name, season.arrive_by_s),
         )
     except renew.PlanningError:
         return math.inf
-    return renew.fuel(plan.best.path, scene.currents[season], scene.vessel, drift=options.drift)
+    speeds: FloatArray | None = plan.best.speeds
+    if name in scene.speeds:
+        speeds = speeds_in_time(
+            plan.best, current, scene.speeds[name], season.arrive_by_s, options.drift
+        )
+        if speeds is None:
+            return math.inf
+    return renew.fuel(plan.best.path, current, vessel, drift=options.drift, speeds=speeds)
+
+
+def speeds_in_time(
+    route: renew.Route, current: Current, choice: SpeedChoice, arrive_by_s: float, drift: Drift
+) -> FloatArray | None:
+    """A route's speeds (n - 1,), m/s, times the least factor at which it arrives in time, nearly.
+
+    None is above or below those to choose from. None where the highest are too slow.
+    """
+    vessel = renew.Vessel(choice.most, turn_rate=1.0)
+
+    def speeds(factor: float) -> FloatArray:
+        return np.clip(factor * route.speeds, choice.least, choice.most)
+
+    def is_late(factor: float) -> bool:
+        own = speeds(factor)
+        arrivals = passage(route.path, current, vessel, drift=drift, speeds=own)[1]
+        return bool(arrivals[-1] > arrive_by_s)
+
+    low, high = choice.least / choice.most, choice.most / choice.least
+    if is_late(high):
+        return None
+    for _ in range(_HALVINGS):
+        factor = math.sqrt(low * high)
+        low, high = (factor, high) if is_late(factor) else (low, factor)
+    return speeds(high)

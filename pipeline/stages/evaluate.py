@@ -15,6 +15,7 @@ from pipeline.geo.projection import densified
 from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.second_shoreline import SecondShoreline
+from pipeline.stages.speed_choices import true_duration_s
 from renew.turns.reach_bound import TurnReach
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class _RouteEvaluator:
         self._drift, self._lateness = drift, lateness
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
-        self._near_land = land_within_reach(scene, self._current, routes)
+        self._near_land = land_within_reach(scene, self._current, scene.vessel_in(season), routes)
 
     def metrics(self, route: renew.Route, turns: renew.Contingency, rank: int) -> RouteMetrics:
         """Return all figures of one route."""
@@ -132,7 +133,8 @@ class _RouteEvaluator:
             length=route.length,
             length_m=self._scene.projection.geodesic_length_m(route.path),
             clearance_m=self._clearance_m(line),
-            duration_s=self._duration_s(route),
+            duration_s=true_duration_s(route, self._scene, self._season),
+            speed_m_s=mean_speed_m_s(route),
             optimality_gap=route.optimality_gap,
             trials=turns.trials,
             collisions=turns.collisions,
@@ -145,13 +147,13 @@ class _RouteEvaluator:
 
     def turns(self, route: renew.Route) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach."""
-        radius = self._scene.vessel.turning_radius
+        vessel = self._scene.vessel_in(self._season)
         return renew.contingency(
             route,
             self._near_land,
             self._current,
-            self._scene.vessel,
-            spacing=max(_MIN_SPACING, _SPACING_RADII * radius),
+            vessel,
+            spacing=max(_MIN_SPACING, _SPACING_RADII * vessel.turning_radius),
             seed=self._seed,
             drift=self._drift,
             lateness=self._lateness,
@@ -177,19 +179,6 @@ class _RouteEvaluator:
         )
         gaps = shapely.shortest_line(pieces[near][piece], self._land[land])
         return min(projection.geodesic_length_m(shapely.get_coordinates(gap)) for gap in gaps)
-
-    def _duration_s(self, route: renew.Route) -> float:
-        """Return seconds at true scale, corrected for the plane's point scale along the route.
-
-        Where the current changes they are the planner's own, by whose clock it was read.
-        """
-        if not self._current.is_steady:
-            return route.duration
-        time, track = route.trajectory[:, 0], route.trajectory[:, 1:3]
-        steps = np.diff(time)
-        middles = self._scene.projection.to_lonlat((track[:-1] + track[1:]) / 2)
-        true = steps / self._scene.projection.point_scale(middles)
-        return float(route.duration * self._scale * true.sum() / steps.sum())
 
     def _filled_share(self, route: renew.Route) -> float:
         """Return the share of a route in cells where the current's source has no figure."""
@@ -220,9 +209,11 @@ class _RouteEvaluator:
         return float(sum(lengths)), lon, lat
 
 
-def land_within_reach(scene: Scene, current: Current, routes: Sequence[renew.Route]) -> renew.Chart:
+def land_within_reach(
+    scene: Scene, current: Current, vessel: renew.Vessel, routes: Sequence[renew.Route]
+) -> renew.Chart:
     """Return a chart of the original land that turns of any route can reach; all would be slow."""
-    reach = TurnReach.of(current.table(scene.chart.bounds), scene.vessel).furthest.max()
+    reach = TurnReach.of(current.table(scene.chart.bounds), vessel).furthest.max()
     paths = [shapely.LineString(route.path) for route in routes]
     zone = shapely.union_all(
         shapely.buffer(paths, _BUFFER_RESERVE * float(reach), quad_segs=_QUADRANT_SEGMENTS)
@@ -233,6 +224,11 @@ def land_within_reach(scene: Scene, current: Current, routes: Sequence[renew.Rou
     crosses = ~shapely.covers(zone, near)
     near[crosses] = shapely.intersection(near[crosses], zone)
     return renew.Chart(scene.chart.extent, _polygons(near))
+
+
+def mean_speed_m_s(route: renew.Route) -> float:
+    """Mean speed through water, by time; that of all legs where they have but one."""
+    return float(np.average(route.speeds, weights=np.diff(route.times)))
 
 
 def _thinned(turns: renew.Contingency) -> renew.Contingency:

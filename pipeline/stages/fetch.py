@@ -73,12 +73,15 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
         reasons = [f"season {name!r}: {why}" for name, why in failures.items()]
         asked = any(current.was_asked for current in found.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
-    region, speed_m_s = scenario.region.shape, scenario.vessel.speed_m_s
+    region = scenario.region.shape
+    speeds_m_s = {one.name: scenario.vessel_in(one).speed_m_s for one in seasons}
     begins = {season.name: season.first_departure for season in seasons if season.is_changing}
     overpowering = [
         note
         for grid in grids
-        for note in overpowering_notes(grid, region, speed_m_s, begins.get(grid.season))
+        for note in overpowering_notes(
+            grid, region, speeds_m_s[grid.season], begins.get(grid.season)
+        )
     ]
     notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
     shown = (*fetcher.land.zones, *avoided_zones(scenario, region))
@@ -100,7 +103,7 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
 
     lon, lat = zip(*scenario.stops.values(), strict=True)
     apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
-    straight_hours = apart_m / scenario.vessel.speed_m_s / 3600
+    straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
     hours = min(math.ceil(_LONGEST_WAY * straight_hours + _DAY_HOURS), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})
 

@@ -33,8 +33,8 @@ def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Gap
     if season.plan is None:
         return None
     best = season.plan.best
-    kept = _least_fuel(scene, scene.chart, season.season, options, options.clearance or 0.0)
-    free = _least_fuel(scene, _land_alone(scene.chart), season.season, options, 0.0)
+    kept = _least_fuel(scene, scene.chart, season, options, options.clearance or 0.0)
+    free = _least_fuel(scene, _land_alone(scene.chart), season, options, 0.0)
     # Each is the best of what was found: what may be done with less freedom may be done with more.
     kept = min(kept, best.fuel)
     free = min(free, kept)
@@ -48,21 +48,23 @@ def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Gap
 
 
 def _least_fuel(
-    scene: Scene, chart: renew.Chart, season: str, options: PlannerOptions, clearance: float
+    scene: Scene, chart: renew.Chart, season: SeasonPlan, options: PlannerOptions, clearance: float
 ) -> float:
     """Least fuel off a chart without padding, `clearance` planar metres off it; inf without one."""
     asked = options.model_copy(
         update={"padding": "none", "clearance": clearance, "classes": _CLASSES, "method": "optimal"}
     )
+    vessel = scene.vessel_in(season.season)
     try:
         plan = renew.plan(
             chart,
-            scene.currents[season],
-            replace(scene.vessel, turn_rate=_ON_THE_SPOT * scene.vessel.turn_rate),
+            scene.currents[season.season],
+            replace(vessel, turn_rate=_ON_THE_SPOT * vessel.turn_rate),
             scene.start,
             scene.goal,
             **asked.model_dump(),
-            **scene.itinerary(season),
+            **scene.itinerary(season.season),
+            **scene.pace(season.season, season.arrive_by_s),
         )
     except renew.PlanningError:
         return float("inf")

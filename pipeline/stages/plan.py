@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING
 
 import renew
 from pipeline.formats.shared.text import dated
 from pipeline.model import SeasonPlan
+from pipeline.stages.speed_choices import largest_stretch, planned_in_time
 
 if TYPE_CHECKING:
     from pipeline.model import Scene
@@ -23,21 +25,31 @@ KNOWN_UNTIL = "the current is known until"
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
     """Plan one season; where that is impossible, the result's `failure` says why."""
     started = time.perf_counter()
-    try:
-        plan = renew.plan(
+
+    def planned(arrive_by_s: float) -> renew.Plan:
+        return renew.plan(
             scene.chart,
             scene.currents[season],
-            scene.vessel,
+            scene.vessel_in(season),
             scene.start,
             scene.goal,
             # A run chooses the clearance for a chart before; a plane's is 0 where it is left out.
             **{**options.model_dump(), "clearance": options.clearance or 0.0},
             min_lateness=MIN_LATENESS_S,
             **scene.itinerary(season),
+            **scene.pace(season, arrive_by_s),
         )
+
+    arrive_by_s = math.inf
+    try:
+        if season in scene.speeds:
+            plan, arrive_by_s = planned_in_time(planned, scene, season)
+        else:
+            plan = planned(arrive_by_s)
     except renew.PlanningError as error:
         failure = " ".join(error.located(scene.place_text).split())
-        failure = dated(failure, scene.departures.get(season))
+        stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
+        failure = dated(failure, scene.departures.get(season), stretch)
         if KNOWN_UNTIL in failure:
             failure += (
                 f"; season {season!r} ends too early: give currents that reach further, raise its "
@@ -45,4 +57,5 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             )
         is_shut = isinstance(error, renew.UnreachableError)
         return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
-    return SeasonPlan(season, plan, "", time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)

@@ -14,7 +14,9 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Fetched, Land, Scene, Simplified
+from pipeline.stages.avoided_areas import known_clocks
 from pipeline.stages.endpoints import check_endpoints
+from pipeline.stages.speed_choices import speed_choices
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -64,6 +66,8 @@ def plane_scene(scenario: Scenario) -> Scene:
         vessel=scenario.vessel.vessel(),
         is_planar=True,
         via=np.array(scenario.via, dtype=float).reshape(-1, 2),
+        departures=known_clocks(scenario),
+        speeds=speed_choices(scenario),
     )
 
 

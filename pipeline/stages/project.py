@@ -21,6 +21,7 @@ from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
 from pipeline.stages.avoided_areas import known_clocks, shut_areas
 from pipeline.stages.endpoints import check_endpoints
+from pipeline.stages.speed_choices import speed_choices
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -87,6 +88,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         departures=known_clocks(scenario),
         via=projection.to_plane(np.array(scenario.via).reshape(-1, 2)),
         areas=shut_areas(scenario, charted.zones, projection),
+        speeds=speed_choices(scenario),
     )
 
 

@@ -51,7 +51,8 @@ def shut_straits(
     policy = PaddingPolicy(
         options.padding, options.clearance or 0.0, options.risk, options.seed, options.risk_at
     )
-    padding = policy.likely_width(scene.vessel.turning_radius)
+    radius = max(scene.vessel_in(plan.season).turning_radius for plan in plans)
+    padding = policy.likely_width(radius)
     finder = _StraitFinder(scene, simplified, padding)
     found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
     return tuple(sorted(found, key=lambda strait: -strait.width_m))

@@ -19,6 +19,7 @@ from pipeline.model import SideBound
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError
 from renew.inputs.current import as_field
+from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.voyage import Voyage
 
 if TYPE_CHECKING:
@@ -55,14 +56,14 @@ def side_bounds(
             if row.main_passage != rows[0].main_passage
         ]
         if others:
-            fuel = _bound(scene, plan.season, paths[0], others, evaluation, options)
+            fuel = _bound(scene, plan, paths[0], others, evaluation, options)
             found += [SideBound(plan.season, fuel)] if math.isfinite(fuel) else []
     return tuple(found)
 
 
 def _bound(
     scene: Scene,
-    season: str,
+    plan: SeasonPlan,
     best: LineString,
     others: Sequence[LineString],
     evaluation: Evaluation,
@@ -78,16 +79,32 @@ def _bound(
     try:
         voyage = Voyage(
             renew.Chart(extent, [shapely.difference(extent, water)]),
-            as_field(scene.currents[season]),
-            scene.vessel,
+            as_field(scene.currents[plan.season]),
+            scene.vessel_in(plan.season),
             scene.start,
             scene.goal,
             options.drift,
             via=scene.via,
+            choice=_choice(scene, plan),
         )
         return fuel_lower_bound(voyage, _CELLS)
     except PlanningError:
         return math.inf
+
+
+def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
+    """Speeds to choose from, with a price of time: a bound holds at any price (weak duality).
+
+    That by which fuel falls with the arrival at the best route's is nearly the best one.
+    """
+    speeds, planned = scene.speeds.get(plan.season), plan.plan
+    if speeds is None or planned is None or planned.trade_off is None:
+        return NO_CHOICE
+    arrivals, fuels = planned.trade_off.arrivals, planned.trade_off.fuels
+    if len(arrivals) < 2:
+        return NO_CHOICE
+    slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
+    return SpeedChoice(speeds.least, max(0.0, -float(slope)), plan.arrive_by_s)
 
 
 def _strip(

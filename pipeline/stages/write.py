@@ -126,9 +126,11 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.paper.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
+    from pipeline.formats.shared.trade_offs import trade_offs
     from pipeline.formats.tables.departures import write_departures_csv, write_departures_json
     from pipeline.formats.tables.metrics import write_metrics
     from pipeline.formats.tables.scenario_file import write_scenario
+    from pipeline.formats.tables.trade_off import write_trade_off_csv, write_trade_off_json
 
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
@@ -140,6 +142,11 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         formats |= {
             "departures.csv": write_departures_csv,
             "departures.json": write_departures_json,
+        }
+    if trade_offs(result):
+        formats |= {
+            "trade-off.csv": write_trade_off_csv,
+            "trade-off.json": write_trade_off_json,
         }
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)

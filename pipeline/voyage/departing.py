@@ -1,4 +1,4 @@
-"""When a voyage in changing currents begins: a departure, a window of them, or an arrival."""
+"""When a voyage begins: a departure, a window of them, or an arrival; and at which speeds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
+from pipeline.voyage.quantities import speed_range_m_s
 
 # Largest number of departures that a window is sampled at first, and the least time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
@@ -19,20 +20,33 @@ _MINUTE = timedelta(minutes=1)
 
 @dataclass(frozen=True, slots=True)
 class Departing:
-    """Departure, the last one that will do, and the arrival that has to be made; UTC, or None."""
+    """Departure, the last one that will do, and the arrival that has to be made; UTC, or None.
+
+    With speeds to choose from, m/s, she leaves at the departure.
+    """
 
     begin: datetime
     until: datetime | None = None
     arrive_by: datetime | None = None
+    speeds: tuple[float, float] | None = None
+
+    @property
+    def passage(self) -> dict[str, Any]:
+        """Departure, arrival and speeds as keys of a season."""
+        passage: dict[str, Any] = {"departure": self.begin}
+        if self.arrive_by is not None:
+            passage["arrive_by"] = self.arrive_by
+        if self.speeds is not None:
+            passage["speed"] = dict(zip(("least", "most"), self.speeds, strict=True))
+        return passage
 
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
         """Return the [[seasons]] table of a voyage in currents that change on the way."""
         name = f"{self.begin:%Y-%m-%dT%H%MZ}"
         title = f"Departure {name}"
-        when: dict[str, Any] = {"departure": self.begin}
+        when = self.passage
         if self.arrive_by is not None:
             title = f"Arrival by {self.arrive_by:%Y-%m-%dT%H%MZ}"
-            when["arrive_by"] = self.arrive_by
         if self.until is not None:
             title = f"Departure from {name} to {self.until:%Y-%m-%dT%H%MZ}"
             window = self.until - self.begin
@@ -55,8 +69,8 @@ class Departing:
         }
 
 
-def departing(depart: str, until: str, arrive_by: str) -> Departing | None:
-    """Read what --depart, --until and --arrive-by say; None where they are left out.
+def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Departing | None:
+    """Read what --depart, --until, --arrive-by and a range of --speed say; None without any.
 
     Raises
     ------
@@ -73,6 +87,7 @@ def departing(depart: str, until: str, arrive_by: str) -> Departing | None:
             faults.append(
                 f"{option} needs --depart, before which the vessel does not leave; add it"
             )
+    speeds_m_s = _speeds(speeds, depart, until, arrive_by, faults)
     if until and arrive_by:
         faults.append("--until and --arrive-by both say which departure is best; leave one out")
     begin, *others = times
@@ -83,7 +98,31 @@ def departing(depart: str, until: str, arrive_by: str) -> Departing | None:
             faults.append(f"{option} {text} is not after --depart {depart}; give a later time")
     if faults:
         raise RequestError(faults)
-    return None if begin is None else Departing(begin, *others)
+    return None if begin is None else Departing(begin, others[0], others[1], speeds_m_s)
+
+
+def _speeds(
+    speeds: str, depart: str, until: str, arrive_by: str, faults: list[str]
+) -> tuple[float, float] | None:
+    """Read a range of speeds, m/s; note what is wrong with it, and what it lacks beside it."""
+    if not speeds:
+        return None
+    if not arrive_by:
+        lacking = "--arrive-by" if depart else "--depart and --arrive-by"
+        faults.append(
+            f"--speed {speeds} is a choice for least fuel in the time from --depart to "
+            f"--arrive-by; add {lacking}, or give one speed"
+        )
+    if until:
+        faults.append(
+            f"--until and --speed {speeds} can't be chosen together; leave --until out, or give "
+            "one speed"
+        )
+    try:
+        return speed_range_m_s(speeds)
+    except ValueError as error:
+        faults.append(f"--speed {error}")
+        return None
 
 
 def _time(option: str, text: str, faults: list[str]) -> datetime | None:

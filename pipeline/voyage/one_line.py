@@ -9,6 +9,7 @@ from pipeline.errors import RequestError
 from pipeline.outcome import Event, ignore
 from pipeline.run import run
 from pipeline.stages.endpoint_look import endpoints_on_land
+from pipeline.voyage.quantities import RANGE
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 
@@ -30,6 +31,7 @@ def go(
     depart: datetime | None = None,
     until: datetime | None = None,
     arrive_by: datetime | None = None,
+    speeds_m_s: tuple[float, float] | None = None,
     currents: Sequence[str | Path] = (),
     via: Sequence[str | tuple[float, float]] = (),
     avoid: Sequence[Path] = (),
@@ -58,6 +60,10 @@ def go(
     until, arrive_by
         The last departure that will do: the best one up to it is found. Or when to be there: the
         departure is as late as will do, and not before `depart`.
+    speeds_m_s
+        Lowest and highest speed through water among which the vessel chooses from leg to leg, in
+        place of her own: she leaves at `depart`, and is there by `arrive_by` with least fuel. In
+        the currents of `months`, if they are given, or in such as change.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
         for none. Chosen where left out.
@@ -95,6 +101,7 @@ def go(
         depart="" if depart is None else depart.isoformat(),
         until="" if until is None else until.isoformat(),
         arrive_by="" if arrive_by is None else arrive_by.isoformat(),
+        speeds="" if speeds_m_s is None else RANGE.join(f"{one!r}m/s" for one in speeds_m_s),
         currents=tuple(map(str, currents)),
         via=tuple(_text(place) for place in via),
         avoid=tuple(avoid),

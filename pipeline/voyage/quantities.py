@@ -25,6 +25,24 @@ def speed_m_s(text: str) -> float:
     return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s or 22km/h")
 
 
+RANGE = ".."
+"""Stands between the lowest and the highest of a range of speeds."""
+
+
+def speed_range_m_s(text: str) -> tuple[float, float]:
+    """Read a range of speeds, in m/s: 4kn..9kn, or 4..9kn. ValueError as above."""
+    least, _, most = text.partition(RANGE)
+    unit = found[2] if (found := _QUANTITY.fullmatch(most)) else None
+    if unit and (bare := _QUANTITY.fullmatch(least)) and not bare[2]:
+        least += unit
+    low, high = speed_m_s(least), speed_m_s(most)
+    if low <= 0:
+        raise ValueError(f"{text.strip()!r} begins at no speed at all; give two above 0")
+    if low > high:
+        raise ValueError(f"{text.strip()!r} begins above its end; exchange the two speeds")
+    return low, high
+
+
 def length_m(text: str) -> float:
     """Read a length, in metres, which are the unit where none is given. ValueError as above."""
     return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
@@ -14,7 +14,7 @@ from pipeline.sources.registry import current_source
 from pipeline.voyage.departing import Departing, departing
 from pipeline.voyage.months import read_months
 from pipeline.voyage.positions import Position, read_positions, read_via
-from pipeline.voyage.quantities import length_m
+from pipeline.voyage.quantities import RANGE, length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
 if TYPE_CHECKING:
@@ -51,7 +51,10 @@ class VoyageRequest:
     name : name of the scenario, and of its folder of results.
     depart : departure with its zone, from which on the currents change; in place of months.
     until : the last departure that will do: the best one up to it is chosen.
-    arrive_by : when the vessel has to be there: she departs as late as will do.
+    arrive_by : when the vessel has to be there: she departs as late as will do, but with a choice
+        of speeds at once.
+    speeds : lowest and highest speed through water, "4kn..9kn", among which she chooses; the
+        currents are those of the months, if they are given, or change.
     via : positions that the route passes in this order.
     avoid : vector files of areas that no route may enter.
     """
@@ -68,6 +71,7 @@ class VoyageRequest:
     depart: str = ""
     until: str = ""
     arrive_by: str = ""
+    speeds: str = ""
     via: tuple[str, ...] = ()
     avoid: tuple[Path, ...] = ()
 
@@ -95,7 +99,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     clearance_m = part(lambda: _clearance_m(request.clearance))
     departing_at = part(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
-    months = [] if is_timed else part(lambda: _months(request))
+    is_steady = not is_timed or _has_steady_speeds(request)
+    months = part(lambda: _months(request)) if is_steady else []
     if faults:
         raise RequestError(faults)
     start, goal = ends
@@ -107,8 +112,14 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
         "seasons": [departing_at.season(asked_currents(request.currents))]
-        if departing_at is not None
-        else [_season(month, title, request, (start, goal)) for month, title in months],
+        if departing_at is not None and not is_steady
+        else [
+            {
+                **_season(month, title, request, (start, goal)),
+                **(departing_at.passage if departing_at is not None else {}),
+            }
+            for month, title in months
+        ],
     }
     if via:
         data["via"] = [[point.lon, point.lat] for point in via]
@@ -129,7 +140,16 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
     """Return the vessel that is asked for."""
     if not isinstance(request.vessel, str):
         return request.vessel
-    return vessel_spec(request.vessel, request.figures or VesselFigures())
+    figures = request.figures or VesselFigures()
+    if request.speeds and not request.vessel:
+        # Her turning circle is that at the highest speed.
+        figures = replace(figures, speed=request.speeds.partition(RANGE)[2])
+    return vessel_spec(request.vessel, figures)
+
+
+def _has_steady_speeds(request: VoyageRequest) -> bool:
+    """Whether speeds are to be chosen in the currents of months, or in none."""
+    return bool(request.speeds) and (bool(request.months) or request.currents == (STILL,))
 
 
 def _clearance_m(text: str) -> float | None:
@@ -150,14 +170,16 @@ def _departing(request: VoyageRequest) -> Departing | None:
     faults: list[str] = []
     found = None
     try:
-        found = departing(request.depart, request.until, request.arrive_by)
+        found = departing(request.depart, request.until, request.arrive_by, request.speeds)
     except RequestError as error:
         faults += error.faults
-    if request.depart and request.months:
+    if request.depart and request.months and not request.speeds:
         faults.append("--depart and --month both say when; leave one out")
-    if request.depart and (not request.currents or request.currents == (STILL,)):
+    has_steps = bool(request.currents) and request.currents != (STILL,)
+    if request.depart and not has_steps and not _has_steady_speeds(request):
         faults.append(
             "--depart needs currents with time steps: give the file with --currents tide.nc"
+            + (", or --month for steady ones" if request.speeds else "")
         )
     if faults:
         raise RequestError(faults)

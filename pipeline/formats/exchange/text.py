@@ -6,6 +6,8 @@ import re
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pipeline.formats.passage.tracks import DECIMALS
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
 from pipeline.formats.shared.unknowns import route_unknowns
@@ -75,14 +77,18 @@ def waypoint_name(index: int, count: int) -> str:
 def leg_text(points: Waypoints, leg: int) -> str:
     """Describe the leg that leaves waypoint `leg`: "course 239.5°, 7.07 NM, 1.81 kn, 3 h 54 min".
 
-    Its cross-track limits follow, rounded down so that they are never overstated.
+    Where speeds are chosen, that through water follows; then its cross-track limits, rounded down
+    so that they are never overstated.
     """
     speed = points.speed_m_s[leg] * KNOTS_PER_M_S
+    through_water = ""
+    if np.ptp(points.ranked.route.speeds) > 0:
+        through_water = f" ({points.through_water_m_s[leg] * KNOTS_PER_M_S:.2f} kn through water)"
     length = points.length_m[leg] / NAUTICAL_MILE_M
     port, starboard = int(points.port_m[leg]), int(points.starboard_m[leg])
     return (
-        f"course {round(points.course_deg[leg], 1) % 360:05.1f}°, {length:.2f} NM, {speed:.2f} kn, "
-        f"{duration(points.time_s[leg + 1] - points.time_s[leg])}; "
+        f"course {round(points.course_deg[leg], 1) % 360:05.1f}°, {length:.2f} NM, "
+        f"{speed:.2f} kn{through_water}, {duration(points.time_s[leg + 1] - points.time_s[leg])}; "
         f"cross-track limits {port} m to port, {starboard} m to starboard"
     )
 

@@ -193,9 +193,12 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
         result.scene.currents[ranked.season],
-        result.scene.vessel,
+        result.scene.vessel_in(ranked.season),
         np.zeros((1, 1, 2)),
         np.interp(along, np.append(0.0, passed), ranked.route.times),
+        speeds=ranked.route.speeds[
+            np.minimum(np.searchsorted(passed, along, "right"), len(passed) - 1)
+        ],
     )
 
 

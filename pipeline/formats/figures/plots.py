@@ -15,6 +15,7 @@ from pipeline.formats.figures.artists import text_width
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.shared.still_water import still_fuel_per_metre
 from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import distance, number, percent, plain
 
@@ -48,6 +49,7 @@ _AXIS_FACTOR = 1.06
 # Position of a line, as a share of the axis, from which its text is on the left.
 _TEXT_LEFT_FROM = 0.4
 _KILOMETRES_FROM_M = 2_000.0
+_DASHES = (0, (4, 3))
 # Minimum fuel, unit, and name of the unit: fuel has the units of the vessel's rate, so it may be
 # any number.
 _FUEL_UNITS = (
@@ -71,7 +73,7 @@ def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
     tightest = renew.tightest(
         ranked.route,
         scene.currents[ranked.season],
-        scene.vessel,
+        scene.vessel_in(ranked.season),
         seed=result.scenario.planner.seed,
     )
     if tightest is None:
@@ -190,10 +192,11 @@ class _ProfilePlot:
 
     def draw_fuel(self, axes: Axes) -> None:
         """Draw the fuel used, and the fuel for the same distance in still water."""
-        vessel, scale = self.result.scene.vessel, self.result.scene.projection.scale
-        still = vessel.fuel_rate / vessel.speed * self.profile.distance_m / scale
+        scale = self.result.scene.projection.scale
+        a_metre = still_fuel_per_metre(self.result, self.ranked.metrics)
+        still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
-        unit, name = next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
+        unit, name = fuel_unit(maximum)
         _draw_dashed(axes, self.run, still / unit)
         _draw_line(axes, self.run, used / unit)
         axes.set_ylim(0, 1.05 * maximum / unit)
@@ -205,11 +208,23 @@ class _ProfilePlot:
 
     def draw_speed(self, axes: Axes) -> None:
         """Draw the speed over ground, and through water."""
-        speed = self.result.scene.vessel.speed
-        _draw_dashed(axes, self.run[[0, -1]], np.array([speed, speed]))
+        speeds = self.profile.through_water_m_s
+        # A speed holds from one place to the next.
+        axes.plot(
+            self.run,
+            speeds,
+            color=COLOURS["ink"],
+            linewidth=1.0,
+            linestyle=_DASHES,
+            drawstyle="steps-post",
+            zorder=2,
+        )
         _draw_line(axes, self.run, self.profile.speed_m_s)
-        _set_range(axes, [*self.profile.speed_m_s, speed], min_range=0.1 * speed)
-        plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {plain(speed)} m/s")
+        mean = self.ranked.metrics.speed_m_s
+        _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
+        low, high = f"{speeds.min():.2f}", f"{speeds.max():.2f}"
+        through = f"{plain(mean)} m/s" if low == high else f"{low}–{high}"
+        plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 
     def draw_current(self, axes: Axes) -> None:
         """Draw the current's component along the course, shaded by its sign."""
@@ -221,7 +236,7 @@ class _ProfilePlot:
             axes.fill_between(self.run, part, color=COLOURS[role], alpha=alpha, linewidth=0)
         axes.axhline(0, color=COLOURS["ink"], linewidth=0.7)
         axes.plot(self.run, along_track, color=COLOURS["ink"], linewidth=0.8)
-        min_range = 0.05 * self.result.scene.vessel.speed
+        min_range = 0.05 * self.ranked.metrics.speed_m_s
         _set_range(axes, [*along_track, 0.0], min_range=min_range)
         plot_title(axes, "Current along the course, m/s", "blue: it helps; grey: it hinders")
 
@@ -266,6 +281,11 @@ class _ProfilePlot:
         points = shapely.points(projection.to_plane(self.profile.lonlat))
         nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
         return np.asarray(padded[nearest, 4] * projection.scale)
+
+
+def fuel_unit(maximum: float) -> tuple[float, str]:
+    """Unit for fuel up to a maximum, and its name in a title."""
+    return next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
 
 
 def _unit(longest_m: float) -> tuple[str, float]:
@@ -335,7 +355,7 @@ def _draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
 
 def _draw_dashed(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     """Draw a line of values for comparison."""
-    axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
+    axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=_DASHES, zorder=2)
 
 
 def _set_range(axes: Axes, values: Sequence[float], min_range: float) -> None:

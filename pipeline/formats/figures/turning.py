@@ -6,6 +6,7 @@ AAAI 2026); both figures are of the draws that set it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
 from pipeline.formats.figures.maps.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.text import distance
+from renew.inputs.speeds_along import speeds_along
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +46,8 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     """Draw turns to both sides in draws of the current's spread, with the padding of the edge."""
     found = _tightest(result, result.season_routes(season)[0])
     scale = result.scene.projection.scale
-    tracks = turn_tracks(found, result.scene.vessel)[:, :: max(1, len(found.headings) // _TURNS)]
+    vessel = _at_place(result, season, found)
+    tracks = turn_tracks(found, vessel)[:, :: max(1, len(found.headings) // _TURNS)]
     tracks = tracks.reshape(-1, *tracks.shape[2:])
     unit, unit_m = _unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
     # Along the edge to the right, and away from it upwards.
@@ -155,7 +158,7 @@ def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
     found = renew.tightest(
         ranked.route,
         result.scene.currents[ranked.season],
-        result.scene.vessel,
+        result.scene.vessel_in(ranked.season),
         seed=result.scenario.planner.seed,
     )
     if found is None:
@@ -164,6 +167,13 @@ def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
             "turn (planner.padding = 'adaptive' pads)"
         )
     return found
+
+
+def _at_place(result: RunResult, season: str, found: renew.Tightest) -> renew.Vessel:
+    """The vessel at the speed at which the season's best route passes its tightest place."""
+    route = result.season_routes(season)[0].route
+    (speed,) = speeds_along(found.point[None], np.asarray(route.path, dtype=float), route.speeds)
+    return replace(result.scene.vessel, speed=float(speed))
 
 
 def _unit(longest_m: float) -> tuple[str, float]:

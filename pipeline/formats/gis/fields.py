@@ -68,6 +68,10 @@ FIELDS = {
     "speed_over_ground_m_s": Field(
         "Speed over ground (m/s)", "Mean of the leg that leaves here, current included"
     ),
+    "speed_through_water_m_s": Field(
+        "Speed through water (m/s)",
+        "Of the leg that leaves here; of a route, the mean over time",
+    ),
     "turn_radius_m": Field("Turning radius (m)", "At the waypoint; 0 at start and goal"),
     "port_m": Field("Limit to port (m)", "Cross-track limit of the leg"),
     "starboard_m": Field("Limit to starboard (m)", "Cross-track limit of the leg"),

@@ -82,6 +82,7 @@ def _waypoints(points: Waypoints) -> list[Feature]:
         "leg_length_m": points.length_m,
         "time_s": points.time_s,
         "speed_over_ground_m_s": points.speed_m_s,
+        "speed_through_water_m_s": points.through_water_m_s,
         "port_m": points.port_m,
         "starboard_m": points.starboard_m,
         "turn_radius_m": points.radius_m,

@@ -58,6 +58,7 @@ def _routes(result: RunResult) -> Table:
             "length_m": real([m.length_m for m in metrics]),
             "clearance_m": real([m.clearance_m for m in metrics]),
             "duration_s": real([m.duration_s for m in metrics]),
+            "speed_through_water_m_s": real([m.speed_m_s for m in metrics]),
             "optimality_gap": real([m.optimality_gap for m in metrics]),
             "trials": integer([m.trials for m in metrics]),
             "collisions": integer([m.collisions for m in metrics]),
@@ -81,6 +82,7 @@ def _path_points(result: RunResult) -> Table:
             "leg_length_m": concatenated([t.length_m for t in tables]),
             "time_s": concatenated([t.time_s for t in tables]),
             "speed_over_ground_m_s": concatenated([t.speed_m_s for t in tables]),
+            "speed_through_water_m_s": concatenated([t.through_water_m_s for t in tables]),
         },
     )
 

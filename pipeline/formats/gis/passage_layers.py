@@ -46,6 +46,7 @@ def passage(result: RunResult) -> Table:
             "leg_length_m": concatenated([points.length_m for points in found]),
             "time_s": concatenated([points.time_s for points in found]),
             "speed_over_ground_m_s": concatenated([points.speed_m_s for points in found]),
+            "speed_through_water_m_s": concatenated([points.through_water_m_s for points in found]),
             "turn_radius_m": concatenated([points.radius_m for points in found]),
         },
     )
@@ -64,6 +65,9 @@ def legs(result: RunResult) -> Table:
             "course_deg": concatenated([points.course_deg[:-1] for points in found]),
             "leg_length_m": concatenated([points.length_m[:-1] for points in found]),
             "speed_over_ground_m_s": concatenated([points.speed_m_s[:-1] for points in found]),
+            "speed_through_water_m_s": concatenated(
+                [points.through_water_m_s[:-1] for points in found]
+            ),
             "port_m": concatenated([points.port_m[:-1] for points in found]),
             "starboard_m": concatenated([points.starboard_m[:-1] for points in found]),
         },

@@ -17,7 +17,7 @@ from pipeline.formats.exchange.text import (
 )
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
-from pipeline.formats.shared.legs import step_times
+from pipeline.formats.shared.legs import steps
 from pipeline.formats.shared.route_profile import coast_index
 
 if TYPE_CHECKING:
@@ -70,6 +70,20 @@ HEADINGS = Row(
 )
 
 
+# Of a route whose speeds are chosen: over ground, and through water.
+_TWO_SPEEDS = "Speed, kn\nSOG / STW"
+
+
+def headings(points: Waypoints) -> Row:
+    """Headings of the table of a route."""
+    return HEADINGS._replace(speed_kn=_TWO_SPEEDS) if _has_speeds(points) else HEADINGS
+
+
+def _has_speeds(points: Waypoints) -> bool:
+    """Whether a route is sailed at several speeds through water."""
+    return bool(np.ptp(points.ranked.route.speeds) > 0)
+
+
 def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> list[Row]:
     """Rows of a route's waypoints, from start to goal."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
@@ -82,10 +96,13 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
         leg = index - 1
         own = ("",) * 6
         if index:
+            speed_kn = f"{points.speed_m_s[leg] * KNOTS_PER_M_S:.2f}"
+            if _has_speeds(points):
+                speed_kn += f" / {points.through_water_m_s[leg] * KNOTS_PER_M_S:.2f}"
             own = (
                 f"{round(float(points.course_deg[leg]), 1) % 360:05.1f}",
                 f"{points.length_m[leg] / NAUTICAL_MILE_M:.2f}",
-                f"{points.speed_m_s[leg] * KNOTS_PER_M_S:.2f}",
+                speed_kn,
                 f"{int(points.port_m[leg])} / {int(points.starboard_m[leg])}",
                 currents[leg],
                 "\t".join(nearest[leg]),
@@ -138,15 +155,15 @@ def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
     """Mean current on each leg, when it is sailed: where it sets to, and its speed in knots."""
     scene = result.scene
     line, ends = drawn.chain
-    planned_s = np.append(0.0, np.cumsum(step_times(line, points.ranked, result)[0]))
+    planned_s = np.append(0.0, np.cumsum(steps(line, points.ranked, result).planner_s))
     field = scene.currents[points.ranked.season]
     lonlat = scene.projection.to_lonlat(line)
     velocity = scene.projection.rotate_to_lonlat(lonlat, field.velocity(line, planned_s))
     texts = []
     for first, last in itertools.pairwise(ends.tolist()):
-        steps = np.linalg.norm(np.diff(line[first : last + 1], axis=0), axis=1)
+        lengths = np.linalg.norm(np.diff(line[first : last + 1], axis=0), axis=1)
         middles = (velocity[first:last] + velocity[first + 1 : last + 1]) / 2
-        east, north = np.average(middles, axis=0, weights=steps)
+        east, north = np.average(middles, axis=0, weights=lengths)
         knots = float(np.hypot(east, north)) * KNOTS_PER_M_S
         to = round(math.degrees(math.atan2(east, north))) % 360
         texts.append(f"{to:03d}  {knots:.2f}" if knots >= _NO_CURRENT_KN else f"–  {knots:.2f}")
@@ -168,7 +185,9 @@ def tightest_text(points: Waypoints, result: RunResult) -> str:
     import renew
 
     scene, ranked = result.scene, points.ranked
-    found = renew.tightest(ranked.route, scene.currents[ranked.season], scene.vessel)
+    found = renew.tightest(
+        ranked.route, scene.currents[ranked.season], scene.vessel_in(ranked.season)
+    )
     if found is None:
         return ""
     longitude, latitude = scene.projection.to_lonlat(found.point)

@@ -20,7 +20,7 @@ from pipeline.formats.exchange.text import (
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.maps.layers import DETAIL_PT, visible
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.paper.legs_table import HEADINGS, distance_text, rows, tightest_text
+from pipeline.formats.paper.legs_table import distance_text, headings, rows, tightest_text
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.text import percent, speed_over_ground
@@ -87,7 +87,7 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
             _paragraphs(page, facts, top, _BESIDE_MAP)
             _put_map(page, points, result, colour, top + 14)
             top -= _MAP_PT[1] - 4
-        top = _put_table(page, part, top)
+        top = _put_table(page, headings(points), part, top)
         if number == len(pages):
             _paragraphs(page, notes, top - 14, _WIDE, size=_SMALL)
         yield page
@@ -117,11 +117,13 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
             f"Departure {time_after(departure, 0):%Y-%m-%d %H:%M} UTC, arrival "
             f"{arrival:%Y-%m-%d %H:%M} UTC."
         )
-    knots, through = (
-        speed * KNOTS_PER_M_S for speed in (speed_over_ground(metrics), vessel.speed_m_s)
-    )
+    knots = speed_over_ground(metrics) * KNOTS_PER_M_S
+    speeds = points.ranked.route.speeds * KNOTS_PER_M_S
+    through = f"{speeds.min():.2f} kn"
+    if np.ptp(speeds) > 0:
+        through = f"{speeds.min():.2f} to {speeds.max():.2f} kn, leg by leg,"
     length = points.length_m[:-1].sum() / NAUTICAL_MILE_M
-    ship = f"{vessel_name(result)}; {through:.2f} kn through the water"
+    ship = f"{vessel_name(result)}; {through} through the water"
     way = f"{metrics.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{metrics.collisions:,} of {metrics.trials:,} simulated hard-over turns met land"
     least, gap = distance_text(metrics.clearance_m), percent(metrics.optimality_gap)
@@ -148,11 +150,11 @@ def _notes(points: Waypoints, result: RunResult) -> list[str]:
     ]
 
 
-def _put_table(page: Figure, part: Sequence[Row], top: float) -> float:
-    """Write rows of the table below `top`, points; returns the lower end."""
+def _put_table(page: Figure, headings: Row, part: Sequence[Row], top: float) -> float:
+    """Write rows of the table below `top`, points, under headings; returns the lower end."""
     from matplotlib.lines import Line2D
 
-    for left, text in zip(_COLUMNS, HEADINGS, strict=True):
+    for left, text in zip(_COLUMNS, headings, strict=True):
         _write(page, text, _MARGIN + left, top, _SMALL, bold=True)
     level = top - 28
     for row in part:

@@ -145,7 +145,7 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
     )
     land = obstacles.land_in(around)
     soft = shapely.intersection(route.soft_no_go, around)
-    radius = obstacles.scene.vessel.turning_radius
+    radius = float(route.speeds.max()) / obstacles.scene.vessel.turn_rate
     path, first, last = _with_exits(soft, np.asarray(route.path, dtype=float), _EXIT_RADII * radius)
     outside = shapely.LineString(path[first : last + 1]) if first < last else shapely.Point(path[0])
     blocked = shapely.union(soft, land)

@@ -10,9 +10,16 @@ import shapely
 
 from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
 from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
+from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.thinning import thin
 from pipeline.formats.passage.tracks import Drawing, Tracks, curve_for, initial_course_deg, tracks
-from pipeline.formats.shared.legs import mean_speed, metres_along, times_at
+from pipeline.formats.shared.legs import (
+    at_speeds_sailed,
+    mean_speed,
+    metres_along,
+    steps,
+    times_at,
+)
 from renew.route import unite_soft_no_go
 
 if TYPE_CHECKING:
@@ -57,6 +64,7 @@ class Waypoints:
     length_m : (n,) true metres along the leg.
     time_s : (n,) seconds since departure, on these legs; at the goal, the route's duration.
     speed_m_s : (n,) mean speed over ground on the leg.
+    through_water_m_s : (n,) mean speed through water on the leg, over time.
     port_m, starboard_m : (n,) cross-track limits of the leg, true metres.
     radius_m : (n,) of the turn at the waypoint, true metres; 0 at start and goal.
     """
@@ -68,6 +76,7 @@ class Waypoints:
     length_m: FloatArray
     time_s: FloatArray
     speed_m_s: FloatArray
+    through_water_m_s: FloatArray
     port_m: FloatArray
     starboard_m: FloatArray
     radius_m: FloatArray
@@ -103,7 +112,8 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     The legs stay within 0.1 % of the route's length (30 m on a short one) of the planned line, pass
     every island on its side, and need at most 0.3 % more fuel. The plan runs along V's edge; where
     there is water for it, the legs keep half that distance from the edge. They lie in V only where
-    the path itself does, at a start or goal, and pass each via point.
+    the path itself does, at a start or goal, and pass each via point. Where the speed through water
+    changes by a tenth or more, there is a waypoint too.
     """
     scene = result.scene
     line = shapely.LineString(ranked.route.path)
@@ -128,6 +138,9 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
         legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
         if _fuel_along(legs.chain[0], ranked, result) <= (1 + MAX_EXTRA_FUEL) * ranked.route.fuel:
             break
+    if len(parted := with_speed_changes(lonlat, ranked.route, drawing)) > len(lonlat):
+        lonlat = parted
+        legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
     return _described(ranked, result, obstacles, corridor, lonlat, legs, curve)
 
 
@@ -155,10 +168,13 @@ def _described(
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error
     limits = np.array(cross_track_limits(legs, ranked.route.soft_no_go, obstacles, cap))
     port, starboard = np.maximum(limits - error, 0.0)
-    radius = scene.vessel.turning_radius
+    radius = float(ranked.route.speeds.max()) / scene.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
     time = times_at(metres_along(line)[ends], line, ranked, result)
+    found = steps(line, ranked, result)
+    through_water = np.add.reduceat(found.through_water_m_s * found.planner_s, ends[:-1])
+    through_water /= np.add.reduceat(found.planner_s, ends[:-1])
     length = legs.length_m
     nothing = np.array([np.nan])
     return Waypoints(
@@ -169,6 +185,7 @@ def _described(
         length_m=np.append(length, nothing),
         time_s=time,
         speed_m_s=np.append(mean_speed(length, time), nothing),
+        through_water_m_s=np.append(through_water, nothing),
         port_m=np.append(np.minimum(port * true, MAX_CROSS_TRACK_M), nothing),
         starboard_m=np.append(np.minimum(starboard * true, MAX_CROSS_TRACK_M), nothing),
         radius_m=np.concatenate([[0.0], turns * np.minimum(true[:-1], true[1:]), [0.0]]),
@@ -179,9 +196,11 @@ def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> flo
     """Fuel along a line (n, 2) of the plane, in the planner's units."""
     import renew
 
+    pieces, _, speeds = at_speeds_sailed(line, ranked)
     return renew.fuel(
-        line,
+        pieces,
         result.scene.currents[ranked.season],
-        result.scene.vessel,
+        result.scene.vessel_in(ranked.season),
         drift=result.scenario.planner.drift,
+        speeds=speeds,
     )

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 # Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
 # one course: the planner's straight line is then as long as the geodesic, to a millionth.
 _PIECE_M = 10_000.0
+# Number of pieces, at least, into which a line is cut that is sailed at several speeds.
+_PIECES = 500
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Legs:
 
     `lonlat` (n, 2) degrees; `course_deg` (n,) true, at the leg's start; `length_m` (n,) true metres
     along the planned line; `time_s` (n,) seconds since departure; `speed_m_s` (n,) mean speed over
-    ground.
+    ground; `through_water_m_s` (n,) speed through water.
     """
 
     lonlat: FloatArray
@@ -35,6 +37,23 @@ class Legs:
     length_m: FloatArray
     time_s: FloatArray
     speed_m_s: FloatArray
+    through_water_m_s: FloatArray
+
+
+@dataclass(frozen=True)
+class Steps:
+    """n - 1 steps between points of the plane along a route.
+
+    Attributes
+    ----------
+    planner_s : (n - 1,) by the drift model in planar metres.
+    true_s : (n - 1,) at true scale, and in proportion so that they add up to the route's duration.
+    through_water_m_s : (n - 1,) mean speed through water, over time.
+    """
+
+    planner_s: FloatArray
+    true_s: FloatArray
+    through_water_m_s: FloatArray
 
 
 def legs(ranked: RankedRoute, result: RunResult) -> Legs:
@@ -44,9 +63,8 @@ def legs(ranked: RankedRoute, result: RunResult) -> Legs:
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     longest = _PIECE_M / projection.scale
-    pieces = [densified(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
-    first = np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
-    lonlat = projection.to_lonlat(np.concatenate([*pieces, path[-1:]]))
+    points, first = cut(path, longest)
+    lonlat = projection.to_lonlat(points)
     azimuth, _, step = pyproj.Geod(ellps="WGS84").inv(
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
@@ -58,6 +76,7 @@ def legs(ranked: RankedRoute, result: RunResult) -> Legs:
         length_m=np.append(length, np.nan),
         time_s=time,
         speed_m_s=np.append(mean_speed(length, time), np.nan),
+        through_water_m_s=np.append(ranked.route.speeds, np.nan),
     )
 
 
@@ -75,34 +94,67 @@ def times_at(
     The path is the route's own or close to it; the goal is reached at the route's duration.
     """
     points = densified(path, _PIECE_M / result.scene.projection.scale)
-    _, step_s = step_times(points, ranked, result)
-    return np.asarray(np.interp(along, metres_along(points), cumulative(step_s)))
+    found = steps(points, ranked, result)
+    return np.asarray(np.interp(along, metres_along(points), cumulative(found.true_s)))
 
 
-def step_times(
-    points: FloatArray, ranked: RankedRoute, result: RunResult
-) -> tuple[FloatArray, FloatArray]:
-    """Seconds (n - 1,) between points (n, 2) of the plane along a route, as two arrays.
+def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
+    """Steps between points (n, 2) of the plane along a route, at the speeds at which it is sailed.
 
-    First by the drift model in planar metres; then at true scale, and in proportion so that they
-    add up to the route's duration: where the plane is stretched, a planar metre takes less time.
-    Where the current changes, the planner's own times count, by whose clock it was read.
+    Where the plane is stretched, a planar metre takes less true time. Where the current changes,
+    the planner's own times count, by whose clock it was read.
     """
     from renew.inputs.fuel import passage_times
 
-    scene = result.scene
-    current = scene.currents[ranked.season]
+    scene, season = result.scene, ranked.season
+    current = scene.currents[season]
+    pieces, first, speeds = at_speeds_sailed(points, ranked)
     planar = passage_times(
-        points,
+        pieces,
         current,
-        scene.vessel,
+        scene.vessel_in(season),
         drift=result.scenario.planner.drift,
+        speeds=speeds,
     )
     true = planar
     if current.is_steady:
-        middles = scene.projection.to_lonlat((points[:-1] + points[1:]) / 2)
+        middles = scene.projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
         true = planar / scene.projection.point_scale(middles)
-    return planar, true * (ranked.metrics.duration_s / true.sum())
+    planner_s = np.add.reduceat(planar, first)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.add.reduceat(planar * speeds, first) / planner_s
+    return Steps(
+        planner_s,
+        np.add.reduceat(true, first) * (ranked.metrics.duration_s / true.sum()),
+        # No time passes between points that are the same.
+        np.where(planner_s > 0, mean, speeds[first]),
+    )
+
+
+def at_speeds_sailed(
+    points: FloatArray, ranked: RankedRoute
+) -> tuple[FloatArray, npt.NDArray[np.int64], FloatArray]:
+    """Steps between points (n, 2) along a route, cut where speeds differ on the way.
+
+    Returns the pieces' ends (m, 2), the first piece (n - 1,) of each step, and the speed (m - 1,)
+    through water at which each piece is sailed, m/s.
+    """
+    from renew.inputs.speeds_along import speeds_along
+
+    path, speeds = np.asarray(ranked.route.path, dtype=float), ranked.route.speeds
+    longest = float(metres_along(points)[-1]) / _PIECES if np.ptp(speeds) > 0 else np.inf
+    pieces, first = cut(points, longest)
+    return pieces, first, speeds_along((pieces[:-1] + pieces[1:]) / 2, path, speeds)
+
+
+def cut(path: FloatArray, longest: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Cut the legs of a path (n, 2) into pieces no longer than a length.
+
+    Returns their ends (m, 2), and the first piece (n - 1,) of each leg.
+    """
+    parts = [densified(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
+    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    return np.concatenate([*parts, path[-1:]]), first
 
 
 def metres_along(path: FloatArray) -> FloatArray:

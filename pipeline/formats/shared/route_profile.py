@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.legs import cumulative, step_times
+from pipeline.formats.shared.legs import cumulative, steps
 from pipeline.geo.projection import densified
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class RouteProfile:
     course_deg : true course towards the next point; at the goal, that of arrival.
     fuel : used since departure, in the planner's units.
     speed_m_s : mean over ground to the next point; at the goal, that of arrival.
+    through_water_m_s : speed through water to the next point; at the goal, that of arrival.
     current_along_m_s : component of the current along the course, positive if following.
     clearance_m : true metres to the original land; inf without any land.
     """
@@ -55,6 +56,7 @@ class RouteProfile:
     course_deg: FloatArray
     fuel: FloatArray
     speed_m_s: FloatArray
+    through_water_m_s: FloatArray
     current_along_m_s: FloatArray
     clearance_m: FloatArray
 
@@ -82,9 +84,10 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
     current = scene.currents[ranked.season]
-    planner_s, step_s = step_times(sampled, ranked, result)
-    steps = np.diff(sampled, axis=0)
-    tangent = _with_last_repeated(steps / np.linalg.norm(steps, axis=1, keepdims=True))
+    found = steps(sampled, ranked, result)
+    way = np.diff(sampled, axis=0)
+    tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
+    step_fuel = found.planner_s * found.through_water_m_s**scene.vessel.fuel_exponent
     clearance = coast.clearance_m(sampled, projection, crosses_land=metrics.land_m > 0)
     if closest is not None:
         nearest = np.argmin(np.linalg.norm(sampled - closest.point, axis=1))
@@ -94,12 +97,15 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
         clearance[nearest] = least_m
     return RouteProfile(
         distance_m=cumulative(step_m),
-        time_s=cumulative(step_s),
+        time_s=cumulative(found.true_s),
         lonlat=lonlat,
         course_deg=np.append(azimuth, back[-1] + 180) % 360,
-        fuel=cumulative(planner_s * (metrics.fuel / planner_s.sum())),
-        speed_m_s=_with_last_repeated(step_m / step_s),
-        current_along_m_s=(current.velocity(sampled, cumulative(planner_s)) * tangent).sum(axis=1),
+        fuel=cumulative(step_fuel * (metrics.fuel / step_fuel.sum())),
+        speed_m_s=_with_last_repeated(step_m / found.true_s),
+        through_water_m_s=_with_last_repeated(found.through_water_m_s),
+        current_along_m_s=(current.velocity(sampled, cumulative(found.planner_s)) * tangent).sum(
+            axis=1
+        ),
         clearance_m=clearance,
     )
 

@@ -149,16 +149,18 @@ def gap_text(gap: GapShares) -> str:
     )
 
 
-def dated(reason: str, departure: datetime | None) -> str:
+def dated(reason: str, departure: datetime | None, stretch: float = 1.0) -> str:
     """Write the seconds since departure in one of the planner's reasons as dates.
 
-    They stay as they are where the current has no clock.
+    They stay as they are where the current has no clock. A second of the planner's is `stretch`
+    true ones.
     """
     if departure is None:
         return reason
 
     def date(found: re.Match[str]) -> str:
-        return f"{found[1]} {moment_text(departure + timedelta(seconds=float(found[2])))}"
+        seconds = round(stretch * float(found[2]))
+        return f"{found[1]} {moment_text(departure + timedelta(seconds=seconds))}"
 
     return _CLOCK_TIME.sub(date, reason)
 

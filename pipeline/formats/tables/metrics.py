@@ -25,6 +25,7 @@ COLUMNS = {
     "length_m": "length_m",
     "clearance_m": "clearance_m",
     "duration_s": "duration_s",
+    "speed_through_water_m_s": "speed_m_s",
     "optimality_gap": "optimality_gap",
     "trials": "trials",
     "collisions": "collisions",

@@ -179,6 +179,13 @@ class _Expansion:
                     "its own; a night plans each case in one field: leave the season out, or give "
                     "it time_method = 'nearest' and 'valid'",
                 )
+            if name in known and known[name].speed is not None:
+                self._fault(
+                    "scenario" if self._table.seasons is None else "seasons",
+                    f"season {name!r} of {scenario.name} has 'speed', and times of its own; a "
+                    "night plans each case at the vessel's own speed: leave the season out, or "
+                    "its 'speed' and 'arrive_by'",
+                )
         if self._table.seasons is None:
             return scenario.seasons
         for name in self._table.seasons:

@@ -6,6 +6,7 @@ import pytest
 
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.report.page import gather, render
+from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.page import Page
 
@@ -15,7 +16,10 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 
-NAMES = ("small", "180 degrees", "north", "long", "harbours", "random 0", "random 1", "random 2")
+NAMES = (
+    *("small", "180 degrees", "north", "long", "harbours", "speeds"),
+    *("random 0", "random 1", "random 2"),
+)
 
 
 @pytest.fixture(scope="session", params=NAMES)
@@ -28,6 +32,7 @@ def any_run(request: pytest.FixtureRequest) -> RunResult:
         "north": runs.far_north,
         "long": runs.long_way,
         "harbours": runs.harbours,
+        "speeds": chosen_speeds.planned,
     }
     if name.startswith("random"):
         return runs.random_run(int(name.split()[1]))

@@ -143,6 +143,7 @@ def metrics(
         ),
         clearance_m=float(shapely.distance(line, land)) * asked.scale,
         duration_s=route.duration * asked.scale,
+        speed_m_s=scene.vessel.speed,
         optimality_gap=route.optimality_gap,
         trials=found.trials,
         collisions=found.collisions,

@@ -114,6 +114,30 @@ currents = ["./tide.nc"]
     assert f"cases[0].{key}: season 'tide' of tide changes on the way" in line
 
 
+def test_a_season_with_a_choice_of_speeds_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fast.toml").write_text(
+        """
+schema_version = 1
+name = "fast"
+vessel = "usv-7m"
+start = [119.1, 9.5]
+goal = [120.1, 9.5]
+
+[[seasons]]
+name = "calm"
+currents = ["still"]
+departure = 2026-11-22T06:00:00Z
+arrive_by = 2026-11-23T06:00:00Z
+speed = { least = 2.0, most = 6.0 }
+"""
+    )
+    file = write_night(tmp_path, 'scenario = "./fast.toml"\n')
+    result = renew("check", "--config", file, "--output", tmp_path / "out")
+    assert result.exit_code == 2
+    (line,) = faults(result)
+    assert "cases[0].scenario: season 'calm' of fast has 'speed'" in line
+
+
 def test_all_faults_at_once(tmp_path: Path) -> None:
     (tmp_path / "pairs.csv").write_text(
         "start_x,start_y,goal_x,goal_y,name\n1,x,90,50,one\n10,50,90,50,Two\n10,50,10,50,three\n"

@@ -43,12 +43,11 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     # By default a scenario's classes are choices; the paper's are all classes.
     assert options.pop("distinct_by") == "auto"
     assert taken.pop("distinct_by") == 0.0
-    # A season says when it begins, and the clock of its current begins then.
+    # A season says how fast she may be, and when it begins: the clock of its current begins then.
     assert taken.pop("departure") == 0.0
     assert taken.pop("arrive_by") is None
     # The scenario itself has these, on the chart.
     assert taken.pop("via") == taken.pop("avoid") == ()
-    # Speeds are chosen from Python alone.
     assert taken.pop("speed") is None
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
@@ -96,7 +95,7 @@ CHANGING = {
             "both 'departures' and 'arrive_by'",
         ),
         ({"arrive_by": "2028-11-22T06:00:00Z"}, "under way for more than 8,784 hours"),
-        ({"time_method": None, "valid": "2026-11", "arrive_by": "2026-11-23T06:00Z"}, "need curr"),
+        ({"time_method": None, "valid": "2026-11", "arrive_by": "2026-11-23T06:00Z"}, "needs curr"),
     ],
 )
 def test_changing_currents_need_a_departure_and_sources(
@@ -105,6 +104,69 @@ def test_changing_currents_need_a_departure_and_sources(
     Season.model_validate(CHANGING)
     with pytest.raises(ValidationError, match=words):
         Season.model_validate({**CHANGING, **changes})
+
+
+STEADY_SPEED = {
+    "name": "calm",
+    "currents": ["still"],
+    "departure": "2026-11-22T06:00:00Z",
+    "arrive_by": "2026-11-23T06:00:00Z",
+    "speed": {"least": 2.0, "most": 6.0},
+}
+
+
+@pytest.mark.parametrize("base", [STEADY_SPEED, {**STEADY_SPEED, **CHANGING}])
+def test_speeds_are_chosen_in_steady_and_in_changing_currents(base: dict[str, object]) -> None:
+    season = Season.model_validate(base)
+    assert season.speed is not None
+    assert (season.speed.least, season.speed.most) == (2.0, 6.0)
+    assert not season.leaves_departure_open
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"speed": {"least": 6.0, "most": 2.0}}, "speed.least = 6 m/s above speed.most = 2 m/s"),
+        ({"arrive_by": None}, "no 'arrive_by'"),
+        ({"departure": None}, "no 'departure'"),
+        ({"departure": None, "departures": WINDOW}, "'departures' and 'speed'.*needs currents"),
+        ({"speed": {"least": float("nan"), "most": 2.0}}, "speed.least\n.*finite"),
+        ({"speed": {"least": 0.0, "most": 2e6}}, "speed.least\n(.*\n)*speed.most"),
+        ({"speed": {"least": 1.0}}, "speed.most\n.*required"),
+        ({"arrive_by": "2026-11-22T05:00:00Z"}, "not after its departure"),
+        (
+            {"speed": {"least": 6.0, "most": 2.0}, "departure": None, "arrive_by": None},
+            "exchange them; it has 'speed', but no 'departure'.*; it has 'speed', but no 'arrive_",
+        ),
+        (
+            {"speed": {"least": 6.0, "most": 2.0}, "currents": ["copernicus-glorys-monthly"]},
+            "exchange them; it lacks 'valid'",
+        ),
+    ],
+)
+def test_a_choice_of_speeds_needs_two_speeds_and_two_times(
+    changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ValidationError, match=words):
+        Season.model_validate({**STEADY_SPEED, **changes})
+
+
+def test_a_choice_of_speeds_is_of_its_season_and_at_true_scale() -> None:
+    asked = {
+        "schema_version": 1,
+        "name": "calm",
+        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
+        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0},
+        "start": [119.1, 9.5],
+        "goal": [120.1, 9.5],
+        "seasons": [STEADY_SPEED, {"name": "other", "currents": ["still"]}],
+    }
+    scenario = Scenario.model_validate(asked)
+    speeds = [scenario.vessel_in(season).speed_m_s for season in scenario.seasons]
+    assert speeds == [6.0, 4.0]
+    assert scenario.fastest_vessel.speed_m_s == 6.0
+    with pytest.raises(ValidationError, match="'calm' has 'speed' at scale = 100"):
+        Scenario.model_validate({**asked, "scale": 100.0})
 
 
 def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:

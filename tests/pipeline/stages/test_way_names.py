@@ -53,7 +53,20 @@ def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) 
     """Name the ways of some plans."""
     rows = [
         RouteMetrics(
-            plan.season, rank, route.homotopy, route.fuel, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0, 0, 0.0
+            plan.season,
+            rank,
+            route.homotopy,
+            route.fuel,
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+            1.0,
+            0.0,
+            0,
+            0,
+            0.0,
         )
         for plan in plans
         for rank, route in enumerate(plan.ranked_routes, start=1)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.voyage.quantities import length_m, speed_m_s
+from pipeline.voyage.quantities import length_m, speed_m_s, speed_range_m_s
 
 sizes = st.floats(0, 1e6).map(lambda value: round(value, 4))
 
@@ -31,6 +31,11 @@ def test_a_decimal_comma_and_capitals_are_read() -> None:
 def test_a_speed_without_a_known_unit_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="such as 12kn"):
         speed_m_s(text)
+
+
+@pytest.mark.parametrize("text", ["4kn..9kn", "4..9kn", "4 .. 9 kn", "7.408km/h..9kn"])
+def test_a_range_of_speeds_may_give_its_unit_once(text: str) -> None:
+    assert speed_range_m_s(text) == pytest.approx((4 * 1852 / 3600, 9 * 1852 / 3600))
 
 
 @pytest.mark.parametrize("text", ["", "long", "12kn", "12 m m"])

@@ -128,6 +128,54 @@ def test_departures_that_say_too_little_or_too_much(
         assert part in fault
 
 
+TIMES = {"depart": "2026-11-22T06:00Z", "arrive_by": "2026-11-24T06:00Z"}
+
+
+def test_a_range_of_speeds_is_chosen_from_in_the_currents_of_a_month_or_in_none() -> None:
+    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
+    for months, currents in ((PALAWAN.months, PALAWAN.currents), ((), ("still",))):
+        scenario, _ = voyage_scenario(replace(asked, months=months, currents=currents))
+        assert len(scenario.seasons) == max(1, len(months))
+        for season in scenario.seasons:
+            assert season.speed is not None
+            assert season.speed.least == pytest.approx(4 * 1852 / 3600)
+            assert season.speed.most == pytest.approx(9 * 1852 / 3600)
+            assert season.departure == datetime(2026, 11, 22, 6, tzinfo=UTC)
+            assert season.arrive_by == datetime(2026, 11, 24, 6, tzinfo=UTC)
+            assert not season.is_changing
+    # Without a vessel by name the figures are those at the highest speed.
+    figures = VesselFigures("", "12m", "40m")
+    by_figures = replace(asked, vessel="", figures=figures, months=(), currents=("still",))
+    vessel = voyage_scenario(by_figures)[0].vessel
+    assert vessel.speed_m_s == pytest.approx(9 * 1852 / 3600)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"arrive_by": ""}, ["add --arrive-by, or give one speed"]),
+        ({"depart": "", "arrive_by": ""}, ["add --depart and --arrive-by, or give one speed"]),
+        ({"speeds": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
+        ({"speeds": "0..4kn"}, ["--speed '0..4kn' begins at no speed"]),
+        ({"speeds": "4..9"}, ["--speed '4' is not understood"]),
+        (
+            {"until": "2026-11-23T06:00Z", "arrive_by": "", "speeds": "9..4kn"},
+            ["add --arrive-by", "--until and --speed 9..4kn", "begins above its end"],
+        ),
+        ({"months": (), "currents": ()}, ["or --month for steady ones"]),
+    ],
+)
+def test_a_range_of_speeds_needs_two_times_and_currents(
+    changes: dict[str, object], words: list[str]
+) -> None:
+    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
+    with pytest.raises(RequestError) as caught:
+        voyage_scenario(replace(asked, **changes))  # type: ignore[arg-type]
+    assert len(caught.value.faults) == len(words)
+    for fault, part in zip(caught.value.faults, words, strict=True):
+        assert part in fault
+
+
 def test_clearance_is_in_true_metres() -> None:
     for text, metres in (("500", 500.0), ("0.5nm", 926.0), ("0", 0.0)):
         scenario, _ = voyage_scenario(replace(PALAWAN, clearance=text))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.model import PublishedRow
+    from pipeline.scenario.published import PublishedRow
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.still_water import still_fuel_per_metre
+from pipeline.formats.shared.trade_offs import trade_off, trade_off_text
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -61,7 +63,8 @@ class SeasonPart:
     says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
     whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
     plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
-    with a plot, where that was to be chosen.
+    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` say so of the speed,
+    and `speeds` are the lowest and highest of the best route, m/s.
     """
 
     title: str
@@ -83,6 +86,9 @@ class SeasonPart:
     padding: Markup
     departure: tuple[str, ...] = ()
     departure_plot: Markup | str = ""
+    how_fast: tuple[str, ...] = ()
+    trade_off_plot: Markup | str = ""
+    speeds: tuple[float, float] | None = None
 
     @property
     def best(self) -> RouteMetrics | None:
@@ -104,7 +110,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     label = f"{title}: {_map_label(metrics)}"
     picture = season_svg(result, entry.season, identity=anchor, label=f"Map of {label}")
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
-    passage = result.scenario.passage(entry.season, metrics[0].duration_s) if ranked else None
+    passage = result.scenario.passage(entry.season, round(metrics[0].duration_s)) if ranked else ()
     said = _sentences(result, metrics)
     rival = said.rival if said else None
     shown = [one for one in ranked if one.metrics is metrics[0] or one.metrics is rival]
@@ -128,6 +134,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
         profile=Markup(profile),  # noqa: S704 - our own
         padding=Markup(padding),  # noqa: S704 - our own
         **_departure(result, entry.season, anchor),
+        **_how_fast(result, entry.season, anchor),
     )
 
 
@@ -145,6 +152,24 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     return {"departure": sentences, "departure_plot": Markup(plot)}  # noqa: S704 - our own SVG
 
 
+def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
+    """How fast, as text and plot; nothing where the vessel has no choice."""
+    from markupsafe import Markup
+
+    from pipeline.formats.figures.trade_off_plot import trade_off_svg
+
+    found = trade_off(result, season)
+    if found is None:
+        return {}
+    sentences = trade_off_text(found)
+    plot = trade_off_svg(found, identity=f"{anchor}-trade-off", label=" ".join(sentences))
+    return {
+        "how_fast": sentences,
+        "trade_off_plot": Markup(plot),  # noqa: S704 - our own SVG
+        "speeds": (found.slowest, found.fastest),
+    }
+
+
 def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
     """What a season's sentences are made from; None without a route."""
     from pipeline.formats.figures.maps.arrows import arrows
@@ -155,7 +180,6 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
     speeds = arrows(result, season).speed
     return Season(
         metrics,
-        result.scene.vessel.speed,
         float(speeds.mean()) if len(speeds) else 0.0,
         evaluation.gap_shares_of(season),
         evaluation.clock_worth_of(season),
@@ -208,7 +232,6 @@ def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
     """Compare each route's fuel with the best route's, with still water and the shortest way."""
     if not metrics:
         return ()
-    vessel = result.scene.vessel
     excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
     largest = max(abs(e) for e in excesses)
     shortest = min(metrics, key=lambda row: row.length_m)
@@ -217,7 +240,7 @@ def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
             row,
             excess,
             100 * abs(excess) / largest if largest > 0 else 0.0,
-            row.fuel_per_distance * vessel.speed / vessel.fuel_rate,
+            row.fuel_per_distance / still_fuel_per_metre(result, row),
             row.fuel / shortest.fuel,
         )
         for row, excess in zip(metrics, excesses, strict=True)

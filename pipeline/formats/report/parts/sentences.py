@@ -32,14 +32,13 @@ _NO_CURRENT = 0.01
 class Season:
     """What a season's sentences are made from.
 
-    `routes` are best first, at least one; `vessel_speed` is through water, m/s, and `current_speed`
-    the current's in the mean over the water. `gap` says what the best one's optimality gap is made
+    `routes` are best first, at least one; `current_speed` is the current's in the mean over the
+    water, m/s. `gap` says what the best one's optimality gap is made
     of, `worth` what it saves by knowing how the current changes, and `sides` how little fuel the
     other sides can need, where that is known.
     """
 
     routes: Sequence[RouteMetrics]
-    vessel_speed: float
     current_speed: float = math.inf
     gap: GapShares | None = None
     worth: ClockWorth | None = None
@@ -63,8 +62,8 @@ class Season:
     @property
     def is_still(self) -> bool:
         """Whether there is no current to speak of."""
-        gains = [abs(_gain(route, self.vessel_speed)) for route in self.routes]
-        return max([self.current_speed, *gains]) < _NO_CURRENT * self.vessel_speed
+        gains = [abs(_gain(route)) for route in self.routes]
+        return max([self.current_speed, *gains]) < _NO_CURRENT * self.best.speed_m_s
 
     def because(self) -> str:
         """Say in one sentence why the best route is the one to take."""
@@ -78,7 +77,7 @@ class Season:
             )
         if self.best.fuel > rival.fuel:  # the sampled method
             return "because the mean fuel of its class is the least, though not its own."
-        ours, theirs = (_gain(route, self.vessel_speed) for route in (self.best, rival))
+        ours, theirs = (_gain(route) for route in (self.best, rival))
         helped = f"the current adds {_signed(ours)} m/s to its speed, {_signed(theirs)} m/s there"
         if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
             more = distance(self.best.length_m - rival.length_m)
@@ -86,6 +85,8 @@ class Season:
         if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
             return f"because {helped}, over the same distance."
         but = "and" if ours >= theirs else "which outweighs that"
+        if _signed(ours) == _signed(theirs):
+            helped, but = f"the current adds {_signed(ours)} m/s to the speed on either", "and"
         return f"because {self._shorter(rival)}, {but} {helped}."
 
     def lead(self) -> str:
@@ -180,7 +181,7 @@ class Season:
         ours, theirs = speed_over_ground(best), speed_over_ground(rival)
         if not (math.isfinite(ours) and math.isfinite(theirs)):
             return f"{name} {fuel}, {length}."
-        gains = _signed(ours - self.vessel_speed), _signed(theirs - self.vessel_speed)
+        gains = _signed(_gain(best)), _signed(_gain(rival))
         if f"{ours:.2f}" == f"{theirs:.2f}":
             speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
         else:
@@ -194,23 +195,25 @@ class Season:
 def clock_text(worth: ClockWorth) -> str:
     """Say in a sentence what it is worth to know how the current changes."""
     others = ", ".join(
-        f"{name} {_sailed(fuel, worth.best)}"
+        f"{name} {_sailed(fuel, worth)}"
         for name, fuel in (
             ("the plan on the current at departure", worth.frozen),
             ("the plan on its mean over the voyage", worth.mean),
             ("the shortest safe path", worth.shortest),
         )
     )
+    at = ", at speeds that bring it there in time" if worth.in_time else ""
     return (
-        f"Sailed in the changing current from the same departure on, {others}. No route at all "
+        f"Sailed in the changing current from the same departure on{at}, {others}. No route at all "
         f"saves more than {percent(1 - worth.bound / worth.best)}."
     )
 
 
-def _sailed(fuel: float, best: float) -> str:
+def _sailed(fuel: float, worth: ClockWorth) -> str:
     """Say what a plan needs when it is sailed, against the best route."""
+    best = worth.best
     if not math.isfinite(fuel):
-        return "can't be sailed"
+        return "comes too late" if worth.in_time else "can't be sailed"
     if abs(fuel / best - 1) < _SAME_FUEL:
         return "needs as much fuel as this route"
     return f"needs {_difference(fuel, best)} fuel than this route"
@@ -237,9 +240,9 @@ def _safety(best: RouteMetrics) -> str:
     return f"{safe}{gap}."
 
 
-def _gain(route: RouteMetrics, vessel_speed: float) -> float:
+def _gain(route: RouteMetrics) -> float:
     """Mean speed that the current adds, m/s; 0 where a route has no duration."""
-    gain = speed_over_ground(route) - vessel_speed
+    gain = speed_over_ground(route) - route.speed_m_s
     return gain if math.isfinite(gain) else 0.0
 
 
@@ -256,4 +259,4 @@ def _difference(value: float, than: float) -> str:
 
 def _signed(value: float) -> str:
     """Format a number with its sign, to two decimals."""
-    return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "\N{MINUS SIGN}")

@@ -94,7 +94,9 @@ def test_every_layer_has_a_description_and_is_in_lon_lat(package: Path) -> None:
 
 def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
     routes = layer(package, "routes")
-    assert set(routes.columns) - {"geometry"} == ROUTE_COLUMNS
+    assert set(routes.columns) - {"geometry", "speed_through_water_m_s"} == ROUTE_COLUMNS
+    speeds = [metrics.speed_m_s for metrics in result.evaluation.routes]
+    assert routes.speed_through_water_m_s.tolist() == speeds
     assert len(routes) == len(result.evaluation.routes) > 2
     for row, metrics in zip(routes.itertuples(), result.evaluation.routes, strict=True):
         for column in ROUTE_COLUMNS:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pipeline.formats.report.parts.sentences import Season
-from pipeline.model import GapShares, Passage, RouteMetrics, SideBound
+from pipeline.formats.report.parts.sentences import Season, clock_text
+from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(
     season="summer",
@@ -18,6 +18,7 @@ BEST = RouteMetrics(
     length_m=1_000_000.0,
     clearance_m=3_460.0,
     duration_s=1_000_000 / 1.25,
+    speed_m_s=1.0,
     optimality_gap=0.25,
     trials=1430,
     collisions=0,
@@ -36,8 +37,8 @@ OTHER = replace(
 
 
 def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
-    assert Season([BEST, TWIN, OTHER], 1.0).rival is OTHER
-    text = " ".join(Season([BEST, TWIN, OTHER], 1.0).verdict())
+    assert Season([BEST, TWIN, OTHER]).rival is OTHER
+    text = " ".join(Season([BEST, TWIN, OTHER]).verdict())
     assert "The way west of island 1 needs the least fuel: the best way east of " in text
     assert "island 1 (rank 3) needs 11.1 % more, although it is 40.00 km shorter" in text
     assert "averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90 m/s" in text
@@ -50,29 +51,29 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
 
 
 def test_the_parts_of_a_gap_are_told() -> None:
-    text = Season([BEST, OTHER], 1.0, gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
+    text = Season([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
     assert "gap of 25.0 %, 5.0 % is the chart's" in text
     assert "8.0 % is the padding's" in text
     assert "12.0 % the bound's own" in text
 
 
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
-    assert Season([BEST, TWIN], 1.0).rival is TWIN
-    text = Season([BEST, TWIN], 1.0).verdict()[0]
+    assert Season([BEST, TWIN]).rival is TWIN
+    text = Season([BEST, TWIN]).verdict()[0]
     assert "The best route needs the least fuel: the next best route (rank 2) needs 1.1 %" in text
     assert "over the same distance" in text
 
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
-    text = Season([replace(BEST, fuel=1100.0), OTHER], 1.0).verdict()[0]
+    text = Season([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
     assert "was chosen over the best way east of island 1 (rank 3) by the mean fuel of its" in text
     assert "although that needs 9.1 % less fuel" in text
 
 
 def test_the_only_class_and_its_collisions_are_stated() -> None:
     alone = replace(BEST, collisions=7, clearance_m=math.inf, optimality_gap=math.nan)
-    assert Season([alone], 1.0).rival is None
-    text = " ".join(Season([alone], 1.0).verdict())
+    assert Season([alone]).rival is None
+    text = " ".join(Season([alone]).verdict())
     assert "the only class" in text
     assert "no land to keep clear of; 7 of 1,430 simulated hard-over turns met land" in text
     assert "saved" not in text
@@ -80,16 +81,16 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
 
 def test_where_there_is_no_land_no_turn_is_said_to_have_missed_it() -> None:
     alone = replace(BEST, collisions=0, clearance_m=math.inf)
-    text = " ".join(Season([alone], 1.0).verdict())
+    text = " ".join(Season([alone]).verdict())
     assert "There is no land to keep clear of." in text
     assert "turns" not in text
 
 
 def test_equal_speeds_are_stated_once() -> None:
     slower = replace(OTHER, duration_s=OTHER.length_m / 1.2499)
-    first, *_ = Season([BEST, slower], 1.0).verdict()
+    first, *_ = Season([BEST, slower]).verdict()
     assert "both average 1.25 m/s over ground (+0.25 m/s from the current)." in first
-    first, *_ = Season([BEST, OTHER], 1.0).verdict()
+    first, *_ = Season([BEST, OTHER]).verdict()
     assert (
         "the best averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90"
         in first
@@ -97,35 +98,58 @@ def test_equal_speeds_are_stated_once() -> None:
 
 
 def test_the_reason_is_length_or_the_current() -> None:
-    longer = Season([BEST, OTHER], 1.0).because()
+    longer = Season([BEST, OTHER]).because()
     assert longer == (
         "because the current adds +0.25 m/s to its speed, −0.10 m/s there: that outweighs "
         "40.00 km more."
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
-    assert Season([BEST, shorter], 1.0).because() == (
+    assert Season([BEST, shorter]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, which outweighs that "
         "the current adds +0.25 m/s to its speed, +0.30 m/s there."
     )
-    assert Season([BEST], 1.0).because() == "because no other class has a route."
+    assert Season([BEST]).because() == "because no other class has a route."
+    alike = replace(shorter, duration_s=1_200_000 / 1.25)
+    assert Season([BEST, alike]).because() == (
+        "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
+        "+0.25 m/s to the speed on either."
+    )
+
+
+def test_the_current_is_told_by_each_routes_own_speed() -> None:
+    """A route that is sailed faster through the water does not owe that to the current."""
+    faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
+    first, *_ = Season([replace(BEST, speed_m_s=0.75), faster]).verdict()
+    assert "both average 1.25 m/s over ground (+0.50 m/s from the current)" in first
+    assert "−0.00" not in Season([faster, BEST]).verdict()[0]
+
+
+def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
+    worth = ClockWorth("summer", 100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
+    text = clock_text(worth)
+    assert "departure on, at speeds that bring it there in time, the plan on the current" in text
+    assert "on its mean over the voyage comes too late" in text
+    text = clock_text(replace(worth, in_time=False))
+    assert "departure on, the plan" in text
+    assert "can't be sailed" in text
 
 
 def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
-    said = Season([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 1.0, 0.004)
+    said = Season([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
     assert said.is_still
     assert said.because() == (
         "because there is no current to speak of (0.004 m/s in the mean), and it is 40.00 km "
         "shorter than the best way west of island 1."
     )
-    assert not Season(still, 1.0, 0.02).is_still
-    assert not Season([BEST, OTHER], 1.0, 0.004).is_still
+    assert not Season(still, 0.02).is_still
+    assert not Season([BEST, OTHER], 0.004).is_still
 
 
 def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     def certainty(fuel: float | None) -> str:
         sides = None if fuel is None else SideBound("summer", fuel)
-        return Season([BEST, OTHER], 1.0, sides=sides).certainty()
+        return Season([BEST, OTHER], sides=sides).certainty()
 
     assert certainty(918.0) == (
         "The side is proven: any way on the other needs at least 2.0 % more fuel."
@@ -137,15 +161,15 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     assert "not proven: it is only known that no way at all saves more than 20.0 %" in (
         certainty(None)
     )
-    assert Season([BEST, TWIN], 1.0, sides=SideBound("summer", 918.0)).certainty() == ""
-    assert Season([BEST], 1.0).certainty() == ""
+    assert Season([BEST, TWIN], sides=SideBound("summer", 918.0)).certainty() == ""
+    assert Season([BEST]).certainty() == ""
 
 
 def test_the_lead_is_counted_from_the_best() -> None:
-    assert Season([BEST, TWIN, OTHER], 1.0).lead() == (
+    assert Season([BEST, TWIN, OTHER]).lead() == (
         "The best way east of island 1 needs 11.1 % more fuel"
     )
-    assert Season([BEST], 1.0).lead() == ""
+    assert Season([BEST]).lead() == ""
 
 
 def test_ways_name_islands_on_the_same_side_together() -> None:

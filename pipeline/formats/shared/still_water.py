@@ -1,0 +1,32 @@
+"""What a way takes in still water: at the vessel's own speed, or at one speed in the same time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.formats.shared.text import speed_over_ground
+
+if TYPE_CHECKING:
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.model import RouteMetrics
+
+
+def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
+    """Speed at which a way is sailed in still water, m/s.
+
+    Where speeds are chosen it is the one that takes the same time, if she has it: at less than the
+    least she is there before.
+    """
+    choice = result.scene.speeds.get(metrics.season)
+    if choice is None:
+        return result.scene.vessel.speed
+    return float(np.clip(speed_over_ground(metrics), choice.least, choice.most))
+
+
+def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
+    """Fuel a planner's metre of a way in still water."""
+    vessel = result.scene.vessel
+    speed = still_speed_m_s(result, metrics)
+    return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))

@@ -1,0 +1,143 @@
+"""Fuel against arrival, of a season whose speeds are chosen, and what is chosen, in sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.formats.shared.text import hours, moment_text, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    from pipeline.formats.shared.result import RunResult
+    from pipeline.model import SpeedChoice
+
+    FloatArray = npt.NDArray[np.float64]
+
+# Share of the time under way by which an arrival is earlier or later, to say what that is worth.
+_MORE_OR_LESS = 0.1
+# Share of the time by which an arrival counts as that which was asked for, and of the fuel from
+# which a difference is said.
+_IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Least fuel by arrival, and the arrival that is chosen; seconds are true ones under way.
+
+    Attributes
+    ----------
+    season : whose it is.
+    departure, arrive_by : when she leaves, and has to be there, UTC.
+    choice : the speeds that she may choose.
+    durations_s : (n,) ascending, from the least that the highest speed can make.
+    fuels : (n,) falling, in the planner's units.
+    duration_s, fuel : of the best route.
+    slowest, fastest : its lowest and highest speed through water, m/s.
+    """
+
+    season: str
+    departure: datetime
+    arrive_by: datetime
+    choice: SpeedChoice
+    durations_s: FloatArray
+    fuels: FloatArray
+    duration_s: float
+    fuel: float
+    slowest: float
+    fastest: float
+
+    def fuel_after(self, duration_s: float) -> float:
+        """Least fuel to be there in a time; NaN where it is too short."""
+        return float(np.interp(duration_s, self.durations_s, self.fuels, left=np.nan))
+
+    def moment(self, duration_s: float) -> datetime:
+        """When she is there after so many seconds, UTC."""
+        return self.departure + timedelta(seconds=round(duration_s))
+
+
+def trade_off(result: RunResult, season: str) -> TradeOff | None:
+    """The trade-off of a season; None where no speeds were chosen, or no route was found."""
+    choice, ranked = result.scene.speeds.get(season), result.season_routes(season)
+    plan = next((entry.plan for entry in result.plans if entry.season == season), None)
+    departure = next(one.departure for one in result.scenario.seasons if one.name == season)
+    if choice is None or not ranked or plan is None or plan.trade_off is None or departure is None:
+        return None
+    route, metrics = ranked[0].route, ranked[0].metrics
+    # The planner's seconds, which begin at the departure, as true ones.
+    stretch = metrics.duration_s / route.duration
+    begin = departure.astimezone(UTC)
+    return TradeOff(
+        season=season,
+        departure=begin,
+        arrive_by=begin + timedelta(seconds=choice.within_s),
+        choice=choice,
+        durations_s=stretch * (plan.trade_off.arrivals - route.times[0]),
+        fuels=plan.trade_off.fuels,
+        duration_s=metrics.duration_s,
+        fuel=metrics.fuel,
+        slowest=float(route.speeds.min()),
+        fastest=float(route.speeds.max()),
+    )
+
+
+def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
+    """The trade-offs of all seasons that have one."""
+    found = (trade_off(result, season.name) for season in result.scenario.seasons)
+    return tuple(one for one in found if one is not None)
+
+
+def trade_off_text(found: TradeOff) -> tuple[str, ...]:
+    """Say in sentences how fast she is, and what more or less time is worth."""
+    allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
+    sailed = f"{found.slowest:.2f}–{found.fastest:.2f} m/s"
+    how = f"Speeds through water of {sailed}, chosen from leg to leg among {allowed}, bring"
+    if f"{found.slowest:.2f}" == f"{found.fastest:.2f}":
+        how = (
+            f"A speed of {found.slowest:.2f} m/s through water all the way, among {allowed}, brings"
+        )
+    there = f"by {moment_text(found.arrive_by)}"
+    if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
+        there = (
+            f"at {moment_text(found.moment(found.duration_s))}, before she has to be, "
+            f"{moment_text(found.arrive_by)}"
+        )
+    return (f"{how} her there {there}, with the least fuel.", *_worth(found))
+
+
+def speed_notes(result: RunResult) -> tuple[str, ...]:
+    """The first sentence on each season whose speeds are chosen, for the run's notes."""
+    return tuple(
+        f"season {one.season!r}: {trade_off_text(one)[0].removesuffix('.')}"
+        for one in trade_offs(result)
+    )
+
+
+def _worth(found: TradeOff) -> Iterator[str]:
+    """Say what more and less time are worth, as far as there is a choice."""
+    change = _MORE_OR_LESS * found.duration_s
+    more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))
+    said = []
+    if found.fuel - more > _NO_LESS_FUEL * found.fuel:
+        said.append(f"{hours(change)} more would save {percent(1 - more / found.fuel)} of the fuel")
+    if less - found.fuel > _NO_LESS_FUEL * found.fuel:
+        said.append(f"{hours(change)} less would take {percent(less / found.fuel - 1)} more")
+    if said:
+        yield f"{'; '.join(said)}."
+    first, last = found.durations_s[[0, -1]]
+    if first < (1 - _IN_TIME) * found.duration_s:
+        yield (
+            f"At the highest speed she could be there at {moment_text(found.moment(first))}, for "
+            f"{percent(found.fuels[0] / found.fuel - 1)} more fuel."
+        )
+    if last > (1 + _IN_TIME) * found.duration_s:
+        yield (
+            f"Time saves fuel until {moment_text(found.moment(last))}: who arrives then needs "
+            f"{percent(1 - found.fuels[-1] / found.fuel)} less."
+        )

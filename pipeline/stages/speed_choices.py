@@ -1,0 +1,98 @@
+"""Speeds among which the vessel chooses, and what an arrival is on the planner's clock.
+
+That clock runs by the plane's metres. Where the current is steady a route takes a little less, or
+more, by the plane's point scale along it: the planner is asked to arrive so much earlier that all
+routes are there in time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from pipeline.model import SpeedChoice
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import renew
+    from pipeline.model import Scene
+    from pipeline.scenario.model import Scenario
+
+# Share of the time under way by which the best route may arrive earlier than it has to, before it
+# is planned once more; and by which it is asked to be earlier then, as routes shift a little.
+_EARLY, _RESERVE = 1e-3, 2e-5
+# Number of points at which the point scale is looked up: along the chart's edge, and along either
+# side of a lattice.
+_EDGE_POINTS, _LATTICE = 400, 40
+
+
+def speed_choices(scenario: Scenario) -> Mapping[str, SpeedChoice]:
+    """Choices of speeds by season, of those that have one."""
+    return {
+        season.name: SpeedChoice(
+            season.speed.least,
+            season.speed.most,
+            (season.arrive_by - season.departure).total_seconds(),
+        )
+        for season in scenario.seasons
+        if season.speed is not None
+        and season.arrive_by is not None
+        and season.departure is not None
+    }
+
+
+def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
+    """Seconds of a route at true scale, corrected for the plane's point scale along it.
+
+    Where the current changes they are the planner's own, by whose clock it was read.
+    """
+    if not scene.currents[season].is_steady:
+        return route.duration
+    projection = scene.projection
+    time, track = route.trajectory[:, 0], route.trajectory[:, 1:3]
+    steps = np.diff(time)
+    middles = projection.to_lonlat((track[:-1] + track[1:]) / 2)
+    true = steps / projection.point_scale(middles)
+    return float(route.duration * projection.scale * true.sum() / steps.sum())
+
+
+def planned_in_time(
+    planned: Callable[[float], renew.Plan], scene: Scene, season: str
+) -> tuple[renew.Plan, float]:
+    """Plan a season whose speeds are chosen, by arrivals on the planner's clock; with the one used.
+
+    All its routes arrive in time at true scale, and the best one less than a thousandth of its time
+    too early, if it does not change for another.
+    """
+    within_s = scene.speeds[season].within_s
+    by = within_s / largest_stretch(scene, season)
+    plan = planned(by)
+    if not scene.currents[season].is_steady:
+        return plan, by
+    stretch = [true_duration_s(route, scene, season) / route.duration for route in plan.routes]
+    is_free = plan.best.duration < (1 - _EARLY) * by
+    if is_free or by * stretch[plan.chosen] >= (1 - _EARLY) * within_s:
+        return plan, by
+    later = within_s / max(stretch) * (1 - _RESERVE)
+    closer = planned(later)
+    durations = [true_duration_s(route, scene, season) for route in closer.routes]
+    return (closer, later) if max(durations) <= within_s else (plan, by)
+
+
+def largest_stretch(scene: Scene, season: str) -> float:
+    """The most true seconds that a second of the planner's can be on the chart, or a little more.
+
+    Where the current changes it is one: the planner's clock is the current's.
+    """
+    if not scene.currents[season].is_steady:
+        return 1.0
+    projection, extent = scene.projection, scene.chart.extent
+    edge = shapely.get_coordinates(shapely.segmentize(extent, extent.length / _EDGE_POINTS))
+    west, south, east, north = extent.bounds
+    x, y = np.linspace(west, east, _LATTICE), np.linspace(south, north, _LATTICE)
+    points = np.concatenate([edge, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)])
+    least = float(projection.point_scale(projection.to_lonlat(points)).min())
+    return projection.scale / least * (1 + _RESERVE)

@@ -1,0 +1,87 @@
+"""A run whose vessel chooses her speed from leg to leg: an island in a steady current, planned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+from functools import cache
+
+import numpy as np
+
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
+from pipeline.stages.evaluate import combine_seasons, evaluate_season
+from pipeline.stages.plan import plan_season
+from pipeline.stages.project import project
+from pipeline.stages.way_names import with_way_names
+from tests.pipeline.formats import small_run
+from tests.pipeline.tidal_run import BBOX, CREDIT, DEPARTURE, ISLAND
+
+SPEEDS = (0.8, 3.0)
+"""Lowest and highest, m/s; the vessel's own is 1.5."""
+WITHIN = timedelta(hours=1, minutes=40)
+
+
+def choice() -> SpeedChoice:
+    """The season's choice."""
+    return SpeedChoice(*SPEEDS, WITHIN.total_seconds())
+
+
+def stream(season: str) -> CurrentGrid:
+    """A current along the parallels that sets against the vessel first, and then with her."""
+    west, south, east, north = BBOX
+    lon, lat = (
+        np.linspace(west - 0.02, east + 0.02, 29),
+        np.linspace(south - 0.02, north + 0.02, 11),
+    )
+    u = 0.5 * np.tanh((lon - (west + east) / 2) / 0.01) * np.ones((lat.size, 1))
+    return CurrentGrid(season, lon, lat, u[None], np.zeros((1, *u.shape)), "2026-11", CREDIT)
+
+
+def run() -> RunResult:
+    """Project, plan and evaluate, as a run does: a season with a choice, and one without."""
+    own = {"valid": "2026-11", "currents": ["table"], "departure": DEPARTURE.isoformat()}
+    chosen = {
+        "arrive_by": (DEPARTURE + WITHIN).isoformat(),
+        "speed": dict(zip(("least", "most"), SPEEDS, strict=True)),
+    }
+    asked = small_run.scenario(
+        region={"bbox": list(BBOX)},
+        start=[119.005, 9.53],
+        goal=[119.095, 9.53],
+        scale=1.0,
+        vessel={"length_m": 4.0, "speed_m_s": 1.5, "turn_rate_deg_s": 4.0},
+        seasons=[{"name": "chosen", **own, **chosen}, {"name": "own", **own}],
+        planner={"classes": 2, "clearance": 100.0, "drift": "crab"},
+        published=None,
+    )
+    grids = tuple(stream(season.name) for season in asked.seasons)
+    got = Fetched(Land((ISLAND,), (small_run.LAND,), 60.0), grids)
+    simplified = Simplified((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
+    scene = project(asked, got, simplified)
+    plans = tuple(plan_season(scene, one.name, asked.planner) for one in asked.seasons)
+    evaluation = combine_seasons(evaluate_season(scene, plan, 1.0, 0, "crab") for plan in plans)
+    evaluation = with_way_names(evaluation, scene, plans, ())
+    return RunResult(asked, got, simplified, scene, plans, evaluation, {}, DEPARTURE)
+
+
+@cache
+def planned() -> RunResult:
+    """Run, once per test session."""
+    return run()
+
+
+def stretched(scene: Scene) -> Scene:
+    """The same scene on a plane whose scale grows by 2 % from its west to its east."""
+    xmin, _, xmax, _ = scene.chart.bounds
+
+    class Stretched(type(scene.projection)):  # type: ignore[misc]
+        """The scene's projection with another point scale."""
+
+        def point_scale(self, lonlat: object) -> np.ndarray:
+            x = self.to_plane(np.asarray(lonlat))[..., 0]
+            return np.asarray(1.0 + 0.02 * (x - xmin) / (xmax - xmin))
+
+    plane = scene.projection
+    other = Stretched(plane.crs, plane.scale, plane.central_longitude)
+    return replace(scene, projection=other)

@@ -1,0 +1,172 @@
+"""Speeds chosen by a whole run: in time at true scale, and all figures by the speeds sailed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import renew
+from pipeline.formats.shared.legs import legs
+from pipeline.scenario.season import Season
+from pipeline.stages.clock_worth import clock_worth, speeds_in_time
+from pipeline.stages.evaluate import combine_seasons, evaluate_season
+from pipeline.stages.gap_shares import gap_shares
+from pipeline.stages.plan import plan_season
+from pipeline.stages.project import project
+from pipeline.stages.side_bounds import side_bounds
+from pipeline.stages.speed_choices import speed_choices, true_duration_s
+from tests.pipeline import chosen_speeds
+from tests.pipeline.tidal_run import DEPARTURE, run, tide
+
+if TYPE_CHECKING:
+    from pipeline.formats.shared.result import RunResult
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return chosen_speeds.planned()
+
+
+def test_every_route_is_in_time_at_true_scale_and_the_best_one_just_so(result: RunResult) -> None:
+    routes = [row for row in result.evaluation.routes if row.season == "chosen"]
+    assert len(routes) > 1
+    within_s = chosen_speeds.WITHIN.total_seconds()
+    assert max(row.duration_s for row in routes) <= within_s
+    assert routes[0].duration_s >= (1 - 2e-3) * within_s
+    assert result.scene.vessel_in("chosen").speed == chosen_speeds.SPEEDS[1]
+    assert result.scene.vessel_in("own") is result.scene.vessel
+
+
+def test_the_routes_are_those_of_renew(result: RunResult) -> None:
+    scene, entry = result.scene, result.plans[0]
+    assert entry.plan is not None
+    plan = renew.plan(
+        scene.chart,
+        scene.currents["chosen"],
+        scene.vessel,
+        scene.start,
+        scene.goal,
+        **{**result.scenario.planner.model_dump(), "clearance": 100.0},
+        min_lateness=3600.0,
+        speed=chosen_speeds.SPEEDS,
+        arrive_by=entry.arrive_by_s,
+    )
+    assert entry.plan.best.fuel == plan.best.fuel
+    assert np.ptp(plan.best.speeds) > 0
+    for row, route in zip(result.evaluation.routes, entry.plan.routes, strict=False):
+        dt = np.diff(route.times)
+        assert row.speed_m_s == pytest.approx((route.speeds * dt).sum() / dt.sum())
+        # Its own figure, not that of the vessel's own speed.
+        assert row.fuel == pytest.approx((route.speeds**2 * dt).sum(), rel=1e-6)
+        assert row.collisions == 0
+        assert row.trials > 0
+
+
+def test_a_choice_of_speeds_saves_fuel_beside_one_speed_in_the_same_time(result: RunResult) -> None:
+    """The least constant speed that arrives in time along the same path takes more fuel."""
+    scene, plan = result.scene, result.plans[0].plan
+    assert plan is not None
+    best = plan.best
+    low, high = chosen_speeds.SPEEDS
+    for _ in range(40):
+        speed = (low + high) / 2
+        vessel = replace(scene.vessel, speed=speed)
+        duration = renew.fuel(best.path, scene.currents["chosen"], vessel, drift="crab") / speed**2
+        low, high = (low, speed) if duration <= best.duration else (speed, high)
+    constant = renew.fuel(
+        best.path, scene.currents["chosen"], replace(scene.vessel, speed=high), drift="crab"
+    )
+    assert best.fuel < constant
+
+
+def test_the_parts_of_the_gap_add_up_with_speeds(result: RunResult) -> None:
+    plan = result.plans[0].plan
+    assert plan is not None
+    found = gap_shares(result.scene, result.plans[0], result.scenario.planner)
+    assert found is not None
+    assert min(found.chart, found.padding, found.bound) >= 0
+    whole = found.chart + found.padding + found.bound
+    assert whole == pytest.approx(plan.best.optimality_gap)
+
+
+def test_a_bound_of_the_other_side_is_below_its_routes(result: RunResult) -> None:
+    bounds = side_bounds(result.scene, result.plans, result.evaluation, result.scenario.planner)
+    by_season = {bound.season: bound.fuel for bound in bounds}
+    rows = [row for row in result.evaluation.routes if row.season == "chosen"]
+    others = [row.fuel for row in rows if row.main_passage != rows[0].main_passage]
+    assert others
+    assert 0.5 * min(others) < by_season["chosen"] <= min(others)
+
+
+def test_where_the_planes_scale_varies_it_is_planned_closer(result: RunResult) -> None:
+    """On a plane whose scale grows by 2 % along the way the vessel does not come 2 % early."""
+    asked = result.scenario
+    scene = chosen_speeds.stretched(result.scene)
+    plan = plan_season(scene, "chosen", asked.planner)
+    assert plan.plan is not None
+    durations = [true_duration_s(route, scene, "chosen") for route in plan.plan.routes]
+    within_s = scene.speeds["chosen"].within_s
+    assert max(durations) <= within_s
+    assert durations[0] >= (1 - 1e-3) * within_s
+    assert plan.arrive_by_s > 1.005 * within_s * 0.98
+
+
+def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult) -> None:
+    speeds = {"chosen": replace(result.scene.speeds["chosen"], within_s=1800.0)}
+    plan = plan_season(replace(result.scene, speeds=speeds), "chosen", result.scenario.planner)
+    assert plan.plan is None
+    assert plan.failure.startswith("arrive_by = 2026-11-22 06:50 UTC can't be made")
+    assert "who leaves at 2026-11-22 06:20 UTC is there at 2026-11-22 0" in plan.failure
+    assert "let speed reach" in plan.failure
+
+
+def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
+    """The least factor on its speeds at which it arrives in time, in a tide that really turns."""
+    result = run(tide(12))
+    route, current = result.routes[0].route, result.scene.currents["tide"]
+    choice = chosen_speeds.choice()
+    by = 1.2 * route.duration
+    speeds = speeds_in_time(route, current, choice, by, "crab")
+    assert speeds is not None
+    vessel = replace(result.scene.vessel, speed=choice.most)
+    unit = replace(vessel, fuel_coefficient=1.0, fuel_exponent=1e-9)
+    taken = renew.fuel(route.path, current, unit, drift="crab", speeds=speeds)
+    assert taken == pytest.approx(by, rel=1e-5)
+    assert speeds_in_time(route, current, choice, 0.3 * route.duration, "crab") is None
+
+
+def test_what_renew_refuses_is_told_of_the_season() -> None:
+    """Whether or not renew plans speeds where currents change, a reason or a route is given."""
+    result = run(tide(12))
+    season = {
+        **result.scenario.seasons[0].model_dump(exclude_none=True),
+        "arrive_by": (DEPARTURE + timedelta(hours=6)).isoformat(),
+        "speed": {"least": 1.0, "most": 3.0},
+    }
+    scenario = result.scenario.model_copy(update={"seasons": (Season.model_validate(season),)})
+    scene = project(scenario, result.fetched, result.simplified)
+    assert scene.speeds == speed_choices(scenario)
+    plan = plan_season(scene, "tide", scenario.planner)
+    if plan.plan is None:
+        assert "speed" in plan.failure
+        return
+    # On the current's own clock: in time, and every leg as the planner has it.
+    evaluated = evaluate_season(scene, plan, 1.0, 0, "crab")
+    assert max(row.duration_s for row in evaluated.routes) <= scene.speeds["tide"].within_s
+    worth = clock_worth(scene, plan, scenario.planner)
+    assert worth is not None
+    assert worth.in_time
+    assert min(worth.frozen, worth.mean, worth.shortest) >= worth.best * (1 - 1e-3)
+    planned = replace(
+        result,
+        scenario=scenario,
+        scene=scene,
+        plans=(plan,),
+        evaluation=combine_seasons([evaluated]),
+    )
+    best = planned.season_routes("tide")[0]
+    assert legs(best, planned).time_s == pytest.approx(best.route.times, abs=1.0)
