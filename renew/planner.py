@@ -47,7 +47,7 @@ from renew.search.k_sailable_classes import plan_classes
 from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
 from renew.search.sailings import DeparturePlanner, Sailings
-from renew.search.speed_search import plan_at_chosen_speeds
+from renew.search.speed_search_by_clock import plan_by_clock
 
 
 def plan(
@@ -134,9 +134,10 @@ def plan(
     speed : (float, float), optional
         Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
         in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
-        time there is. Land is padded, and turns are steered, for the highest. The plan then has a
-        `trade_off` of fuel against arrival. Not with `via`, nor with areas shut for some hours.
-        See :mod:`renew.search.speed_search`.
+        time there is, or for which the current is known. Land is padded, and turns are steered, for
+        the highest. The plan then has a `trade_off` of fuel against arrival. Not with `via`, nor
+        with areas shut for some hours. See :mod:`renew.search.speed_search`, and for currents that
+        change :mod:`renew.search.speed_search_by_clock`, where the lower bound is loose.
 
     Returns
     -------
@@ -185,15 +186,16 @@ def plan(
     )
     chart = with_always_shut(chart, avoid)
     if speed is not None:
-        check_speed_choice(vessel, as_field(current))
-        deadline = math.inf if arrive_by is None else float(arrive_by)
-        choice = SpeedChoice(float(speed[0]), deadline=deadline)
+        check_speed_choice(vessel)
+        # When a current ends that changes, she has to be there.
+        deadline = min(math.inf if arrive_by is None else arrive_by, as_field(current).span[1])
+        choice = SpeedChoice(float(speed[0]), deadline=float(deadline))
 
         def planner_up_to(most: float) -> ClassPlanner:
             fastest = replace(vessel, speed=most)
             return _planner(chart, current, fastest, start, goal, departure, options, choice=choice)
 
-        return plan_at_chosen_speeds(planner_up_to, float(speed[1]), classes)
+        return plan_by_clock(planner_up_to, float(speed[1]), classes)
 
     def planner_on(chart: Chart) -> ClassPlanner:
         return _planner(chart, current, vessel, start, goal, departure, options, via)

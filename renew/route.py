@@ -188,9 +188,9 @@ class TradeOff:
     ----------
     arrivals : (n,) s, ascending: from the earliest that the highest speed can make to where time is
         free, and more of it saves no more.
-    fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, each at
-        its best speeds for that arrival. At arrivals other than the planned one another path may be
-        a little cheaper.
+    fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, or of
+        the first few where the current changes, each at its best speeds for that arrival. At
+        arrivals other than the planned one another path may be a little cheaper.
     """
 
     arrivals: FloatArray

@@ -73,6 +73,11 @@ REHEARSALS = (
     Rehearsal("distinct classes", _GYRE, {"distinct_by": "auto"}),
     Rehearsal("chosen speeds", _GYRE, {"speed": (0.9, 1.3), "arrive_by": 120.0}),
     Rehearsal("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
+    Rehearsal(
+        "chosen speeds as the current changes",
+        SwingingGyre(0.2, _SIDE, _SIDE, 0.25, 0.05),
+        {"speed": (0.9, 1.3), "arrive_by": 120.0},
+    ),
     Rehearsal("no way through", _GYRE, {"padding": 30.0}),
 )
 """Together these call every kernel with all its types. The first takes most of the time."""

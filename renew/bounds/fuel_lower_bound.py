@@ -46,9 +46,10 @@ linear between them, as much again as second differences in time suggest.
 Where the vessel chooses her speed v, and has to be there by a deadline D, let λ be a price of time.
 (1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
 below, and no route that arrives by D needs less fuel than φ(goal) - φ(start) - λ (D - t₀), whatever
-λ >= 0 (weak duality). It is taken at the λ of the best route found. In a current that changes it is
-asked of the currents of all times from departure to deadline: looser, since φ no longer tells when
-she comes where.
+λ >= 0 (weak duality). It is taken at the λ of the best route found. In a current that changes φ
+does not tell when she comes where: (1) is asked, in each cell, of the currents of all hours at
+which a vessel may be there that has left at t₀ and arrives by D, as fast as v and the strongest
+current together. That is looser, and a little less than the price at the route's end is better.
 
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
@@ -75,6 +76,10 @@ from renew.kernels.current_table import Table, next_slice, node_velocity, table_
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
 # the time and make it 1.5 %. Small eddies need more: with as few the gap is 7 % there.
 _CELLS, _CELLS_IN_EDDIES = 16_000, 64_000
+# Where speeds are chosen in a current that changes: what makes that bound loose is not the grid.
+_CELLS_AT_CHOICE = 4_000
+# Price of time there, as a share of the route's own: where all hours count time is worth less.
+_SHARE_OF_PRICE = 0.9
 # Least number of cells along the shorter side, and largest along the longer.
 _MIN_CELLS, _MAX_CELLS = 4, 50_000
 # Number of rounds of solving; after the third the bound rises by less than 0.2 %.
@@ -106,6 +111,8 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     the current changes, and is as strong as the vessel in places, that may fail: then a part after
     a via point takes no less than the straight way with the strongest current behind.
     """
+    if voyage.has_price and voyage.current_change > 0:
+        voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
     time, vessel = 0.0, voyage.vessel
     knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
     for at in range(len(voyage.via) + 1):
@@ -148,15 +155,37 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
     slices = len(voyage.current.slice_times)
-    wanted = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else _CELLS
-    cells = max(_CELLS, min(max(wanted, least_cells), _MAX_NODES // slices))
+    fewest = _CELLS_AT_CHOICE if voyage.has_price and voyage.current_change > 0 else _CELLS
+    wanted = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else fewest
+    cells = max(fewest, min(max(wanted, least_cells), _MAX_NODES // slices))
     step = min(math.sqrt(wide * high / cells), wide / _MIN_CELLS, high / _MIN_CELLS)
     x = _axis(xmin, xmax, float(start[0]), max(step, wide / _MAX_CELLS))
     y = _axis(ymin, ymax, float(start[1]), max(step, high / _MAX_CELLS))
     current = _sampled(voyage.current, x, y)
     deviation = deviation_radius(voyage.current, x, y, current.uv)
-    wet, departure = _wet(chart, x, y), voyage.departure
-    return TravelGrid(x, y, current, departure, deviation, wet, voyage.polar, voyage.deadline)
+    strongest = current.strongest + float(deviation.max(initial=0.0))
+    wet, hours = _wet(chart, x, y), _hours(voyage, x, y, strongest)
+    return TravelGrid(x, y, current, voyage.departure, deviation, wet, voyage.polar, hours)
+
+
+def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
+    """From when until when (2, ny - 1, nx - 1), s, a vessel may be in each cell that is in time.
+
+    She goes no faster than at her highest speed with the strongest current (m/s) behind. Where the
+    end comes before the beginning no way leads there.
+    """
+    west, south = np.meshgrid(x[:-1], y[:-1])
+    east, north = np.meshgrid(x[1:], y[1:])
+    fastest = voyage.vessel.speed + strongest
+    away = []
+    for px, py in (voyage.start, voyage.goal):
+        across = np.maximum(np.maximum(west - px, px - east), 0.0)
+        up = np.maximum(np.maximum(south - py, py - north), 0.0)
+        away.append(np.hypot(across, up) / (fastest * (1 + _ROUNDING)))
+    begin = voyage.departure + away[0]
+    # A current that repeats itself has nothing new after a period.
+    end = np.minimum(voyage.deadline - away[1], begin + voyage.current.period)
+    return np.stack([begin, end])
 
 
 def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> Table:
@@ -243,7 +272,9 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
             begin = grid.departure + clock
             end = begin + lasts
             if is_any_time:
-                begin, end = grid.departure, grid.deadline
+                begin, end = grid.hours[0, r, c], grid.hours[1, r, c]
+                if end < begin:
+                    continue
             rates[r, c] = _cell_rate(time, grid, r, c, begin, end, nodes, corner_currents)
             # One level more on either side covers rounding.
             last = math.floor((min(highest, high) - low) / step) + 1

@@ -113,5 +113,5 @@ def _rate_at_choice(
 def _most_made(along: float, low: float, high: float, polar: Polar) -> float:
     """Largest scale (v + along) / (vᵏ + μ) for v between two speeds (m/s)."""
     no_crab = False
-    piece = Polar(high, no_crab, low, polar.price, polar.exponent, polar.scale, polar.still)
+    piece = Polar(high, no_crab, low, polar.price, polar.exponent, polar.scale, polar.still, 0.0)
     return ground_speed(along, 0.0, 1.0, 0.0, piece) * (1 + _ROUNDING)

@@ -46,9 +46,9 @@ class TravelGrid(NamedTuple):
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
     polar: Polar
-    deadline: float = (
-        math.inf
-    )  # s, on that clock; where speeds are chosen, the last time that counts
+    # (2, ny - 1, nx - 1), s, on that clock: where speeds are chosen, from when until when a vessel
+    # that is in time may be in the cell
+    hours: FloatArray = np.empty((2, 0, 0))
 
 
 class Place(NamedTuple):
@@ -108,8 +108,9 @@ def _passage(
     # A current that is off by up to the deviation helps at most as a faster vessel would; one that
     # chooses her speed may not want to be faster, but takes as much of a following current.
     following = deviation if polar.least < polar.speed else 0.0
-    speed, crab, least, price, exponent, scale, still = polar
-    helped = Polar(speed + deviation - following, crab, least, price, exponent, scale, still)
+    speed, crab, least, price, exponent, scale, still, _ = polar
+    faster = speed + deviation - following
+    helped = Polar(faster, crab, least, price, exponent, scale, still, 0.0)
     fastest = -math.inf
     for k in range(3):
         cx, cy = corner_currents[k]

@@ -199,18 +199,13 @@ def _speed_faults(speed: object) -> list[str]:
     return faults
 
 
-def check_speed_choice(vessel: Vessel, current: CurrentField) -> None:
+def check_speed_choice(vessel: Vessel) -> None:
     """Refuse a choice of speeds where it can't be planned."""
-    faults = []
     if vessel.fuel_exponent < 1:
-        faults.append(
+        raise ParameterError(
             f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
             "the highest speed is always best"
         )
-    if not current.is_steady:
-        faults.append("speed needs a steady current; leave it out, or plan in the mean of the time")
-    if faults:
-        raise ParameterError("; ".join(faults))
 
 
 def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:

@@ -42,6 +42,8 @@ class Voyage:
 
     Where the vessel has a choice of speeds her own is the highest one, and what is least by all
     that looks for paths is the cost, fuel + λ time; it is her fuel where time is all that counts.
+    In a current that changes a `schedule` (n, 2) says when she is where: shares of her way, and
+    times (s).
     """
 
     chart: Chart
@@ -56,6 +58,7 @@ class Voyage:
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     before: float = 0.0
     choice: SpeedChoice = NO_CHOICE
+    schedule: FloatArray | None = None
 
     @cached_property
     def table(self) -> Table:
@@ -106,7 +109,7 @@ class Voyage:
 
     def leaving(self, departure: float) -> Voyage:
         """Return the same passage at another departure (s), with what does not depend on that."""
-        other = replace(self, departure=departure)
+        other = replace(self, departure=departure, schedule=None)
         clock = self.clock._replace(departure=departure)
         other.__dict__.update(table=self.table, quick_current=self.quick_current, clock=clock)
         return other
@@ -153,6 +156,18 @@ class Voyage:
         """Return the same passage at another price of time (fuel units a second)."""
         other = replace(self, choice=replace(self.choice, price=price))
         other.__dict__.update(table=self.table, quick_current=self.quick_current)
+        return other
+
+    def at_speed(self, speed: float) -> Voyage:
+        """Return the same passage at a constant speed through water (m/s)."""
+        other = replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
+        other.__dict__.update(table=self.table, quick_current=self.quick_current)
+        return other
+
+    def scheduled(self, path: FloatArray, times: FloatArray) -> Voyage:
+        """Return the same passage, when the points of a path (n, 2) are passed at times (n,), s."""
+        other = replace(self, schedule=np.column_stack([shares(path), times]))
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
         return other
 
     @cached_property
@@ -229,13 +244,21 @@ class Voyage:
     def reading_times(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
 
-        Those of passage by the table; of a steady current all are alike. Where no way can be made
-        the clock stops.
+        Those of passage by the schedule, or else by the table; of a steady current all are alike.
+        Where no way can be made the clock stops.
         """
         if self.current.is_steady:
             return np.full(len(path), self.departure)
+        if self.schedule is not None:
+            return np.interp(shares(path), *self.schedule.T)
         times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
         return np.asarray(np.minimum(times, times[np.isfinite(times)][-1]))
+
+
+def shares(path: FloatArray) -> FloatArray:
+    """Shares (n,) of the way, from 0 to 1, at which the points of a path (n, 2) lie."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    return np.asarray(along / max(along[-1], 1e-300))
 
 
 def cut_at(

@@ -29,6 +29,7 @@ class Polar(NamedTuple):
     for the projected one, as published. Where she chooses her speed, `least` is below `speed`: then
     `price` is that of a second, μ, beside vᵏ, with k the `exponent`, and what she "makes" is
     `scale` m/s over the least (vᵏ + μ) / g. Without limits `still` would be best in still water.
+    Who sails below her highest speed may cross currents up to that: it is `no_go` then (m/s).
     """
 
     speed: float
@@ -38,6 +39,13 @@ class Polar(NamedTuple):
     exponent: float = 2.0
     scale: float = 1.0
     still: float = 0.0
+    no_go: float = 0.0
+
+
+@small_kernel
+def sailing_at(speed: float, crab: bool, most: float) -> Polar:
+    """Polar at a speed through water (m/s) below the vessel's highest one."""
+    return Polar(speed, crab, math.inf, 0.0, 2.0, 1.0, 0.0, most)
 
 
 def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: float) -> Polar:
@@ -142,7 +150,7 @@ def ground_speeds(
     """
     speeds = np.empty(len(velocity))
     for k in range(len(velocity)):
-        polar = Polar(speed[k], crab, math.inf, 0.0, 2.0, 1.0, 0.0)
+        polar = sailing_at(speed[k], crab, 0.0)
         speeds[k] = ground_speed(
             velocity[k, 0], velocity[k, 1], tangent[k, 0], tangent[k, 1], polar
         )

@@ -31,9 +31,10 @@ _MIN_WAY = 1e-300
 def slowness(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
     """Seconds a metre along the unit tangent t in the current c; inf where no way is made.
 
-    A current as strong as the vessel is no-go for it, whichever way it flows.
+    A current as strong as the vessel at its highest speed is no-go, whichever way it flows.
     """
-    if cx * cx + cy * cy >= polar.speed * polar.speed:
+    limit = max(polar.speed, polar.no_go)
+    if cx * cx + cy * cy >= limit * limit:
         return math.inf
     speed = ground_speed(cx, cy, tx, ty, polar)
     return 1.0 / speed if speed > 0.0 else math.inf
@@ -64,32 +65,45 @@ def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: St
     In each of its pieces the trapezoidal rule, with the current at the end looked up when the
     vessel comes there at the speed of its beginning (Heun's rule).
     """
-    u, v = velocity(water.table, ax, ay, begin)
-    site = site_of(water.table, bx, by)
-    return _leg_time(Segment(ax, ay, bx, by), u, v, site, begin, water)
+    table, polar, clock = water
+    u, v = velocity(table, ax, ay, begin)
+    site = site_of(table, bx, by)
+    return leg_time_from(Segment(ax, ay, bx, by), u, v, site, begin, table, polar, clock.step)
 
 
 @kernel
-def _leg_time(leg: Segment, u: float, v: float, end: Site, begin: float, water: Stream) -> float:
-    """The same from the current where and when it begins, and the site of its end."""
+def leg_time_from(
+    leg: Segment,
+    u: float,
+    v: float,
+    end: Site,
+    begin: float,
+    table: Table,
+    polar: Polar,
+    step: float,
+) -> float:
+    """The same from the current where and when it begins, and the site of its end.
+
+    In a current that changes its pieces are no longer than a step (m).
+    """
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return 0.0
     tx, ty = dx / length, dy / length
-    pieces = 1 if len(water.table.times) == 1 else math.ceil(length / water.clock.step)
+    pieces = 1 if len(table.times) == 1 else math.ceil(length / step)
     piece, now = length / pieces, begin
-    here = slowness(u, v, tx, ty, water.polar)
+    here = slowness(u, v, tx, ty, polar)
     for k in range(1, pieces + 1):
         if here == math.inf:
             return math.inf
         then = now + piece * here
         if k == pieces:
-            u, v = velocity_there(water.table, end, then)
+            u, v = velocity_there(table, end, then)
         else:
             place = k / pieces
-            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, then)
-        there = slowness(u, v, tx, ty, water.polar)
+            u, v = velocity(table, leg.ax + place * dx, leg.ay + place * dy, then)
+        there = slowness(u, v, tx, ty, polar)
         now += piece * (here + there) / 2
         here = there
     return now - begin
@@ -243,11 +257,14 @@ def _arrivals_by_clock(
     here: _Row, bx: float, by: float, site: Site, water: Stream, totals: FloatArray
 ) -> None:
     """Fill in the arrival times (m,) at one point from each of a row, in a changing current."""
+    table, polar, clock = water
     for i in range(len(totals)):
         totals[i] = here.arrival[i]
         if totals[i] < np.inf:
             leg = Segment(here.x[i], here.y[i], bx, by)
-            totals[i] += _leg_time(leg, here.u[i], here.v[i], site, totals[i], water)
+            totals[i] += leg_time_from(
+                leg, here.u[i], here.v[i], site, totals[i], table, polar, clock.step
+            )
 
 
 @kernel

@@ -36,7 +36,7 @@ _COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
 _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
 # Angle (rad) from which a turn counts as a bend: the legs beside it are halved from pass to pass,
 # until their transversals stand closer than this share of v/ω.
-_BEND, _MIN_SPACING = math.radians(5), 0.25
+BEND, MIN_SPACING = math.radians(5), 0.25
 
 
 class _Pass(NamedTuple):
@@ -58,7 +58,7 @@ _WIDE = tuple(
     _Pass(window, max(1 / 80, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
 )
-_NARROW = tuple(_Pass(window, 1 / 80, 7, _BEND) for window in _WINDOWS[3:])
+_NARROW = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
 # The same where eddies are small: a wide window holds several, between which the first path was
 # chosen already; and the path bends more often.
 _WIDE_IN_EDDIES = _WIDE[2:]
@@ -72,7 +72,7 @@ _AS_COMPLEX = np.array([1, 1j])
 def check_straits(corridor: Corridor) -> None:
     """Refuse a corridor that V blocks; InfeasibleError names the strait."""
     for stage, _ in corridor.stages(_midline(corridor)):
-        stage.open_sections(_COARSE_SPACING * _length(_midline(stage)), _COARSE_ANGLE)
+        stage.open_sections(_COARSE_SPACING * length_of(_midline(stage)), _COARSE_ANGLE)
 
 
 def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
@@ -99,7 +99,7 @@ def path_through_sections(corridor: Corridor) -> FloatArray:
 
 def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:
     """The same without via points, from the channel's midline (n, 2)."""
-    length = _length(middle)
+    length = length_of(middle)
     try:
         return _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
     except InfeasibleError as error:
@@ -135,13 +135,13 @@ def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
     path = _refined(corridor, path, [narrowest])
     if not corridor.legs_clear(path).all():
         raise InfeasibleError("its path lies in V, and no path clear of V is near")
-    return _thinned(corridor, path)
+    return thinned(corridor, path)
 
 
 def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> FloatArray:
     """Path (n, 2) after some passes over transversals."""
-    length = _length(path)
-    closest = _MIN_SPACING * corridor.voyage.vessel.turning_radius
+    length = length_of(path)
+    closest = MIN_SPACING * corridor.voyage.vessel.turning_radius
     water = Water(corridor.stream, corridor.search_capsules)
     # A pass moves the path by its window at most, and windows shrink: twice the first in all.
     within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
@@ -173,7 +173,7 @@ def _midline(corridor: Corridor) -> FloatArray:
     return corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
 
 
-def _length(path: FloatArray) -> float:
+def length_of(path: FloatArray) -> float:
     """Length of a path (n, 2) in metres."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
@@ -196,7 +196,7 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
     return np.asarray(points[np.arange(len(points)), chain])
 
 
-def _thinned(corridor: Corridor, path: FloatArray) -> FloatArray:
+def thinned(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Drop points that a nearly straight path does not need, where the legs past them avoid V."""
     tolerance = SLACK * corridor.voyage.vessel.turning_radius
     thinned = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance))

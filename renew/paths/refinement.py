@@ -81,6 +81,37 @@ def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
 
 
 @kernel
+def points_beside(path: FloatArray, window: float, count: int, capsules: Capsules) -> FloatArray:
+    """Points (n, count, 2) on the transversals of a path (n, 2), n >= 3; its ends repeat.
+
+    They stand up to `window` m to either side, where the capsules leave room; the last of each is
+    the path's own.
+    """
+    rows = len(path)
+    left, right = np.empty((rows - 2, 2)), np.empty((rows - 2, 2))
+    for k in range(rows - 2):
+        dx, dy = path[k + 2, 0] - path[k, 0], path[k + 2, 1] - path[k, 1]
+        scale = window / max(math.hypot(dx, dy), 1e-300)
+        x, y = path[k + 1, 0], path[k + 1, 1]
+        left[k, 0], left[k, 1] = x - dy * scale, y + dx * scale
+        right[k, 0], right[k, 1] = x + dy * scale, y - dx * scale
+    intervals, found = free_intervals(left, right, capsules)
+    points = np.empty((rows, count, 2))
+    for j in range(count):
+        points[0, j, 0], points[0, j, 1] = path[0]
+        points[-1, j, 0], points[-1, j, 1] = path[-1]
+    for k in range(rows - 2):
+        low, high = _around_middle(intervals[k, : found[k]])
+        for j in range(count - 1):
+            place = low + (high - low) * j / (count - 2)
+            for d in range(2):
+                points[k + 1, j, d] = left[k, d] + place * (right[k, d] - left[k, d])
+        # The path's own point stays among them, so that no pass is worse than the one before.
+        points[k + 1, count - 1, 0], points[k + 1, count - 1, 1] = path[k + 1]
+    return points
+
+
+@kernel
 def refined_on_transversals(
     path: FloatArray,
     window: float,
@@ -97,26 +128,7 @@ def refined_on_transversals(
     rows = len(path)
     if rows < 3:
         return path
-    left, right = np.empty((rows - 2, 2)), np.empty((rows - 2, 2))
-    for k in range(rows - 2):
-        dx, dy = path[k + 2, 0] - path[k, 0], path[k + 2, 1] - path[k, 1]
-        scale = window / max(math.hypot(dx, dy), 1e-300)
-        x, y = path[k + 1, 0], path[k + 1, 1]
-        left[k, 0], left[k, 1] = x - dy * scale, y + dx * scale
-        right[k, 0], right[k, 1] = x + dy * scale, y - dx * scale
-    intervals, found = free_intervals(left, right, water.capsules)
-    points = np.empty((rows, count, 2))
-    for j in range(count):
-        points[0, j, 0], points[0, j, 1] = path[0]
-        points[-1, j, 0], points[-1, j, 1] = path[-1]
-    for k in range(rows - 2):
-        low, high = _around_middle(intervals[k, : found[k]])
-        for j in range(count - 1):
-            place = low + (high - low) * j / (count - 2)
-            for d in range(2):
-                points[k + 1, j, d] = left[k, d] + place * (right[k, d] - left[k, d])
-        # The path's own point stays among them, so that no pass is worse than the one before.
-        points[k + 1, count - 1, 0], points[k + 1, count - 1, 1] = path[k + 1]
+    points = points_beside(path, window, count, water.capsules)
     arrival, chain = quickest_chain(points, water.stream, water.capsules, exempt)
     if arrival == np.inf:
         return path

@@ -90,6 +90,22 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
     return voyage.departure + times, np.minimum.accumulate(fuels)
 
 
+def alike_legs(low: FloatArray, high: FloatArray, own: IntArray) -> IntArray:
+    """Leg (p,) of each piece with its lowest and highest speed (p,), m/s, and its `own` leg (p,).
+
+    Speeds in a leg differ little, and it is straight.
+    """
+    leg = np.zeros(len(low), dtype=np.int64)
+    least, most = low[0], high[0]
+    for k in range(1, len(low)):
+        least, most = min(least, low[k]), max(most, high[k])
+        if most <= _SAME_SPEED * least and own[k] == own[k - 1]:
+            leg[k] = leg[k - 1]
+        else:
+            leg[k], least, most = leg[k - 1] + 1, low[k], high[k]
+    return leg
+
+
 class _Way:
     """A path in a steady current, cut into pieces with a few nodes each."""
 
@@ -132,17 +148,7 @@ class _Way:
 
     def legs(self, speeds: FloatArray) -> IntArray:
         """Leg (p,) of each piece: speeds (p, 4) in a leg differ little, and it is straight."""
-        low, high = speeds.min(axis=1), speeds.max(axis=1)
-        leg = np.zeros(len(low), dtype=np.int64)
-        least, most = low[0], high[0]
-        for k in range(1, len(low)):
-            least, most = min(least, low[k]), max(most, high[k])
-            is_same = most <= _SAME_SPEED * least
-            if is_same and self._pieces.leg[k] == self._pieces.leg[k - 1]:
-                leg[k] = leg[k - 1]
-            else:
-                leg[k], least, most = leg[k - 1] + 1, low[k], high[k]
-        return leg
+        return alike_legs(speeds.min(axis=1), speeds.max(axis=1), self._pieces.leg)
 
     def leg_speeds(self, legs: IntArray, price: float) -> FloatArray:
         """Speed (l,), m/s, of each leg (p,) of pieces: the mean over time of what is cheapest."""

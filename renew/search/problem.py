@@ -87,7 +87,19 @@ class Problem:
 
     def at_price(self, price: float) -> Problem:
         """Return the same at another price of time; what does not depend on it is shared."""
-        other = replace(self, voyage=self.voyage.at_price(price), base=None)
+        return self._with(self.voyage.at_price(price))
+
+    def at_speed(self, speed: float) -> Problem:
+        """Return the same at a constant speed (m/s), in the water of the vessel's own."""
+        return self._with(self.voyage.at_speed(speed))
+
+    def scheduled(self, path: FloatArray, times: FloatArray) -> Problem:
+        """Return the same when the points of a path (n, 2) are passed at times (n,), s."""
+        return self._with(self.voyage.scheduled(path, times))
+
+    def _with(self, voyage: Voyage) -> Problem:
+        """Return the same for a voyage from which what is shared does not depend."""
+        other = replace(self, voyage=voyage, base=None)
         other.__dict__.update({name: getattr(self, name) for name in _SHARED})
         return other
 

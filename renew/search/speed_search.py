@@ -17,7 +17,7 @@ is sailed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ _MUCH_LOWER = 0.95
 _ARRIVALS = 65
 
 
-class _Way(NamedTuple):
+class Way(NamedTuple):
     """A path of a class, how it was found, and the speeds at which it is sailed."""
 
     planner: ClassPlanner
@@ -61,20 +61,22 @@ class _Way(NamedTuple):
 
 
 def plan_at_chosen_speeds(
-    planner_up_to: Callable[[float], ClassPlanner], most: float, classes: int
+    planner_up_to: Callable[[float], ClassPlanner],
+    most: float,
+    search: Callable[[ClassPlanner], SpeedSearch],
 ) -> Plan:
-    """Plan a voyage with a choice of speeds up to `most` (m/s), from planners for a highest speed.
+    """Plan a voyage with a choice of speeds up to `most` (m/s), by a search of planners up to it.
 
     ArrivalError where no route arrives in time even at the highest speed.
     """
     planner = planner_up_to(most)
     check_current_at_endpoints(planner.problem.voyage)
-    plan = SpeedSearch(planner, classes).plan()
+    plan = search(planner).plan()
     highest = float(plan.best.speeds.max())
     if not planner.policy.is_adaptive or highest > _MUCH_LOWER * most:
         return plan
     try:
-        slower = SpeedSearch(planner_up_to(highest), classes).plan()
+        slower = search(planner_up_to(highest)).plan()
     except PlanningError:
         # Water that only a faster vessel can stem.
         return plan
@@ -99,8 +101,8 @@ class SpeedSearch:
     """Plans a voyage whose vessel has a choice of speeds, from a planner at an infinite price."""
 
     def __init__(self, planner: ClassPlanner, classes: int) -> None:
-        self._planner, self._classes = planner, classes
-        self._voyage = planner.problem.voyage
+        self.planner, self.classes = planner, classes
+        self.voyage = planner.problem.voyage
 
     def plan(self) -> Plan:
         """Routes of least fuel that arrive in time, one per class.
@@ -108,50 +110,50 @@ class SpeedSearch:
         ArrivalError where none does even at the highest speed.
         """
         fastest = self._fastest()
-        results, ways = self._classes_of_least_cost(fastest)
+        results, ways = self.ways(fastest)
         routes: list[tuple[Route, float]] = []
         rejected = {word: one for word, one in results.rejected.items() if word not in ways}
         for word, way in ways.items():
             try:
-                settled = self._verified(self._settled(way))
+                settled = self.verified(self.settled(way))
             except InfeasibleError as error:
                 rejected[word] = results.rejected_for(way.found.corridor.channel, error)
             else:
-                profile = settled.profile if self._voyage.has_choice else None
+                profile = settled.profile if self.voyage.has_choice else None
                 route = settled.planner.route(settled.found, profile)
                 routes.append((route, settled.profile.price))
         if not routes:
             raise self._no_class(tuple(rejected.values()))
-        routes = sorted(routes, key=lambda one: one[0].fuel)[: self._classes]
+        routes = sorted(routes, key=lambda one: one[0].fuel)[: self.classes]
         bound = self._at(routes[0][1]).problem.fuel_bound
         found = tuple(replace(route, fuel_bound=bound) for route, _ in routes)
-        paths = [fastest.path, *(route.path for route in found)]
+        paths = [*(route.path for route in found), fastest.path]
         return Plan(
             found,
             tuple(rejected.values()),
-            overpowering=self._planner.problem.overpowered_water,
-            trade_off=self._trade_off(paths),
+            overpowering=self.planner.problem.overpowered_water,
+            trade_off=self.trade_off(paths),
         )
 
     def _fastest(self) -> Found:
         """Quickest path of all classes, at the highest speed; refused where it comes too late."""
-        sailing = Sailings(self._planner, self._classes).sailing(self._voyage.departure)
+        sailing = Sailings(self.planner, self.classes).sailing(self.voyage.departure)
         if sailing.found is None:
             raise sailing.error
-        if sailing.arrival > self._voyage.deadline:
-            raise too_late_error(sailing, self._voyage.deadline, "let speed reach {:.3g} m/s")
+        if sailing.arrival > self.voyage.deadline:
+            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {:.3g} m/s")
         return sailing.found
 
-    def _classes_of_least_cost(self, fastest: Found) -> tuple[Results, dict[Word, _Way]]:
+    def ways(self, fastest: Found) -> tuple[Results, dict[Word, Way]]:
         """Ways of the first classes at the price of the best one, and what else they came to."""
-        word = self._planner.problem.rays.word(fastest.path)
-        first = self._way(self._planner, fastest)
+        word = self.planner.problem.rays.word(fastest.path)
+        first = self.way(self.planner, fastest)
         price = first.profile.price
         for _ in range(_MAX_ROUNDS):
             planner = self._at(price)
             results = Results(planner)
-            results.look_for(self._classes)
-            ways = {word: self._way(planner, found) for word, found in results.all_found.items()}
+            results.look_for(self.classes)
+            ways = {word: self.way(planner, found) for word, found in results.all_found.items()}
             if word not in ways or first.profile.fuel < ways[word].profile.fuel:
                 ways[word] = first
             best = min(ways.values(), key=lambda way: way.profile.fuel).profile.price
@@ -160,7 +162,7 @@ class SpeedSearch:
             price = best
         return results, ways
 
-    def _settled(self, way: _Way) -> _Way:
+    def settled(self, way: Way) -> Way:
         """The way of a class at its own price."""
         best = way
         for _ in range(_MAX_ROUNDS):
@@ -171,12 +173,12 @@ class SpeedSearch:
             found = planner.find(channel)
             if planner.problem.rays.word(found.path) != channel.word:
                 break
-            way = self._way(planner, found)
+            way = self.way(planner, found)
             best = min(best, way, key=lambda one: one.profile.fuel)
-        self._check_arrival(best.profile)
+        self.check_arrival(best.profile)
         return best
 
-    def _verified(self, way: _Way) -> _Way:
+    def verified(self, way: Way) -> Way:
         """The way with so much padding that turns at its own speeds touch no land."""
         for _ in range(_MAX_GROWTHS):
             profile, growth = way.profile, way.planner.growth
@@ -184,38 +186,42 @@ class SpeedSearch:
             if short is None:
                 return way
             found = way.planner.find_in(grown(way.found.corridor, short), way.found.path)
-            way = self._way(way.planner, found)
-            self._check_arrival(way.profile)
+            way = self.way(way.planner, found)
+            self.check_arrival(way.profile)
         raise InfeasibleError(
             "its path is still not clear of hard-over turns at the speeds sailed after its padding "
             f"has grown {_MAX_GROWTHS} times"
         )
 
-    def _check_arrival(self, profile: SpeedProfile) -> None:
+    def check_arrival(self, profile: SpeedProfile) -> None:
         """Refuse a way that comes too late at the highest speed."""
         if not math.isfinite(profile.fuel):
             raise InfeasibleError(
                 f"it would arrive at {profile.arrival:.6g} s at the earliest, and has to by "
-                f"{self._voyage.deadline:.6g} s"
+                f"{self.voyage.deadline:.6g} s"
             )
 
-    def _way(self, planner: ClassPlanner, found: Found) -> _Way:
+    def way(self, planner: ClassPlanner, found: Found) -> Way:
         """A path with its speeds."""
-        return _Way(planner, found, speed_profile(found.path, self._voyage))
+        return Way(planner, found, speed_profile(found.path, self.voyage))
 
     def _at(self, price: float) -> ClassPlanner:
         """Planner of least cost at a price of time."""
-        problem = self._planner.problem.at_price(price)
-        return self._planner.for_problem(problem) if problem.voyage.has_price else self._planner
+        problem = self.planner.problem.at_price(price)
+        return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
 
     def _no_class(self, rejected: tuple[Rejected, ...]) -> PlanningError:
         """Error for a plan without a route."""
-        planner = self._planner
+        planner = self.planner
         return no_class_error(rejected, planner.problem, planner.policy, planner.method)
 
-    def _trade_off(self, paths: Iterable[FloatArray]) -> TradeOff:
+    def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Arrivals (m,), s, and least fuels (m,) along a path (n, 2)."""
+        return trade_off(path, self.voyage)
+
+    def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
         """Least fuel by arrival along the paths that have been found, one of them for each."""
-        curves = [trade_off(path, self._voyage) for path in paths]
+        curves = [self.curve(path) for path in paths]
         earliest = min(times[0] for times, _ in curves)
         latest = min(curves, key=lambda curve: curve[1][-1])[0][-1]
         arrivals = np.unique(np.linspace(earliest, latest, _ARRIVALS))

@@ -13,8 +13,10 @@ from shapely import box
 import renew
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
+from tests.moving_waters import moving_scene
+from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
 from tests.speed_oracle import least_fuel
-from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, random_scene
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,6 +30,16 @@ OPEN_WATERS = range(6)
 FLOWN = range(4)
 """Seeds of the scenes with islands whose turns are flown at the speeds sailed."""
 
+MOVING = range(1, 7)
+"""Seeds of the currents that change, in which plans are compared with a table and an optimizer."""
+
+FLOWN_AS_IT_CHANGES = (0, 2, 3, 8)
+"""Seeds of scenes with islands, as the current changes, whose turns are flown."""
+
+# Time under way allowed in the currents that change (s), and speeds (m/s).
+_UNDER_WAY, _CHANGING_SPEEDS = 200.0, (0.75, 1.6)
+# Legs of the optimizer's paths.
+_LEGS = 14
 # Least fuel over two metres with and against 0.4 m/s, by the exponent of the fuel law.
 _WITH_AND_AGAINST = {2.0: 2.155556, 3.0: 2.366361}
 _SPEEDS, _DEADLINE = (0.75, 2.0), 130.0
@@ -40,6 +52,9 @@ def figures() -> Iterator[Figure]:
     yield from _beside_an_optimizer()
     yield from _turns()
     yield from _times()
+    yield from _changing()
+    yield from _turns_as_it_changes()
+    yield from _hardly_changing()
 
 
 def _with_and_against(points: FloatArray) -> FloatArray:
@@ -138,3 +153,126 @@ def _times() -> Iterator[Figure]:
     )
     name = "chosen speeds beside constant ones, CPU"
     yield Figure(name, "", f"{chosen.cpu / constant.cpu:.1f} ({chosen.cpu:.2f} s)")
+    scene = moving_scene(8)
+    there = scene.plan()
+    changing, _ = warm(scene.plan, 1)
+    by_clock, _ = warm(lambda: scene.plan(speed=(0.9, 1.5), arrive_by=there.best.times[-1]), 1)
+    name = "chosen speeds beside constant ones as the current changes, CPU"
+    yield Figure(name, "", f"{by_clock.cpu / changing.cpu:.1f} ({by_clock.cpu:.2f} s)")
+
+
+def _changing() -> Iterator[Figure]:
+    """Fuel in open water as the current changes, beside a table improved by an optimizer."""
+    dearest, above, largest, saved = 0.0, 0, 0.0, 0.0
+    axis = np.linspace(0, SIZE, 25)
+    nodes = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    for seed in MOVING:
+        exponent = 2.0 + seed % 2
+        scene = replace(moving_scene(seed), chart=renew.Chart(box(0, 0, SIZE, SIZE)))
+        vessel = replace(PAPER_VESSEL, fuel_exponent=exponent)
+        deadline = scene.departure + _UNDER_WAY
+        waters = scene.chart, scene.current, vessel, scene.start, scene.goal
+        best = renew.plan(
+            *waters,
+            drift=scene.drift,
+            departure=scene.departure,
+            speed=_CHANGING_SPEEDS,
+            arrive_by=deadline,
+        ).best
+        errand = Errand(
+            scene.current,
+            scene.start,
+            scene.goal,
+            scene.departure,
+            deadline,
+            _CHANGING_SPEEDS,
+            exponent,
+            scene.drift == "crab",
+        )
+        least, path, speeds = least_fuel_in_table(errand, nodes, reach=26, buckets=120, tried=6)
+        if math.isfinite(least):
+            least = min(least, improved(errand, path, speeds, _LEGS)[0])
+        dearest = max(dearest, best.fuel / least)
+        above += best.fuel_bound.value > least
+        largest = max(largest, 100 * best.optimality_gap)
+        once = _at_one_speed(waters, scene.drift, scene.departure, deadline)
+        saved = max(saved, 100 * (1 - best.fuel / once))
+    name = f"chosen speeds as the current changes, {len(MOVING)} open waters"
+    yield at_most(f"{name}: dearest beside a table and an optimizer", dearest, 1.001, digits=5)
+    yield at_most(f"{name}: bounds above their fuel", above, 0, digits=0)
+    yield Figure(f"{name}: largest gap", "", f"{largest:.0f} %")
+    yield Figure(f"{name}: saved beside one speed, at most", "", f"{saved:.1f} %")
+
+
+def _at_one_speed(
+    waters: tuple[renew.Chart, renew.CurrentField, renew.Vessel, FloatArray, FloatArray],
+    drift: Drift,
+    departure: float,
+    deadline: float,
+) -> float:
+    """Fuel at the lowest speed, of those that are the same all the way, by which she is in time."""
+    chart, current, vessel, start, goal = waters
+    low, high, fuel = *_CHANGING_SPEEDS, math.inf
+    for _ in range(12):
+        middle = (low + high) / 2
+        best = renew.plan(
+            chart,
+            current,
+            replace(vessel, speed=middle),
+            start,
+            goal,
+            drift=drift,
+            departure=departure,
+            classes=1,
+        ).best
+        if best.times[-1] <= deadline:
+            high, fuel = middle, best.fuel
+        else:
+            low = middle
+    return fuel
+
+
+def _turns_as_it_changes() -> Iterator[Figure]:
+    """Turns early, on time and late that touch land, and fuel beside one speed."""
+    trials = collisions = 0
+    dearest = 0.0
+    for seed in FLOWN_AS_IT_CHANGES:
+        scene = moving_scene(seed)
+        one = scene.plan().best
+        plan = scene.plan(speed=(0.75, 1.5), arrive_by=one.times[-1])
+        dearest = max(dearest, plan.best.fuel / one.fuel)
+        for route in plan.routes:
+            flown = renew.contingency(
+                route, scene.chart, scene.current, PAPER_VESSEL, spacing=0.5, drift=scene.drift
+            )
+            trials, collisions = trials + flown.trials, collisions + flown.collisions
+    yield at_most(
+        f"turns at chosen speeds as the current changes that touch land, of {trials:,}",
+        collisions,
+        0,
+        digits=0,
+    )
+    yield at_most("chosen speeds beside one speed by its arrival, dearest", dearest, 1, digits=5)
+
+
+def _hardly_changing() -> Iterator[Figure]:
+    """Fuel beside the steady plan where slices are equal, or nearly."""
+    chart, still = renew.Chart(box(0, 0, 150, 150)), StreamFunctionCurrent(1, 0.6)
+
+    def fuel(current: renew.CurrentField) -> float:
+        return renew.plan(
+            chart,
+            current,
+            PAPER_VESSEL,
+            (20, 30),
+            (130, 120),
+            speed=_SPEEDS,
+            arrive_by=_DEADLINE,
+        ).best.fuel
+
+    steady = fuel(still)
+    for share, limit in ((0.0, 1e-4), (1e-5, 0.1)):
+        slices = [still, StreamFunctionCurrent(1, 0.6 * (1 + share))]
+        found = fuel(renew.VaryingCurrent([0.0, 1000.0], slices))
+        text = f"two slices that differ by {share:g} of themselves, off the steady plan by"
+        yield at_most(text, 100 * abs(found / steady - 1), limit, " %", digits=5)

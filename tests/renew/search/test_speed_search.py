@@ -173,12 +173,6 @@ def test_a_fuel_law_for_which_haste_is_free_is_refused() -> None:
         renew.plan(OPEN, renew.UniformCurrent(0.1, 0.0), vessel, START, GOAL, speed=(1.0, 2.0))
 
 
-def test_a_current_that_changes_is_refused() -> None:
-    tide = renew.SwingingGyre(0.2, 150.0, 150.0, 0.25, 0.05)
-    with pytest.raises(renew.ParameterError, match="speed needs a steady current"):
-        renew.plan(OPEN, tide, PAPER_VESSEL, START, GOAL, speed=(1.0, 2.0), arrive_by=200.0)
-
-
 def test_turns_are_flown_at_the_speeds_sailed() -> None:
     chart = renew.Chart(OPEN.extent, [box(60, 54, 90, 60)])
     still, path = renew.UniformCurrent(0.0, 0.0), np.array([[20.0, 50.0], [130.0, 50.0]])

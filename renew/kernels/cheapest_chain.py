@@ -1,0 +1,249 @@
+"""The cheapest chain through rows of points, with a speed for each leg, in a current that changes.
+
+Who chooses her speeds in such a current may have burnt more or less when she comes to a point, and
+what is best from there on depends on when she does. So a state is a point and a time. With a rate
+vᵏ, the least cost from there on obeys
+
+    V(x, t) = min over the points y of the next row, and speeds v, of  vᵏ τ + V(y, t + τ),
+
+where τ is the time over the leg x -> y, begun at t and sailed at v. At the goal V is 0 until the
+deadline, and each second after it costs a price that no speed is worth paying. V is known at some
+times in each row, and linear between them (a semi-Lagrangian scheme: Falcone & Ferretti, 2013).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renew._compiled import kernel, small_kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
+from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
+from renew.kernels.ground_speed import sailing_at
+from renew.kernels.viterbi import TOO_STRONG, leg_time_from
+
+# Number of times that the steps between the speeds tried are halved around the best of them: while
+# V is worked out, and on the chain that is chosen.
+_HALVINGS, _FINAL_HALVINGS = 1, 12
+
+
+class Errand(NamedTuple):
+    """What a vessel has to do, and what it costs her.
+
+    Her highest speed is `most` (m/s), she burns vᵏ a second, k being the `exponent`, looks at the
+    clock each `step` (m), and has to be at the goal by the `deadline` (s): each second after it
+    costs `late_price`.
+    """
+
+    most: float
+    crab: bool
+    exponent: float
+    step: float
+    deadline: float
+    late_price: float
+
+
+class Chain(NamedTuple):
+    """A point (r,) of each row, the time (r,), s, there, and the speed (r - 1,), m/s, of each leg.
+
+    `cost` is infinite where no chain is clear; it holds what lateness costs.
+    """
+
+    cost: float
+    points: IntArray
+    times: FloatArray
+    speeds: FloatArray
+
+
+class _Ahead(NamedTuple):
+    """The least cost (q,) from a point on, by the times (q,), s, at which it is known."""
+
+    times: FloatArray
+    cost: FloatArray
+    is_goal: bool
+
+
+@kernel
+def legs_between(points: FloatArray, capsules: Capsules, exempt: BoolArray) -> BoolArray:
+    """Whether legs (r - 1, m, m) from each point of a row to each of the next are clear.
+
+    `points` and `exempt` are as in :func:`renew.kernels.viterbi.quickest_chain`.
+    """
+    rows, count = points.shape[:2]
+    clear = np.zeros((rows - 1, count, count), dtype=np.bool_)
+    bounds = capsule_bounds(capsules)
+    near = np.empty(len(bounds), dtype=np.int64)
+    none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
+    for row in range(rows - 1):
+        both = points[row : row + 2]
+        west, east = both[..., 0].min(), both[..., 0].max()
+        south, north = both[..., 1].min(), both[..., 1].max()
+        found = 0
+        for h in range(len(bounds)):
+            if intersects(bounds, h, west, south, east, north):
+                near[found] = h
+                found += 1
+        free = exempt[0] if row == 0 else exempt[1] if row == rows - 2 else none_exempt
+        for i in range(1 if row == 0 else count):
+            for j in range(1 if row == rows - 2 else count):
+                (ax, ay), (bx, by) = points[row, i], points[row + 1, j]
+                leg = Segment(ax, ay, bx, by)
+                clear[row, i, j] = leg_is_clear(leg, capsules, near[:found], free)
+    return clear
+
+
+@kernel
+def cheapest_chain(
+    points: FloatArray,
+    clear: BoolArray,
+    times: FloatArray,
+    speeds: FloatArray,
+    tries: int,
+    table: Table,
+    errand: Errand,
+) -> Chain:
+    """Chain of least cost.
+
+    Parameters
+    ----------
+    points : (r, m, 2) metres; the first and the last row are one point each, at index 0.
+    clear : (r - 1, m, m) whether a leg may be sailed.
+    times : (r, q) s, ascending and even, at which V is known; the first is that of departure.
+    speeds : (r - 1, 2) m/s, lowest and highest speed for the legs from each row.
+    tries : number of speeds of each leg that are tried at first.
+    """
+    rows, count = points.shape[:2]
+    cost = np.full((rows, count, times.shape[1]), np.inf)
+    limit = TOO_STRONG * errand.most * errand.most
+    for row in range(rows - 2, 0, -1):
+        following = 1 if row == rows - 2 else count
+        low, high = speeds[row]
+        for i in range(count):
+            ax, ay = points[row, i]
+            here = site_of(table, ax, ay)
+            for k in range(times.shape[1]):
+                begin = times[row, k]
+                u, v = velocity_there(table, here, begin)
+                if u * u + v * v >= limit:
+                    continue
+                least = np.inf
+                for j in range(following):
+                    if not clear[row, i, j]:
+                        continue
+                    bx, by = points[row + 1, j]
+                    leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
+                    ahead = _Ahead(times[row + 1], cost[row + 1, j], row == rows - 2)
+                    least = min(
+                        least,
+                        _best_speed(
+                            leg, u, v, end, begin, low, high, tries, _HALVINGS, ahead, table, errand
+                        )[0],
+                    )
+                cost[row, i, k] = least
+    return _traced(points, clear, times, speeds, tries, cost, table, errand)
+
+
+@kernel
+def _traced(
+    points: FloatArray,
+    clear: BoolArray,
+    times: FloatArray,
+    speeds: FloatArray,
+    tries: int,
+    cost: FloatArray,
+    table: Table,
+    errand: Errand,
+) -> Chain:
+    """The chain to which V (r, m, q) leads."""
+    rows, count = points.shape[:2]
+    chain = np.zeros(rows, dtype=np.int64)
+    when, sailed = np.full(rows, np.inf), np.full(rows - 1, errand.most)
+    when[0] = times[0, 0]
+    total = 0.0
+    for row in range(rows - 1):
+        low, high = speeds[row]
+        ax, ay = points[row, chain[row]]
+        u, v = velocity(table, ax, ay, when[row])
+        least, taken = np.inf, np.inf
+        for j in range(1 if row == rows - 2 else count):
+            if not clear[row, chain[row], j]:
+                continue
+            bx, by = points[row + 1, j]
+            leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
+            ahead = _Ahead(times[row + 1], cost[row + 1, j], row == rows - 2)
+            found, speed, duration = _best_speed(
+                leg, u, v, end, when[row], low, high, tries, _FINAL_HALVINGS, ahead, table, errand
+            )
+            if found < least:
+                least, sailed[row], taken, chain[row + 1] = found, speed, duration, j
+        if least == np.inf:
+            return Chain(np.inf, chain, when, sailed)
+        total += sailed[row] ** errand.exponent * taken
+        when[row + 1] = when[row] + taken
+    total += errand.late_price * max(when[-1] - errand.deadline, 0.0)
+    return Chain(total, chain, when, sailed)
+
+
+@kernel
+def _best_speed(
+    leg: Segment,
+    u: float,
+    v: float,
+    end: Site,
+    begin: float,
+    low: float,
+    high: float,
+    tries: int,
+    halvings: int,
+    ahead: _Ahead,
+    table: Table,
+    errand: Errand,
+) -> tuple[float, float, float]:
+    """Least cost over a leg and from its end on, its speed (m/s), and the time (s) over it.
+
+    Some speeds are tried between two others, then halfway to those beside the best one, and so on.
+    """
+    least, best, taken = np.inf, low, np.inf
+    ratio = (high / low) ** (1.0 / (tries - 1))
+    step, centre = math.sqrt(ratio), low
+    for at in range(tries + 2 * halvings):
+        if at < tries:
+            speed = min(low * ratio**at, high)
+        elif (at - tries) % 2 == 0:
+            centre = best
+            speed = centre / step
+        else:
+            speed = centre * step
+            step = math.sqrt(step)
+        if not low <= speed <= high:
+            continue
+        polar = sailing_at(speed, errand.crab, errand.most)
+        time = leg_time_from(leg, u, v, end, begin, table, polar, errand.step)
+        if time < np.inf:
+            cost = speed**errand.exponent * time + _cost_from(begin + time, ahead, errand)
+            if cost < least:
+                least, best, taken = cost, speed, time
+    return least, best, taken
+
+
+@small_kernel
+def _cost_from(time: float, ahead: _Ahead, errand: Errand) -> float:
+    """V at a time (s), linear between those at which it is known.
+
+    Sooner than the first it is taken as then, and each second after the last as lateness: so
+    nothing is gained by leaving the window.
+    """
+    if ahead.is_goal:
+        return errand.late_price * max(time - errand.deadline, 0.0)
+    times, cost = ahead.times, ahead.cost
+    last = len(times) - 1
+    if time <= times[0]:
+        return float(cost[0])
+    if time >= times[last]:
+        return float(cost[last] + errand.late_price * (time - times[last]))
+    place = (time - times[0]) / (times[last] - times[0]) * last
+    k = min(int(place), last - 1)
+    return float(cost[k] + (place - k) * (cost[k + 1] - cost[k]))

@@ -1,0 +1,117 @@
+"""Speeds along a given path that need least fuel to be at its end in time, as the current changes.
+
+In a steady current time has one price all the way (:mod:`renew.paths.speed_profile`). In one that
+changes it is worth more here and less there, since who comes later meets another current; it may
+pay to be slow and let a tide turn, or to make haste for it. The speeds are those of
+:mod:`renew.paths.timed_way`; then neighbouring legs whose speeds differ little become one, and the
+speeds of these are improved once more, until the deadline is met by the current itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from renew._types import FloatArray
+from renew.inputs.fuel import passage
+from renew.inputs.voyage import Voyage
+from renew.paths.speed_profile import SpeedProfile, alike_legs
+from renew.paths.timed_way import TimedWay
+
+# Rounds in which the deadline by the current's table is set, so that that by the current itself is
+# met, and the share of the time under way by which the vessel may come earlier.
+_CLOCK_ROUNDS, _EARLY = 6, 1e-6
+# Number of arrivals for which a trade-off is worked out, rounds for each, and number of arrivals at
+# which it is given.
+_ARRIVALS, _QUICK_ROUNDS, _GIVEN = 13, 2, 97
+
+
+def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
+    """Speeds of least fuel along a path (n, 2), to be at its end by the voyage's deadline.
+
+    Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
+    """
+    way = TimedWay(path, voyage)
+    most = np.full(len(path) - 1, voyage.vessel.speed)
+    fastest = _flown(path, most, voyage)
+    if not fastest.arrival <= voyage.deadline:
+        return fastest._replace(fuel=math.inf)
+    if not voyage.has_choice:
+        return fastest
+    speeds, price = way.least_fuel(way.chain(voyage.deadline).speeds, way.every, voyage.deadline)
+    legs = alike_legs(speeds, speeds, way.own_leg)
+    first = np.flatnonzero(np.diff(legs, prepend=-1))
+    corners = np.vstack([way.rows[first], path[-1:]])
+    time = np.diff(way.sailed(speeds).times)
+    speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
+    target, least = voyage.deadline, fastest
+    for _ in range(_CLOCK_ROUNDS):
+        speeds, price = way.least_fuel(speeds, legs, target, price)
+        price_of_time = price * voyage.vessel.fuel_coefficient
+        found = _flown(corners, speeds, voyage)._replace(price=price_of_time)
+        late = found.arrival - voyage.deadline
+        if late <= 0 and found.fuel < least.fuel:
+            least = found
+        under_way = found.arrival - voyage.departure
+        if late <= 0 and (price == 0 or late >= -_EARLY * under_way):
+            break
+        # By its table the current is a little other than it is.
+        target -= late + _EARLY / 2 * under_way
+    return least
+
+
+def constant_speed(path: FloatArray, voyage: Voyage) -> float:
+    """Speed (m/s) that needs least fuel along a path, of those that are the same all the way.
+
+    The highest, where no lower one is there in time.
+    """
+    return TimedWay(path, voyage).constant[0]
+
+
+def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]:
+    """Arrivals (m,), s, ascending, and the least fuels (m,) along a path (n, 2) to be there then.
+
+    From the highest speed all the way to where more time saves no more.
+    """
+    way, vessel = TimedWay(path, voyage), voyage.vessel
+    fastest = np.full(len(way.own_leg), vessel.speed)
+    earliest = float(way.sailed(fastest).times[-1])
+    if not voyage.has_choice:
+        return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(fastest)])
+    # As late as is worth it: time is free then.
+    slowest, _ = way.least_fuel(way.chain(math.inf).speeds, way.every, way.last_arrival)
+    latest = float(way.sailed(slowest).times[-1])
+    begun = voyage.departure
+    if latest - earliest <= _EARLY * (earliest - begun):
+        return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(slowest)])
+    # Evenly in speed.
+    deadlines = begun + 1 / np.linspace(1 / (earliest - begun), 1 / (latest - begun), _ARRIVALS)
+    fuels = [way.fuel(fastest)]
+    for deadline in deadlines[1:-1].tolist():
+        first = way.chain(deadline).speeds
+        found, price = way.least_fuel(first, way.every, deadline, rounds=_QUICK_ROUNDS)
+        late = float(way.sailed(found).times[-1]) - deadline
+        fuels.append(way.fuel(found) + price * late)
+    fuels.append(way.fuel(slowest))
+    arrivals = np.linspace(deadlines[0], deadlines[-1], _GIVEN)
+    curve = PchipInterpolator(deadlines, np.minimum.accumulate(fuels))
+    return arrivals, vessel.fuel_coefficient * np.asarray(curve(arrivals))
+
+
+def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile:
+    """A path (n, 2) sailed at speeds (n - 1,) in the current itself."""
+    vessel = voyage.vessel
+    leg, times = passage(
+        path,
+        voyage.current,
+        vessel,
+        drift=voyage.drift,
+        departure=voyage.departure,
+        speeds=speeds,
+    )
+    at_points = np.append(times[np.searchsorted(leg, np.arange(len(path) - 1))], times[-1])
+    rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
+    fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(times[-1]) else math.inf
+    return SpeedProfile(path, speeds, at_points, fuel, math.inf)

@@ -1,0 +1,190 @@
+"""Oracles of their own for chosen speeds in currents that change, which share only the inputs.
+
+One is a table over places, times and speeds: on a grid of nodes with a wide stencil every edge is
+sailed at each of some speeds, and arrivals are rounded *up* to a bucket of time: the vessel may
+slow down. What it finds is the fuel of a plan that can be sailed, so never too low, but for what
+slowing down below the lowest speed would take. The other improves a path and the speeds of its legs
+by SciPy's SLSQP, the clock running by this module's own midpoint rule.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import minimize
+
+if TYPE_CHECKING:
+    import renew
+    from renew._types import FloatArray
+
+# Number of pieces of a leg on a path.
+_PIECES = 4
+# Share of the time by which what the optimizer finds may be late.
+_LATE = 1e-4
+
+
+@dataclass(frozen=True)
+class Errand:
+    """From `start` to `goal` (2,), m, from a departure to a deadline (s), at least and most m/s."""
+
+    current: renew.CurrentField
+    start: FloatArray
+    goal: FloatArray
+    departure: float
+    deadline: float
+    speeds: tuple[float, float]
+    exponent: float
+    crab: bool
+
+    def sailed(
+        self, a: FloatArray, b: FloatArray, begin: FloatArray, speed: FloatArray, pieces: int
+    ) -> FloatArray:
+        """Arrival times (n,), s, over legs a -> b (n, 2) begun at times (n,); inf if shut.
+
+        The midpoint rule, the time in the middle of a piece by the speed at its beginning.
+        """
+        leg = b - a
+        length = np.hypot(leg[:, 0], leg[:, 1])
+        unit = leg / np.where(length > 0, length, 1.0)[:, None]
+        now, piece = np.array(begin, dtype=float), length / pieces
+        for k in range(pieces):
+            known = np.where(np.isfinite(now), now, 0.0)
+            first = self._slowness(a + k / pieces * leg, known, unit, speed)
+            middle = known + np.where(np.isfinite(first), piece / 2 * first, 0.0)
+            slow = self._slowness(a + (k + 0.5) / pieces * leg, middle, unit, speed)
+            now = now + np.where(length > 0, piece * np.where(np.isinf(first), np.inf, slow), 0.0)
+        return now
+
+    def _slowness(
+        self, points: FloatArray, times: FloatArray, unit: FloatArray, speed: FloatArray
+    ) -> FloatArray:
+        """Seconds a metre (n,) along unit vectors (n, 2); water as fast as she can be is no-go."""
+        c = self.current.velocity(points, times)
+        along = (c * unit).sum(axis=1)
+        across = c[:, 1] * unit[:, 0] - c[:, 0] * unit[:, 1]
+        square = speed**2 - across**2 if self.crab else speed**2
+        made = along + np.sqrt(np.maximum(square, 0.0))
+        shut = (square < 0) | (made <= 0) | ((c**2).sum(axis=1) >= self.speeds[1] ** 2)
+        return np.where(shut, np.inf, 1 / np.where(shut, 1.0, made))
+
+    def flown(self, paths: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Fuel over α (b,), and arrivals (b,), s, of paths (b, n, 2) at speeds (b, n - 1)."""
+        now, fuel = np.full(len(paths), self.departure), np.zeros(len(paths))
+        for leg in range(speeds.shape[1]):
+            speed = speeds[:, leg]
+            then = self.sailed(paths[:, leg], paths[:, leg + 1], now, speed, _PIECES)
+            fuel, now = fuel + speed**self.exponent * (then - now), then
+        return fuel, now
+
+
+def least_fuel_in_table(
+    errand: Errand, nodes: FloatArray, *, reach: float, buckets: int, tried: int
+) -> tuple[float, FloatArray, FloatArray]:
+    """Least fuel over α, and its path (n, 2) and speeds (n - 1,), over nodes (m, 2), m.
+
+    Edges up to `reach` m that lead on by a quarter of that at least, towards the goal. The last two
+    nodes are start and goal.
+    """
+    ahead = (errand.goal - errand.start) / math.dist(errand.start, errand.goal)
+    points = np.vstack([nodes, errand.start, errand.goal])
+    first, last = len(points) - 2, len(points) - 1
+    place = points @ ahead
+    place[first], place[last] = place.min() - reach, place.max() + reach
+    step = (errand.deadline - errand.departure) / buckets
+    fuel = np.full((len(points), buckets + 1), np.inf)
+    fuel[first, 0] = 0.0
+    came = np.zeros((len(points), buckets + 1, 3), dtype=np.int64)
+    speeds = np.linspace(*errand.speeds, tried)
+    for node in np.argsort(place).tolist():
+        known = np.flatnonzero(np.isfinite(fuel[node]))
+        if not len(known):
+            continue
+        apart = np.hypot(*(points - points[node]).T)
+        on = (points - points[node]) @ ahead
+        heads = np.flatnonzero((apart <= reach) & (on >= reach / 4) & (place > place[node]))
+        pairs = np.stack(
+            np.meshgrid(known, heads, np.arange(tried), indexing="ij"), axis=-1
+        ).reshape(-1, 3)
+        if not len(pairs):
+            continue
+        depth, head, speed = pairs.T
+        begin = np.asarray(errand.departure + depth * step, dtype=np.float64)
+        tail = np.broadcast_to(points[node], (len(pairs), 2))
+        arrival = errand.sailed(tail, points[head], begin, speeds[speed], 2)
+        burnt = fuel[node, depth] + speeds[speed] ** errand.exponent * (arrival - begin)
+        reached = np.ceil((arrival - errand.departure) / step - 1e-9)
+        fine = np.isfinite(burnt) & (reached <= buckets)
+        at, there = head[fine], reached[fine].astype(int)
+        burnt, fro = burnt[fine], np.stack([np.full(fine.sum(), node), depth[fine], speed[fine]])
+        order = np.argsort(-burnt, kind="stable")
+        before = fuel[at, there]
+        np.minimum.at(fuel, (at, there), burnt)
+        won = order[(burnt <= fuel[at, there])[order] & (burnt < before)[order]]
+        came[at[won], there[won]] = fro.T[won]
+    bucket = int(fuel[last].argmin())
+    if not math.isfinite(fuel[last, bucket]):
+        return math.inf, np.empty((0, 2)), np.empty(0)
+    least, row, sailed = float(fuel[last, bucket]), [last], []
+    while row[-1] != first:
+        node, bucket, at_speed = came[row[-1], bucket].tolist()
+        row.append(node)
+        sailed.append(float(speeds[at_speed]))
+    return least, points[row[::-1]], np.array(sailed[::-1])
+
+
+def improved(
+    errand: Errand, path: FloatArray, speeds: FloatArray, legs: int
+) -> tuple[float, FloatArray, FloatArray]:
+    """Fuel over α, path and speeds, of a path (n, 2) and its speeds (n - 1,) with so many legs.
+
+    Its inner points are moved square to the line between its ends, in open water.
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    marks = np.linspace(0.0, along[-1], legs + 1)
+    way = np.column_stack([np.interp(marks, along, path[:, d]) for d in range(2)])
+    leg = np.searchsorted(along, (marks[1:] + marks[:-1]) / 2, side="right") - 1
+    a, b = way[[0, -1]]
+    square = np.array([a[1] - b[1], b[0] - a[0]]) / math.dist(a, b)
+
+    def flown(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Fuel and lateness (b,), of some values (b, legs + legs - 1), as shares."""
+        paths = np.repeat(way[None], len(values), axis=0)
+        paths[:, 1:-1] += values[:, legs:, None] * square
+        fuel, arrival = errand.flown(paths, values[:, :legs])
+        shut = ~np.isfinite(arrival)
+        late = (arrival - errand.deadline) / total
+        return np.where(shut, 1e9, fuel / unit), np.where(shut, 1e9, late)
+
+    def both(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Fuel, its slopes, lateness and its slopes."""
+        step = 1e-5 * np.where(np.arange(len(values)) < legs, 1.0, along[-1])
+        moved = np.vstack([values, values + np.diag(step), values - np.diag(step)])
+        fuel, late = flown(moved)
+        n = len(values)
+        slopes = [(one[1 : n + 1] - one[n + 1 :]) / (2 * step) for one in (fuel, late)]
+        return fuel[0], slopes[0], late[0], slopes[1]
+
+    unit, total = 1.0, errand.deadline - errand.departure
+    begun = np.concatenate([speeds[leg], np.zeros(legs - 1)])
+    unit = float(flown(begun[None])[0][0])
+    result = minimize(
+        lambda values: both(values)[:2],
+        begun,
+        jac=True,
+        method="SLSQP",
+        bounds=[errand.speeds] * legs + [(None, None)] * (legs - 1),
+        constraints={
+            "type": "ineq",
+            "fun": lambda values: -flown(values[None])[1][0],
+            "jac": lambda values: -both(values)[3],
+        },
+        options={"maxiter": 150, "ftol": 1e-7},
+    )
+    found = way.copy()
+    found[1:-1] += result.x[legs:, None] * square
+    (fuel,), (late,) = flown(result.x[None])
+    # A little late still counts: that is to the oracle's advantage.
+    return (float(fuel) * unit if late <= _LATE else math.inf), found, result.x[:legs]
