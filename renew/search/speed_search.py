@@ -82,10 +82,25 @@ def plan_at_chosen_speeds(
         return plan
     if slower.best.fuel >= plan.best.fuel:
         return plan
+    return _cheaper_of_each_class(plan, slower)
+
+
+def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
+    """The cheaper route of each class of two plans; a longer way may need the higher speeds."""
+    by_fuel = sorted([*slower.routes, *plan.routes], key=lambda route: route.fuel)
+    cheapest = {route.homotopy: route for route in reversed(by_fuel)}
     # Proven is what holds for all speeds.
     bound = plan.best.fuel_bound
-    routes = tuple(replace(route, fuel_bound=bound) for route in slower.routes)
-    return replace(slower, routes=routes, trade_off=_cheaper(plan.trade_off, slower.trade_off))
+    routes = [
+        replace(route, fuel_bound=bound) for route in by_fuel if cheapest[route.homotopy] is route
+    ]
+    rejected = {one.homotopy: one for one in (*slower.rejected, *plan.rejected)}
+    return replace(
+        plan,
+        routes=tuple(routes[: max(len(plan.routes), len(slower.routes))]),
+        rejected=tuple(one for name, one in rejected.items() if name not in cheapest),
+        trade_off=_cheaper(plan.trade_off, slower.trade_off),
+    )
 
 
 def _cheaper(one: TradeOff | None, other: TradeOff | None) -> TradeOff | None:

@@ -46,6 +46,22 @@ def test_no_path_and_speeds_of_an_optimizer_need_less(seed: int, exponent: float
         assert best.trajectory[-1, 0] == pytest.approx(best.times[-1], rel=crabbing)
 
 
+def test_a_longer_way_keeps_the_speeds_that_the_best_one_does_not_need() -> None:
+    """The short way needs 1.0 m/s of at most 3, the long one a quarter more: both have a route."""
+    chart = renew.Chart(box(0, 0, 150, 150), [box(60, 30, 90, 84)])
+    current = renew.UniformCurrent(0.0, 0.0)
+    given = (chart, current, PAPER_VESSEL, (20.0, 75.0), (130.0, 75.0))
+    short, long = renew.plan(*given, classes=2).routes
+    assert long.length > 1.2 * short.length
+    plan = renew.plan(*given, classes=2, speed=(0.2, 3.0), arrive_by=short.length)
+    assert [route.homotopy for route in plan.routes] == [short.homotopy, long.homotopy]
+    assert plan.rejected == ()
+    for route in plan.routes:
+        assert route.times[-1] <= short.length
+        assert route.fuel == pytest.approx(route.length**2 / short.length, rel=5e-3)
+        assert route.fuel_bound is plan.best.fuel_bound
+
+
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_against_a_current_with_time_free(exponent: float) -> None:
     current = renew.UniformCurrent(-0.4, 0.0)
