@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -118,6 +119,9 @@ def test_a_quick_run_has_every_planner_in_both_environments(tmp_path: Path) -> N
     from pipeline.experiments.baselines.registry import PLANNERS
 
     report = run(chosen_specs(quick=True), tmp_path, quick=True)
+    facts = json.loads((report.parent / "facts.json").read_text("utf-8"))
+    # Two minutes on two processors, by processor time: others may be at work beside the test.
+    assert float(facts["time"].split()[-2]) <= 4.0
     main, equal = (_rows(report.parent / f"{name}.csv") for name in ("main", "equal-padding"))
     for title in ("Single gyre", "4-gyre"):
         ran = {row["planner"] for row in main + equal if row["environment"] == title}
