@@ -46,10 +46,12 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     corners = np.vstack([way.rows[first], path[-1:]])
     time = np.diff(way.sailed(speeds).times)
     speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
-    target, least = voyage.deadline, fastest
+    # The highest speed has a price as well: any will do for a lower bound, but an infinite one.
+    vessel = voyage.vessel
+    target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
     for _ in range(_CLOCK_ROUNDS):
         speeds, price = way.least_fuel(speeds, legs, target, price)
-        price_of_time = price * voyage.vessel.fuel_coefficient
+        price_of_time = price * vessel.fuel_coefficient
         found = _flown(corners, speeds, voyage)._replace(price=price_of_time)
         late = found.arrival - voyage.deadline
         if late <= 0 and found.fuel < least.fuel:
