@@ -164,6 +164,12 @@ class Voyage:
         other.__dict__.update(table=self.table, quick_current=self.quick_current)
         return other
 
+    def due(self, deadline: float) -> Voyage:
+        """Return the same passage with another deadline (s)."""
+        other = replace(self, choice=replace(self.choice, deadline=deadline))
+        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
+        return other
+
     def scheduled(self, path: FloatArray, times: FloatArray) -> Voyage:
         """Return the same passage, when the points of a path (n, 2) are passed at times (n,), s."""
         other = replace(self, schedule=np.column_stack([shares(path), times]))

@@ -46,10 +46,12 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     corners = np.vstack([way.rows[first], path[-1:]])
     time = np.diff(way.sailed(speeds).times)
     speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
-    target, least = voyage.deadline, fastest
+    # The highest speed has a price as well: any will do for a lower bound, but an infinite one.
+    vessel = voyage.vessel
+    target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
     for _ in range(_CLOCK_ROUNDS):
         speeds, price = way.least_fuel(speeds, legs, target, price)
-        price_of_time = price * voyage.vessel.fuel_coefficient
+        price_of_time = price * vessel.fuel_coefficient
         found = _flown(corners, speeds, voyage)._replace(price=price_of_time)
         late = found.arrival - voyage.deadline
         if late <= 0 and found.fuel < least.fuel:
@@ -65,9 +67,17 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
 def constant_speed(path: FloatArray, voyage: Voyage) -> float:
     """Speed (m/s) that needs least fuel along a path, of those that are the same all the way.
 
-    The highest, where no lower one is there in time.
+    The highest, where no lower one is there in time. It is in time by the current itself.
     """
-    return TimedWay(path, voyage).constant[0]
+    deadline = voyage.deadline
+    for _ in range(_CLOCK_ROUNDS):
+        speed = TimedWay(path, voyage.due(deadline)).constant[0]
+        late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
+        if not late > 0 or speed == voyage.vessel.speed:
+            break
+        # By its table the current is a little other than it is.
+        deadline -= late * (1 + _EARLY)
+    return speed
 
 
 def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]:

@@ -186,8 +186,13 @@ class TimedWay:
         """
         exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
         first = np.flatnonzero(np.diff(legs, prepend=-1))
+        if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
+            # Too slow for some water: begun as fast as may be.
+            speeds = np.full(len(speeds), most)
         times = np.diff(self.sailed(speeds[legs]).times)
         total = float(times.sum())
+        if not math.isfinite(total):
+            return speeds, exponent * most**exponent
         mean = float((speeds[legs] * times).sum() / total)
         # In these units a change of any leg's speed costs about as much.
         scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))

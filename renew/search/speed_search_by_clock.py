@@ -38,7 +38,7 @@ _MAX_GROWTHS = 8
 _LONGER = 1.25
 # Rounds in which a route at one speed is looked for, and the share by which its speed may change in
 # the last.
-_ONE_SPEED_ROUNDS, _SAME = 3, 1e-5
+_ONE_SPEED_ROUNDS, _SAME = 4, 1e-7
 # Number of paths along which the trade-off is worked out.
 _CURVES = 3
 

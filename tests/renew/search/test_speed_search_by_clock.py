@@ -100,7 +100,7 @@ def test_one_speed_by_the_same_arrival_is_never_cheaper(seed: int) -> None:
     constant = plan_of(scene, PAPER_VESSEL).best
     plan = plan_of(scene, PAPER_VESSEL, speed=(0.7, 1.5), arrive_by=constant.times[-1])
     best = plan.best
-    assert best.fuel <= constant.fuel * (1 + 5e-5)
+    assert best.fuel <= constant.fuel * (1 + 1e-4)
     assert best.times[-1] <= constant.times[-1]
     for route in plan.routes:
         flown = renew.contingency(
