@@ -100,6 +100,7 @@ reference: $(READY)  ## the reference of a scenario's keys and its JSON schema: 
 # from an earlier one. It loads nothing from the network.
 docs: $(READY)  ## the site, strict: build/site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -E -q -b html docs build/site
+	@echo "The site: build/site/index.html"
 
 notebooks: $(READY)  ## execute docs/notebooks/*.md into docs/tutorials/*.ipynb
 	$(BIN)/python -m tests.notebooks

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pipeline.storage.store import Store
 
 # Number of plans between two notes on how far the choice is.
-_TOLD_EVERY = 20
+_TOLD_EVERY = 5
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,11 @@ def _choice(
     say(f"season {season.name!r}: {len(times)} departures are planned to choose from")
 
     def progress(count: int, unproven: float) -> None:
-        if count > len(times) and count % _TOLD_EVERY == 0:
+        if count % _TOLD_EVERY:
+            return
+        if count < len(times):
+            say(f"season {season.name!r}: {count} of {len(times)} departures are planned")
+        elif count > len(times):
             say(
                 f"season {season.name!r}: {count} departures are planned; another may still be "
                 f"better by {unproven / 60:.0f} min"

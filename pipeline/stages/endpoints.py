@@ -51,7 +51,7 @@ def not_in_water(
         obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
         f"{name} = {list(endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
-        f"nearest water at {place}; move it there or beyond"
+        f"nearest water at {place}; move it there or, where she needs room to turn, beyond"
     )
 
 
@@ -79,17 +79,17 @@ def endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
 def _nearest_water(
     scenario: Scenario, here: shapely.Point, water: shapely.Geometry, projection: Projection
 ) -> tuple[str, str]:
-    """Distance to the water as text, and a place in it as a scenario would give it."""
+    """Distance to a place in the water as text, and that place as a scenario would give it."""
     line = shapely.get_coordinates(shapely.shortest_line(here, water))
     shore, here_xy = line[-1], line[0]
     if scenario.is_planar:
         return f"{np.linalg.norm(shore - here_xy):.4g} m", f"[{shore[0]:.6g}, {shore[1]:.6g}]"
-    metres = projection.geodesic_length_m(line)
     ahead = (shore - here_xy) / max(float(np.linalg.norm(shore - here_xy)), 1e-12)
-    distance = f"{metres / 1000:.1f} km" if metres >= 1000 else f"{metres:.0f} m"
     # Beyond the shore, so that rounding does not move it back onto land.
     tries = [shore + ahead * beyond / projection.scale for beyond in _BEYOND_SHORE_M]
     rounded = [np.round(projection.to_lonlat(xy), _DECIMALS) for xy in [*tries, shore]]
     in_water = [at for at in rounded if water.covers(shapely.Point(projection.to_plane(at)))]
     lon, lat = (in_water or rounded[-1:])[0]
+    metres = projection.geodesic_length_m([here_xy, projection.to_plane((lon, lat))])
+    distance = f"{metres / 1000:.1f} km" if metres >= 1000 else f"{metres:.0f} m"
     return distance, f"[{lon:.{_DECIMALS}f}, {lat:.{_DECIMALS}f}]"
