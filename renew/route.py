@@ -190,7 +190,8 @@ class TradeOff:
         free, and more of it saves no more.
     fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, or of
         the first few where the current changes, each at its best speeds for that arrival. At
-        arrivals other than the planned one another path may be a little cheaper.
+        arrivals near the planned one another path may be a little cheaper, far from it by more: 5 %
+        have been seen where time is free.
     """
 
     arrivals: FloatArray

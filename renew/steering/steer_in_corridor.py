@@ -76,7 +76,7 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
     Among small eddies some curves of a least-fuel path follow each other too closely to be steered,
     while most of it can be, and would lose fuel if all of it were thinned as much as they need.
     """
-    stays = _tolerances_stood(path, corridor)
+    path, stays = _tolerances_stood(path, corridor)
     reach = _AROUND * corridor.voyage.vessel.turning_radius
     first: InfeasibleError | None = None
     for rounding in _ROUNDINGS:
@@ -99,7 +99,8 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
     """A path (n, 2) thinned by growing tolerances, each different from the one before."""
     yield path
-    count, stays = len(path), _tolerances_stood(path, corridor)
+    path, stays = _tolerances_stood(path, corridor)
+    count = len(path)
     for tolerances in range(1, _MAX_THINNED + 1):
         thinned = path[stays >= tolerances]
         if len(thinned) < count:
@@ -107,22 +108,24 @@ def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
             count = len(thinned)
 
 
-def _tolerances_stood(path: FloatArray, corridor: Corridor) -> IntArray:
-    """Number (n,) of the tolerances by which a path can be thinned with each of its points left.
+def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, IntArray]:
+    """Path (n, 2) with its via points, and by how many tolerances each (n,) is left when thinned.
 
     Its ends and via points always are. What Douglas and Peucker's way leaves at a tolerance it
     leaves at all that are smaller.
     """
     radius = corridor.voyage.vessel.turning_radius
     stays: list[IntArray] = []
-    for piece in corridor.voyage.cut(path):
+    pieces = corridor.voyage.cut(path)
+    for piece in pieces:
         line, count = shapely.LineString(piece), np.zeros(len(piece), dtype=np.int64)
         for tolerance in _TOLERANCES:
             left = shapely.get_coordinates(line.simplify(tolerance * radius))
             count += np.isin(piece @ _AS_COMPLEX, left @ _AS_COMPLEX)
         count[[0, -1]] = len(_TOLERANCES) + 1
         stays.append(count[1:] if stays else count)
-    return np.concatenate(stays)
+    whole = np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+    return whole, np.concatenate(stays)
 
 
 def _steered(

@@ -132,8 +132,9 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
     # From the earliest arrival of all to where time is free.
     fastest = plan_of(scene, replace(PAPER_VESSEL, speed=SPEEDS[1])).best
     assert plan.trade_off.arrivals[0] == pytest.approx(fastest.times[-1], abs=0.5)
+    # Where there is far more time another path is best: along those of this plan it needs more.
     free = plan_of(scene, PAPER_VESSEL, speed=SPEEDS).best
-    assert plan.trade_off.fuels[-1] == pytest.approx(free.fuel, rel=0.01)
+    assert free.fuel <= plan.trade_off.fuels[-1] <= 1.1 * free.fuel
     assert free.fuel_bound.value <= free.fuel
 
 
