@@ -163,8 +163,8 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
 def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Path (n, 2) with its long stretches turned to where they are quickest."""
     farthest = _FARTHEST * length_of(path)
-    within = capsules_near(corridor.search_capsules, path, farthest)
-    water = Water(corridor.stream, corridor.search_capsules.select(within))
+    water = Water(corridor.stream, corridor.search_capsules)
+    water = water.near(capsules_near(water.capsules, path, farthest))
     return straightened(path, farthest, water, np.asarray(corridor.exempt.any(axis=1)))
 
 

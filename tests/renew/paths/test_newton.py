@@ -7,22 +7,17 @@ import math
 import numpy as np
 import pytest
 import scipy.optimize
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renew.kernels.capsules import Capsules, legs_are_clear
-from renew.kernels.current_table import STILL_WATER, table_of
+from renew.kernels.capsules import legs_are_clear
+from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.paths.newton import straightened
 from renew.paths.refinement import Water
-from tests.strategies import SIZE, StreamFunctionCurrent, seeds
-
-NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-AT_ONCE = Clock(0.0, math.inf)
-CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
-NOTHING_WHOLE = np.zeros(2, dtype=bool)
+from tests.renew.paths.waters import CALM, NO_LAND, NOTHING_WHOLE, water_beside
+from tests.strategies import SIZE, seeds
 
 
 def test_a_long_slight_bulge_is_straight_afterwards_in_still_water() -> None:
@@ -47,16 +42,10 @@ def test_a_path_is_never_slower_and_stays_clear(seed: int, crab: bool) -> None:
     rng = np.random.default_rng(seed)
     along = np.linspace(20, SIZE - 20, 30)
     path = np.column_stack([along, SIZE / 2 + np.cumsum(rng.normal(0, 2, 30))])
-    start = rng.uniform(20, SIZE - 20, (12, 2))
-    capsules = Capsules(start, start + rng.normal(0, 5, (12, 2)), rng.uniform(0.5, 3, 12))
-    line = shapely.LineString(path)
-    axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
-    capsules = capsules.select(shapely.distance(axes, line) > capsules.radius)
-    table = StreamFunctionCurrent(seed, 0.6).table((0.0, 0.0, SIZE, SIZE))
-    water = Water(Stream(table, Polar(1.0, crab), AT_ONCE), capsules)
+    water = water_beside(path, rng, seed, crab=crab)
     found = straightened(path, 10.0, water, NOTHING_WHOLE)
     assert arrivals(found, water.stream)[-1] <= arrivals(path, water.stream)[-1]
-    assert legs_are_clear(found[:-1], found[1:], capsules).all()
+    assert legs_are_clear(found[:-1], found[1:], water.capsules).all()
 
 
 def test_first_and_last_leg_stay_whole_where_asked() -> None:

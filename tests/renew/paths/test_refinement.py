@@ -12,24 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from renew.kernels.capsules import Capsules, legs_are_clear
-from renew.kernels.current_table import STILL_WATER
-from renew.kernels.ground_speed import Polar
-from renew.kernels.viterbi import Clock, Stream, arrivals
+from renew.kernels.viterbi import arrivals
 from renew.paths.refinement import (
     Water,
     refined_on_transversals,
     with_transversals,
     without_detours,
 )
-from tests.strategies import SIZE, StreamFunctionCurrent, seeds
+from tests.renew.paths.waters import CALM, NOTHING_WHOLE, water_beside
+from tests.strategies import SIZE, seeds
 
 if TYPE_CHECKING:
     from renew._types import FloatArray
-
-NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-AT_ONCE = Clock(0.0, math.inf)
-CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
-NOTHING_WHOLE = np.zeros(2, dtype=bool)
 
 
 def time_of(path: FloatArray, water: Water) -> float:
@@ -74,21 +68,16 @@ def test_a_pass_is_never_slower_and_stays_clear_and_near(seed: int, crab: bool) 
     rng = np.random.default_rng(seed)
     along = np.linspace(20, SIZE - 20, 9)
     path = np.column_stack([along, SIZE / 2 + rng.normal(0, 8, 9)])
-    start = rng.uniform(20, SIZE - 20, (12, 2))
-    capsules = Capsules(start, start + rng.normal(0, 5, (12, 2)), rng.uniform(0.5, 3, 12))
-    # Only capsules beside the path: it is clear to begin with.
-    line = shapely.LineString(path)
-    axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
-    capsules = capsules.select(shapely.distance(axes, line) > capsules.radius)
-    table = StreamFunctionCurrent(seed, 0.6).table((0.0, 0.0, SIZE, SIZE))
-    water = Water(Stream(table, Polar(1.0, crab), AT_ONCE), capsules)
-    exempt = np.zeros((2, len(capsules.radius)), dtype=bool)
+    water = water_beside(path, rng, seed, crab=crab)
+    exempt = np.zeros((2, len(water.capsules.radius)), dtype=bool)
     window = 10.0
     found = refined_on_transversals(path, window, 9, 60.0, water, exempt)
     assert found[[0, -1]].tolist() == path[[0, -1]].tolist()
     assert time_of(found, water) <= time_of(path, water) * (1 + 1e-12)
-    assert legs_are_clear(found[:-1], found[1:], capsules).all()
-    assert shapely.distance(shapely.points(found), line).max() <= window * (1 + 1e-9)
+    assert legs_are_clear(found[:-1], found[1:], water.capsules).all()
+    assert shapely.distance(shapely.points(found), shapely.LineString(path)).max() <= window * (
+        1 + 1e-9
+    )
 
 
 def test_a_path_that_cannot_be_improved_stays_as_it_is() -> None:
