@@ -10,6 +10,8 @@ import shapely
 from pipeline.errors import NoWayError, RequestError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import renew
     from pipeline.geo.projection import Projection
     from pipeline.scenario.model import Scenario
@@ -38,7 +40,11 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
         raise RequestError(faults)
     for name, body in zip(endpoints(scenario), bodies, strict=True):
         if not body & bodies[0]:
-            raise NoWayError([_not_connected(scenario, name, water[min(bodies[0])], projection)])
+            apart = water[[min(bodies[0]), min(body)]]
+            # Water that land encloses stays apart in a wider region, too.
+            open_ended = not scenario.is_planar and _all_reach_edge(apart, chart)
+            text = _not_connected(scenario, name, apart[0], projection, is_open_ended=open_ended)
+            raise (NoWayError if open_ended else RequestError)([text])
 
 
 def not_in_water(
@@ -55,8 +61,19 @@ def not_in_water(
     )
 
 
+def _all_reach_edge(bodies: Iterable[shapely.Geometry], chart: renew.Chart) -> bool:
+    """Whether each body of water goes on where the chart ends."""
+    edge = chart.extent.exterior
+    return all(shapely.dwithin(body, edge, 2 * chart.precision) for body in bodies)
+
+
 def _not_connected(
-    scenario: Scenario, name: str, body: shapely.Geometry, projection: Projection
+    scenario: Scenario,
+    name: str,
+    body: shapely.Geometry,
+    projection: Projection,
+    *,
+    is_open_ended: bool,
 ) -> str:
     """Say where the start's body of water is nearest to another stop."""
     place_given = endpoints(scenario)[name]
@@ -67,7 +84,7 @@ def _not_connected(
         f"{name} = {list(place_given)} lies in another body of water than "
         f"start = {list(scenario.start)}: no water connects them in this chart. The start's body "
         f"of water comes within {distance} of the {name}, at {place}; move the {name} there"
-        + ("" if scenario.is_planar else ", or widen the region")
+        + (", or widen the region" if is_open_ended else "")
     )
 
 

@@ -55,6 +55,8 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
                 f"; season {season!r} ends too early: give currents that reach further, raise its "
                 "max_hours where they do, or depart earlier"
             )
+        if "allow a smaller padding" in failure:
+            failure += "; all are keys of [planner], and renew go has --clearance"
         is_shut = isinstance(error, renew.UnreachableError)
         return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
     seconds = time.perf_counter() - started

@@ -21,7 +21,7 @@ from renew.search.problem import Problem
 _HALVINGS = 6
 # Largest risk that is suggested, and to how much it is found.
 _MAX_RISK, _RISK_STEP = 0.5, 0.01
-# Number of rejected classes whose reasons are quoted.
+# Number of reasons that are quoted, and of classes that are named with each.
 _MAX_REASONS = 3
 
 
@@ -29,31 +29,40 @@ def no_class_error(
     rejected: tuple[Rejected, ...], problem: Problem, policy: PaddingPolicy, method: PathMethod
 ) -> UnreachableError:
     """Error for a plan whose classes were all rejected: the first reasons, and what would help."""
+    alike: dict[str, list[Rejected]] = {}
+    for one in rejected:
+        alike.setdefault(one.reason, []).append(one)
     reasons: list[str] = []
     places: list[FloatArray] = []
-    for one in rejected[:_MAX_REASONS]:
+    for group in itertools.islice(alike.values(), _MAX_REASONS):
         # The places of each reason are numbered on from those of the reasons before it.
-        found = one.cause.places if one.cause else ()
+        found = group[0].cause.places if group[0].cause else ()
         numbers = itertools.count(len(places))
 
         def placeholder(_: FloatArray, numbers: Iterator[int] = numbers) -> str:
             return f"{{{next(numbers)}}}"
 
-        reason = one.located_reason(placeholder)
-        reasons.append(f"class {shortened(one.homotopy)}: {reason}")
+        reasons.append(f"{_named(group)}: {group[0].located_reason(placeholder)}")
         places += found
-    more = f" (and {len(rejected) - _MAX_REASONS} more)" if len(rejected) > _MAX_REASONS else ""
+    left = len(alike) - _MAX_REASONS
+    more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
     if rejected and all(isinstance(one.cause, TooLateError) for one in rejected):
         # Neither padding nor risk makes her arrive much earlier.
         remedy = "take currents that reach further, or depart earlier"
     else:
         tried = "; ".join(suggest_relaxations(problem, policy, method))
         remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
+    count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     return UnreachableError(
-        f"all {len(rejected)} classes were rejected: {'; '.join(reasons)}{more}. To find a route: "
-        f"{remedy}",
-        *places,
+        f"{count} rejected: {'; '.join(reasons)}{more}. To find a route: {remedy}", *places
     )
+
+
+def _named(group: list[Rejected]) -> str:
+    """Name the first of some classes, and count the others."""
+    names = ", ".join(shortened(one.homotopy) for one in group[:_MAX_REASONS])
+    more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
+    return f"class{'es' * (len(group) > 1)} {names}{more}"
 
 
 def suggest_relaxations(problem: Problem, policy: PaddingPolicy, method: PathMethod) -> list[str]:

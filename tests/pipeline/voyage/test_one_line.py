@@ -18,7 +18,7 @@ import xarray as xr
 
 import pipeline
 from pipeline.cli.outcome_json import outcome_json
-from pipeline.errors import RequestError
+from pipeline.errors import NoWayError, RequestError
 from pipeline.loading import load_scenario
 from pipeline.run import run
 from pipeline.sources.quality.field import Field
@@ -228,8 +228,11 @@ def test_where_no_region_joins_start_and_goal_nothing_is_written(
     ring = shapely.LineString(shapely.Point(START).buffer(0.04).exterior.coords).buffer(1e-4)
     file = tmp_path / "ring.geojson"
     file.write_text(shapely.to_geojson(ring))
-    with pytest.raises(RequestError, match="no water connects them"):
+    with pytest.raises(RequestError, match="no water connects them") as refused:
         voyage(file, outputs, "still", name="ring")
+    # Land all round the start shuts it in a wider region, too: none is tried or suggested.
+    assert not isinstance(refused.value, NoWayError)
+    assert "widen" not in str(refused.value)
     assert not (outputs / "ring").exists()
 
 

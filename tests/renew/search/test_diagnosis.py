@@ -57,6 +57,19 @@ def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() 
     assert "no risk up to 0.5 would leave one" in text
     assert re.search(r"a padding of 2\.\d+ m would leave one", text)
     assert "widest way through has a gap of 6.00 m" in text
+    assert text.startswith("the only class was rejected: class e: blocked at (50, 45) m")
+
+
+def test_a_reason_that_classes_share_is_given_once() -> None:
+    islands = [*BLOCKED, box(20, 20, 30, 30), box(60, 20, 70, 30), box(60, 70, 70, 80)]
+    with pytest.raises(renew.UnreachableError) as caught:
+        renew.plan(chart_of(islands), STILL, PAPER_VESSEL, START, GOAL, classes=8)
+    text = str(caught.value)
+    assert text.count("the gap is 6.00 m wide") == 1
+    named = re.match(r"all (\d+) classes were rejected: classes \S+, \S+, \S+ and (\d+) more: ", text)
+    assert named
+    assert int(named[1]) == 3 + int(named[2])
+    assert "more reason" not in text
 
 
 def test_names_of_classes_among_hundreds_of_islands_are_shortened() -> None:

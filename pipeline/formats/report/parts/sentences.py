@@ -78,7 +78,7 @@ class Season:
         if self.best.fuel > rival.fuel:  # the sampled method
             return "because the mean fuel of its class is the least, though not its own."
         ours, theirs = (_gain(route) for route in (self.best, rival))
-        helped = f"the current adds {_signed(ours)} m/s to its speed, {_signed(theirs)} m/s there"
+        helped = f"the current {_effect_on(ours)} its speed and {_effect_on(theirs)} the other's"
         if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
             more = distance(self.best.length_m - rival.length_m)
             return f"because {helped}: that outweighs {more} more."
@@ -86,7 +86,7 @@ class Season:
             return f"because {helped}, over the same distance."
         but = "and" if ours >= theirs else "which outweighs that"
         if _signed(ours) == _signed(theirs):
-            helped, but = f"the current adds {_signed(ours)} m/s to the speed on either", "and"
+            helped, but = f"the current {_effect_on(ours)} the speed on either", "and"
         return f"because {self._shorter(rival)}, {but} {helped}."
 
     def lead(self) -> str:
@@ -244,6 +244,12 @@ def _gain(route: RouteMetrics) -> float:
     """Mean speed that the current adds, m/s; 0 where a route has no duration."""
     gain = speed_over_ground(route) - route.speed_m_s
     return gain if math.isfinite(gain) else 0.0
+
+
+def _effect_on(gain: float) -> str:
+    """Say what a current's gain, m/s, does to a speed, which is named next."""
+    verb, preposition = ("takes", "from") if round(gain, 2) < 0 else ("adds", "to")
+    return f"{verb} {abs(gain):.2f} m/s {preposition}"
 
 
 def _capital(text: str) -> str:

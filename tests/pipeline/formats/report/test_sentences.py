@@ -100,19 +100,19 @@ def test_equal_speeds_are_stated_once() -> None:
 def test_the_reason_is_length_or_the_current() -> None:
     longer = Season([BEST, OTHER]).because()
     assert longer == (
-        "because the current adds +0.25 m/s to its speed, −0.10 m/s there: that outweighs "
-        "40.00 km more."
+        "because the current adds 0.25 m/s to its speed and takes 0.10 m/s from the other's: "
+        "that outweighs 40.00 km more."
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
     assert Season([BEST, shorter]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, which outweighs that "
-        "the current adds +0.25 m/s to its speed, +0.30 m/s there."
+        "the current adds 0.25 m/s to its speed and adds 0.30 m/s to the other's."
     )
     assert Season([BEST]).because() == "because no other class has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
     assert Season([BEST, alike]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
-        "+0.25 m/s to the speed on either."
+        "0.25 m/s to the speed on either."
     )
 
 
