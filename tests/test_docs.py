@@ -163,6 +163,46 @@ def test_the_site_is_built_strictly_and_has_every_public_name(tmp_path: Path) ->
     assert {f"renew.{name}" for name in renew.__all__} <= anchors
 
 
+# A page of a site, the further file of it, and what the strict build must say of the two.
+FAULTS = {
+    "none": ("# Title\n\nA [link](other.md).\n", "other.md", "# Other\n", ""),
+    "broken link": ("# Title\n\nA [link](gone.md).\n", "other.md", "# Other\n", "gone.md"),
+    "no docstring": (
+        "# Title\n\n```{eval-rst}\n.. automodule:: bare_names\n```\n",
+        "bare_names.py",
+        '"""A module."""\n\ndef without_words() -> None:\n    pass\n',
+        "function bare_names.without_words has no docstring",
+    ),
+    "cell not executed": (
+        "# Title\n\nA [link](other.ipynb).\n",
+        "other.ipynb",
+        jupytext.writes(jupytext.reads("# # Other\n\n1 + 1\n", "py:light"), "ipynb"),
+        "failed or was not executed",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_strict_build_fails_at_faults(fault: str, tmp_path: Path) -> None:
+    index, name, text, said = FAULTS[fault]
+    source = tmp_path / "docs"
+    shutil.copytree(ROOT / "docs" / "static", source / "static")
+    (source / "reference").mkdir()
+    shutil.copy(ROOT / "docs" / "reference" / "scenario.schema.json", source / "reference")
+    shutil.copy(ROOT / "docs" / "conf.py", source)
+    (source / name).write_text(text, encoding="utf-8")
+    tree = "" if name.endswith(".py") else "\n```{toctree}\nother\n```\n"
+    (source / "index.md").write_text(index + tree, encoding="utf-8")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-E", "-q", "-b", "html"]
+    done = subprocess.run(
+        [*command, str(source), str(tmp_path / "site")],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(source)])},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode != 0) == bool(said), done.stderr
+    assert said in done.stderr
+
+
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_links_point_at_files_that_exist(document: str) -> None:
     links = re.findall(r"\]\((?!https?:|#|mailto:)([^)#\s]+)(?:#[^)\s]*)?\)", _text(document))

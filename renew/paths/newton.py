@@ -16,12 +16,14 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.kernels.capsules import legs_are_clear
-from renew.kernels.viterbi import Stream, arrivals, leg_time
+from renew.kernels.capsules import Segment, legs_are_clear
+from renew.kernels.current_table import Site, site_of, velocity_there
+from renew.kernels.viterbi import Stream, arrivals, leg_time, leg_time_from
 from renew.paths.refinement import Water
 
-# Step of the differences, as a share of a leg.
-_STEP = 0.05
+# Step of the differences, as a share of the shorter leg beside a point, and the shortest one that
+# counts there, as a share of the path.
+_STEP, _SHORTEST = 0.05, 1e-6
 # Iterations, and tries with ever more damping, or more points held, in each of them.
 _ITERATIONS, _TRIES = 8, 6
 # Damping of the first try, as a share of the mean second derivative, its factor from try to try,
@@ -104,52 +106,88 @@ def _quadratic(
     the current is steady.
     """
     gradient, diagonal, beside = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path))
+    steps = _steps(path)
     weight = 1.0
+    after = _around(path, normals, steps, len(path) - 1, times, stream)
     for k in range(len(path) - 2, -1, -1):
-        h = _STEP * math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        if h == 0.0:
-            continue
-        here = _leg_time(path, normals, k, 0.0, 0.0, times[k], stream)
-        first = _leg_time(path, normals, k, h, 0.0, times[k], stream)
-        first_back = _leg_time(path, normals, k, -h, 0.0, times[k], stream)
-        second = _leg_time(path, normals, k, 0.0, h, times[k], stream)
-        second_back = _leg_time(path, normals, k, 0.0, -h, times[k], stream)
-        both = _leg_time(path, normals, k, h, h, times[k], stream)
-        both_back = _leg_time(path, normals, k, -h, -h, times[k], stream)
-        curvature, next_curvature = first + first_back - 2 * here, second + second_back - 2 * here
+        begin = _around(path, normals, steps, k, times, stream)
+        here = times[k + 1] - times[k]
+        first = _time_between(begin[2], after[1], times[k], stream)
+        first_back = _time_between(begin[0], after[1], times[k], stream)
+        second = _time_between(begin[1], after[2], times[k], stream)
+        second_back = _time_between(begin[1], after[0], times[k], stream)
+        both = _time_between(begin[2], after[2], times[k], stream)
+        h, after_h = steps[k], steps[k + 1]
         gradient[k] += weight * (first - first_back) / (2 * h)
-        gradient[k + 1] += weight * (second - second_back) / (2 * h)
-        diagonal[k] += weight * curvature / h**2
-        diagonal[k + 1] += weight * next_curvature / h**2
-        # Abramowitz and Stegun, Handbook of Mathematical Functions, 25.3.27.
-        mixed = both + both_back - 2 * here - curvature - next_curvature
-        beside[k] = weight * mixed / (2 * h**2)
+        gradient[k + 1] += weight * (second - second_back) / (2 * after_h)
+        diagonal[k] += weight * (first + first_back - 2 * here) / h**2
+        diagonal[k + 1] += weight * (second + second_back - 2 * here) / after_h**2
+        beside[k] = weight * (both - first - second + here) / (h * after_h)
         if len(stream.table.times) > 1:
             later = _STEP * here
-            ends = _leg_time(path, normals, k, 0.0, 0.0, times[k] + later, stream)
+            (ax, ay), (bx, by) = path[k], path[k + 1]
+            ends = leg_time(ax, ay, bx, by, times[k] + later, stream)
             weight *= 1 + (ends - here) / later
+        after = begin
     return _Quadratic(gradient, diagonal, beside)
 
 
 @kernel
-def _leg_time(
+def _steps(path: FloatArray) -> FloatArray:
+    """How far (n,), m, points are moved for the differences: a share of the shorter leg beside."""
+    legs = np.empty(len(path) - 1)
+    for k in range(len(legs)):
+        legs[k] = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    legs = np.maximum(legs, _SHORTEST * legs.sum())
+    steps = np.empty(len(path))
+    steps[0], steps[-1] = legs[0], legs[-1]
+    steps[1:-1] = np.minimum(legs[:-1], legs[1:])
+    return _STEP * steps
+
+
+class _Place(NamedTuple):
+    """Where a point is (m), the table's cell there, and the current when she passes (m/s)."""
+
+    x: float
+    y: float
+    site: Site
+    u: float
+    v: float
+
+
+@kernel
+def _around(
     path: FloatArray,
     normals: FloatArray,
+    steps: FloatArray,
     k: int,
-    shift: float,
-    next_shift: float,
-    begin: float,
+    times: FloatArray,
     stream: Stream,
-) -> float:
-    """Time (s) over the leg from point k, begun at a time (s), with both ends moved (m)."""
-    return leg_time(
-        path[k, 0] + shift * normals[k, 0],
-        path[k, 1] + shift * normals[k, 1],
-        path[k + 1, 0] + next_shift * normals[k + 1, 0],
-        path[k + 1, 1] + next_shift * normals[k + 1, 1],
-        begin,
-        stream,
+) -> tuple[_Place, _Place, _Place]:
+    """Point k moved back along its normal by its step (m), not moved, and moved forth."""
+    dx, dy = steps[k] * normals[k, 0], steps[k] * normals[k, 1]
+    x, y = path[k]
+    return (
+        _place(x - dx, y - dy, times[k], stream),
+        _place(x, y, times[k], stream),
+        _place(x + dx, y + dy, times[k], stream),
     )
+
+
+@kernel
+def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
+    """Place of a point that is passed at some time (s)."""
+    site = site_of(stream.table, x, y)
+    u, v = velocity_there(stream.table, site, time)
+    return _Place(x, y, site, u, v)
+
+
+@kernel
+def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
+    """Time (s) over the leg from a place that is passed at some time (s) to the next."""
+    leg = Segment(a.x, a.y, b.x, b.y)
+    table, polar, clock = stream
+    return leg_time_from(leg, a.u, a.v, b.site, begin, table, polar, clock.step)
 
 
 @kernel

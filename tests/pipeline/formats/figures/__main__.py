@@ -1,10 +1,11 @@
-"""Draw the documents' pictures in docs/pictures/: `python -m tests.pipeline.formats.figures`."""
+"""Draw the documents' pictures: `python -m tests.pipeline.formats.figures [CHARTS]`."""
 
 from __future__ import annotations
 
 import io
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from PIL import Image
 
@@ -16,49 +17,78 @@ from tests.conftest import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from matplotlib.figure import Figure
 
     from pipeline.formats.shared.result import RunResult
 
 PICTURES_FOLDER = ROOT / "docs" / "pictures"
+BOSTON = "boston-enc"
 # Number of colours: more look the same and take twice the space.
 _COLOURS = 256
 
-PICTURES: dict[str, tuple[str, int, Callable[[RunResult], Figure]]] = {
-    "palawan-season": ("palawan-season", 160, overview_figure),
-    "palawan-winter-along": (
-        "palawan-season",
-        160,
-        lambda result: figure(result, "winter", Kind.ALONG),
-    ),
-    **{
-        f"single-gyre-{kind.value}": (
-            "single-gyre",
-            dpi,
-            lambda result, kind=kind: figure(result, "gyre", kind),  # type: ignore[misc]
-        )
-        for kind, dpi in ((Kind.MESH, 130), (Kind.CHANNELS, 100), (Kind.PADDING, 130))
-    },
+
+class Picture(NamedTuple):
+    """What is drawn of a scenario's result: planned with these `currents`, or with its own."""
+
+    scenario: str
+    draw: Callable[[RunResult], Figure]
+    dpi: int
+    currents: str | None = None
+
+
+def of_season(season: str, kind: Kind) -> Callable[[RunResult], Figure]:
+    """One kind of figure of one season."""
+    return lambda result: figure(result, season, kind)
+
+
+PICTURES = {
+    "palawan-season": Picture("palawan-season", overview_figure, 160),
+    "palawan-winter-along": Picture("palawan-season", of_season("winter", Kind.ALONG), 160),
+    "single-gyre-mesh": Picture("single-gyre", of_season("gyre", Kind.MESH), 130),
+    "single-gyre-channels": Picture("single-gyre", of_season("gyre", Kind.CHANNELS), 100),
+    "single-gyre-padding": Picture("single-gyre", of_season("gyre", Kind.PADDING), 130),
+    "palawan-usv": Picture("palawan-usv", of_season("winter", Kind.ROUTES), 130),
+    "hansando": Picture("hansando", of_season("winter", Kind.ROUTES), 130, "embedded-hansando"),
+    "far-east": Picture("far-east", of_season("winter", Kind.ROUTES), 130, "embedded-far-east"),
+    BOSTON: Picture(BOSTON, of_season("winter", Kind.ROUTES), 130, "still"),
 }
-"""Name -> scenario, dots per inch, and what to draw of its result."""
+# Figures of the experiments, if `outputs` holds a whole run of them.
+EXPERIMENTS = {
+    f"experiments-{name}": name
+    for name in ("single-gyre-planners", "four-gyre-planners", "fuel-against-seconds")
+}
 
 
-def draw(output: Path) -> None:
-    """Draw all pictures, from results in an output folder, where missing ones are planned."""
-    scenarios = {scenario for scenario, _, _ in PICTURES.values()}
-    results = {}
-    for name in sorted(scenarios):
-        with planned_scenario(load_scenario(name), output, offline=True) as result:
-            results[name] = result
-    for name, (scenario, dpi, drawing) in PICTURES.items():
-        drawn = io.BytesIO()
-        drawing(results[scenario]).savefig(drawn, format="png", dpi=dpi)
-        few = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
-        few.save(PICTURES_FOLDER / f"{name}.png", optimize=True)
-        sys.stdout.write(f"docs/pictures/{name}.png\n")
+def draw(output: Path, charts: Path | None) -> None:
+    """Draw all pictures, from results in an output folder, where missing ones are planned.
+
+    Without the folder of charts that holds NOAA's cell US5BOSCD that of Boston stays as it is.
+    """
+    for name, picture in PICTURES.items():
+        if picture.scenario == BOSTON and charts is None:
+            continue
+        scenario = load_scenario(
+            picture.scenario,
+            charts=charts if picture.scenario == BOSTON else None,
+            currents=(picture.currents,) if picture.currents else (),
+        )
+        with planned_scenario(scenario, output, offline=True) as result:
+            drawn = io.BytesIO()
+            picture.draw(result).savefig(drawn, format="png", dpi=picture.dpi)
+            save(Image.open(drawn), name)
+    for name, drawing in EXPERIMENTS.items():
+        file = output / "experiments" / f"{drawing}.png"
+        if file.is_file():
+            save(Image.open(file), name)
+
+
+def save(image: Image.Image, name: str) -> None:
+    """Save a picture in few colours."""
+    few = image.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+    few.save(PICTURES_FOLDER / f"{name}.png", optimize=True)
+    sys.stdout.write(f"docs/pictures/{name}.png\n")
 
 
 if __name__ == "__main__":
-    draw(ROOT / "outputs")
+    draw(ROOT / "outputs", Path(sys.argv[1]) if len(sys.argv) > 1 else None)

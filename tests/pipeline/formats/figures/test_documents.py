@@ -14,7 +14,7 @@ from PIL import Image
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from tests.conftest import ROOT
-from tests.pipeline.formats.figures.__main__ import PICTURES, PICTURES_FOLDER
+from tests.pipeline.formats.figures.__main__ import EXPERIMENTS, PICTURES, PICTURES_FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
 MAX_BYTES = 300_000
+NAMES = {*PICTURES, *EXPERIMENTS}
 
 
 def test_the_pictures_exist_and_are_small() -> None:
-    assert {path.stem for path in PICTURES_FOLDER.glob("*.png")} == set(PICTURES)
+    assert {path.stem for path in PICTURES_FOLDER.glob("*.png")} == NAMES
     for path in PICTURES_FOLDER.glob("*.png"):
         assert path.stat().st_size < MAX_BYTES
         with Image.open(path) as picture:
@@ -38,7 +39,7 @@ def test_every_picture_is_shown_and_described() -> None:
         for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
         for text, link in re.findall(r"!\[([^\]]*)\]\(([^)\s]+)\)", page.read_text("utf-8"))
     ]
-    assert {PICTURES_FOLDER / f"{name}.png" for name in PICTURES} <= {path for path, _ in shown}
+    assert {PICTURES_FOLDER / f"{name}.png" for name in NAMES} <= {path for path, _ in shown}
     assert [path for path, text in shown if len(text) <= 20] == []
 
 
@@ -50,13 +51,13 @@ def gyre(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunResult]:
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, (scenario, _, _) in PICTURES.items() if scenario == "single-gyre"]
+    "name", [name for name, one in PICTURES.items() if one.scenario == "single-gyre"]
 )
 def test_the_gyres_pictures_are_up_to_date(name: str, gyre: RunResult) -> None:
     """If not, draw them again: `python -m tests.pipeline.formats.figures`."""
-    _, dpi, drawing = PICTURES[name]
+    picture = PICTURES[name]
     file = io.BytesIO()
-    drawing(gyre).savefig(file, format="png", dpi=dpi)
+    picture.draw(gyre).savefig(file, format="png", dpi=picture.dpi)
     now = imread(io.BytesIO(file.getvalue()))[..., :3]
     published = imread(PICTURES_FOLDER / f"{name}.png")[..., :3]
     assert published.shape == now.shape
