@@ -10,6 +10,10 @@ from dataclasses import replace
 from typing import Unpack, cast
 
 from renew._types import FloatArray
+from renew.departures.around_areas import SailingsAround, plan_around, with_always_shut
+from renew.departures.departure_window import DepartureWindow, Progress
+from renew.departures.latest_departure import latest_departure
+from renew.departures.sailings import DeparturePlanner, Sailings
 from renew.errors import ParameterError
 from renew.inputs.arguments import (
     DistinctBy,
@@ -38,16 +42,12 @@ from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.route import Departures, Plan
-from renew.search.around_areas import SailingsAround, plan_around, with_always_shut
 from renew.search.class_planner import ClassPlanner, PathMethod
-from renew.search.departure_window import DepartureWindow, Progress
 from renew.search.diagnosis import no_class_error
 from renew.search.harmonic_mean import chosen_class
 from renew.search.k_sailable_classes import plan_classes
-from renew.search.latest_departure import latest_departure
 from renew.search.problem import Problem
-from renew.search.sailings import DeparturePlanner, Sailings
-from renew.search.speed_search_by_clock import plan_by_clock
+from renew.speeds.speed_search_by_clock import plan_by_clock
 
 
 def plan(
@@ -130,14 +130,14 @@ def plan(
     avoid : sequence of ShutArea
         Areas that are shut, always or for some hours: neither early, on time nor late is the vessel
         in one while it is shut, nor in a turn that it begins; see
-        :mod:`renew.search.around_areas`.
+        :mod:`renew.departures.around_areas`.
     speed : (float, float), optional
         Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
         in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
         time there is, or for which the current is known. Land is padded, and turns are steered, for
         the highest. The plan then has a `trade_off` of fuel against arrival. Not with `via`, nor
-        with areas shut for some hours. See :mod:`renew.search.speed_search`, and for currents that
-        change :mod:`renew.search.speed_search_by_clock`, where the lower bound is loose.
+        with areas shut for some hours. See :mod:`renew.speeds.speed_search`, and for currents that
+        change :mod:`renew.speeds.speed_search_by_clock`, where the lower bound is loose.
 
     Returns
     -------
@@ -241,7 +241,7 @@ def plan_departures(
 
     All departures share triangulation, classes, the table of the current, and what is known of
     padding; at each only such classes are planned to the end as may be its best. For the proof that
-    no departure between them is better see :mod:`renew.search.departure_window`.
+    no departure between them is better see :mod:`renew.departures.departure_window`.
 
     Parameters
     ----------

@@ -66,7 +66,9 @@ def test_a_reason_that_classes_share_is_given_once() -> None:
         renew.plan(chart_of(islands), STILL, PAPER_VESSEL, START, GOAL, classes=8)
     text = str(caught.value)
     assert text.count("the gap is 6.00 m wide") == 1
-    named = re.match(r"all (\d+) classes were rejected: classes \S+, \S+, \S+ and (\d+) more: ", text)
+    named = re.match(
+        r"all (\d+) classes were rejected: classes \S+, \S+, \S+ and (\d+) more: ", text
+    )
     assert named
     assert int(named[1]) == 3 + int(named[2])
     assert "more reason" not in text

@@ -25,7 +25,7 @@ from renew.search.class_planner import ClassPlanner, Found
 from renew.search.growing_padding import grown
 from renew.search.k_sailable_classes import Results, plan_classes
 from renew.search.room_to_turn import steered_with_room
-from renew.search.speed_search import SpeedSearch, Way, plan_at_chosen_speeds
+from renew.speeds.speed_search import SpeedSearch, Way, plan_at_chosen_speeds
 from renew.steering.steer_in_corridor import steer_as_drawn
 
 # Largest number of rounds in which path and speeds of a class are improved, and the share of its

@@ -12,8 +12,8 @@ from shapely import box
 
 import renew
 from renew.inputs.current import as_field
-from renew.search import speed_search_by_clock
-from renew.search.speed_search import SpeedSearch
+from renew.speeds import speed_search_by_clock
+from renew.speeds.speed_search import SpeedSearch
 from tests.moving_waters import MovingScene, moving_scene
 from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene

@@ -25,6 +25,8 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
+from renew.departures.latest_departure import too_late_error
+from renew.departures.sailings import Sailings
 from renew.errors import InfeasibleError, PlanningError
 from renew.inputs.arguments import check_current_at_endpoints
 from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
@@ -33,8 +35,6 @@ from renew.search.class_planner import ClassPlanner, Found
 from renew.search.diagnosis import no_class_error
 from renew.search.growing_padding import grown
 from renew.search.k_sailable_classes import Results
-from renew.search.latest_departure import too_late_error
-from renew.search.sailings import Sailings
 
 # Largest number of rounds in which the price is looked for, and its change, as a share of it, from
 # which it counts as settled: fuel differs by the square of that.

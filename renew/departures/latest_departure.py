@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from renew._types import FloatArray
+from renew.departures.sailings import DeparturePlanner, Sailing
 from renew.errors import ArrivalError
 from renew.inputs.voyage import Voyage
-from renew.search.sailings import DeparturePlanner, Sailing
 
 # Share of the time under way by which she may arrive earlier than asked, and largest number of
 # departures that are planned to come as close.

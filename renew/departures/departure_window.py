@@ -31,8 +31,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renew.departures.sailings import DeparturePlanner, Sailing
 from renew.route import Departures, Plan
-from renew.search.sailings import DeparturePlanner, Sailing
 
 Progress = Callable[[int, float], None]
 """Told after each plan: how many there are, and by how many seconds the best may be beaten."""

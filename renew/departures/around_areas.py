@@ -13,13 +13,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from renew.departures.sailings import Sailing, Sailings
 from renew.errors import InfeasibleError, PlanningError, UnreachableError
 from renew.inputs.chart import Chart
 from renew.inputs.shut_area import ShutArea, polygons_of
 from renew.route import Plan, Rejected, Route
 from renew.search.class_planner import ClassPlanner
 from renew.search.harmonic_mean import chosen_class
-from renew.search.sailings import Sailing, Sailings
 from renew.turns.shut_hours import meeting
 
 

@@ -13,11 +13,11 @@ from scipy.optimize import brentq, minimize_scalar
 from shapely import box
 
 import renew
+from renew.departures.sailings import Sailings, in_order_of_arrival
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.problem import Problem
-from renew.search.sailings import Sailings, in_order_of_arrival
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
 
