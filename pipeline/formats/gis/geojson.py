@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.exchange.text import attribution, document_title, waypoint_name
-from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import json_value

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.gis import project, records
-from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.gis.styles import qml
-from pipeline.formats.gis.view import view
+from pipeline.formats.gis import records
+from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.qgis import project
+from pipeline.formats.gis.qgis.styles import qml
+from pipeline.formats.gis.qgis.view import view
 from pipeline.formats.shared.os_errors import os_error
 from pipeline.formats.tables.manifest import manifest
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from pipeline.formats.gis.fields import FIELDS
+from pipeline.formats.gis.layers.fields import FIELDS
 
 if TYPE_CHECKING:
     import sqlite3

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.formats.gis.geojson import bounding_box, write_geojson
-from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from tests.pipeline.formats import runs

@@ -21,10 +21,10 @@ from lxml import etree
 import renew
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.map_crs import map_crs
-from pipeline.formats.gis.styles import style
-from pipeline.formats.gis.symbols import clean, literal
-from pipeline.formats.gis.view import view
+from pipeline.formats.gis.qgis.map_crs import map_crs
+from pipeline.formats.gis.qgis.styles import style
+from pipeline.formats.gis.qgis.symbols import clean, literal
+from pipeline.formats.gis.qgis.view import view
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east

@@ -11,7 +11,7 @@ from pipeline.formats.figures.graticule import nice_step
 from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
-    from pipeline.formats.gis.map_crs import MapCrs
+    from pipeline.formats.gis.qgis.map_crs import MapCrs
 
     Element = Any  # lxml has no types
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.gis.chart_layers import (
+from pipeline.formats.gis.layers.chart_layers import (
     chart_areas,
     coast,
     depth_areas,
@@ -16,7 +16,7 @@ from pipeline.formats.gis.chart_layers import (
     islands,
     no_go,
 )
-from pipeline.formats.gis.columns import (
+from pipeline.formats.gis.layers.columns import (
     ROUTE_STEP_M,
     ZONE_STEP_M,
     Layer,
@@ -29,7 +29,7 @@ from pipeline.formats.gis.columns import (
     text,
     to_lonlat,
 )
-from pipeline.formats.gis.passage_layers import legs, passage
+from pipeline.formats.gis.layers.passage_layers import legs, passage
 from pipeline.formats.shared.legs import legs as planned_legs
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.gis.chart_styles import (
+from pipeline.formats.gis.qgis.chart_styles import (
     chart_areas_style,
     coast_style,
     depth_areas_style,
     hazards_style,
     no_go_style,
 )
-from pipeline.formats.gis.symbols import (
+from pipeline.formats.gis.qgis.symbols import (
     Label,
     Rule,
     Style,
@@ -32,7 +32,7 @@ from pipeline.formats.gis.symbols import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from pipeline.formats.gis.view import SeasonView, View
+    from pipeline.formats.gis.qgis.view import SeasonView, View
 
     Element = Any  # lxml has no types
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from pipeline.formats.gis.fields import FIELDS
+from pipeline.formats.gis.layers.fields import FIELDS
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 

@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING, Any
 from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.gis.layout import put_layouts
-from pipeline.formats.gis.map_crs import lonlat_system, map_crs
-from pipeline.formats.gis.styles import style
-from pipeline.formats.gis.symbols import MAX_TITLE_LENGTH, clean, one_line
+from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.qgis.layout import put_layouts
+from pipeline.formats.gis.qgis.map_crs import lonlat_system, map_crs
+from pipeline.formats.gis.qgis.styles import style
+from pipeline.formats.gis.qgis.symbols import MAX_TITLE_LENGTH, clean, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pipeline.formats.gis.columns import Layer
-    from pipeline.formats.gis.map_crs import MapCrs, ReferenceSystem
-    from pipeline.formats.gis.view import SeasonView, View
+    from pipeline.formats.gis.layers.columns import Layer
+    from pipeline.formats.gis.qgis.map_crs import MapCrs, ReferenceSystem
+    from pipeline.formats.gis.qgis.view import SeasonView, View
     from pipeline.formats.shared.result import RunResult
 
     Element = Any  # lxml has no types

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.gis.columns import Table, integer, multi, real, text
+from pipeline.formats.gis.layers.columns import Table, integer, multi, real, text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.exchange.text import waypoint_name
-from pipeline.formats.gis.columns import (
+from pipeline.formats.gis.layers.columns import (
     Table,
     concatenated,
     integer,

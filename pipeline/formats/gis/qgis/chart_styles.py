@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.gis.symbols import Rule, Style, colour, fill, rule_renderer
+from pipeline.formats.gis.qgis.symbols import Rule, Style, colour, fill, rule_renderer
 
 # Least depth of an area, m at chart datum, from one limit and below another -> its tint.
 _DEPTH_TINTS = (

@@ -1,0 +1,1 @@
+"""The layers of a run: what each holds, its columns and their meanings."""
