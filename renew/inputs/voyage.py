@@ -226,6 +226,18 @@ class Voyage:
 
     def fuel(self, path: FloatArray) -> float:
         """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
+        key = path.tobytes()
+        if key not in self._fuels:
+            self._fuels[key] = self._fuel(path)
+        return self._fuels[key]
+
+    @cached_property
+    def _fuels(self) -> dict[bytes, float]:
+        """Fuel of paths: each step towards a route asks for that of the step before."""
+        return {}
+
+    def _fuel(self, path: FloatArray) -> float:
+        """Work the same out in the field itself."""
         if self.has_price:
             pieces = Pieces.of(path)
             velocity = self.current.velocity(pieces.points, self.departure)

@@ -117,12 +117,16 @@ def _quadratic(
         second = _time_between(begin[1], after[2], times[k], stream)
         second_back = _time_between(begin[1], after[0], times[k], stream)
         both = _time_between(begin[2], after[2], times[k], stream)
+        both_back = _time_between(begin[0], after[0], times[k], stream)
+        curvature, after_curvature = first + first_back - 2 * here, second + second_back - 2 * here
         h, after_h = steps[k], steps[k + 1]
         gradient[k] += weight * (first - first_back) / (2 * h)
         gradient[k + 1] += weight * (second - second_back) / (2 * after_h)
-        diagonal[k] += weight * (first + first_back - 2 * here) / h**2
-        diagonal[k + 1] += weight * (second + second_back - 2 * here) / after_h**2
-        beside[k] = weight * (both - first - second + here) / (h * after_h)
+        diagonal[k] += weight * curvature / h**2
+        diagonal[k + 1] += weight * after_curvature / after_h**2
+        # Abramowitz and Stegun, Handbook of Mathematical Functions, 25.3.27.
+        mixed = both + both_back - 2 * here - curvature - after_curvature
+        beside[k] = weight * mixed / (2 * h * after_h)
         if len(stream.table.times) > 1:
             later = _STEP * here
             (ax, ay), (bx, by) = path[k], path[k + 1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 
@@ -54,7 +53,9 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     enough = _CHEAP * voyage.fuel(path)
     least, best = math.inf, None
     first: InfeasibleError | None = None
-    for thinned, rounding in itertools.product(_thinned(path, corridor), _ROUNDINGS):
+    # Mostly the path itself can be steered: it is thinned only when that is asked for.
+    tries = ((path, rounding) for path in _thinned(path, corridor) for rounding in _ROUNDINGS)
+    for thinned, rounding in tries:
         try:
             steered = _steered(thinned, corridor, rounding)
         except InfeasibleError as error:

@@ -145,13 +145,14 @@ def _crab_along(
     """
     tangent = np.stack([np.cos(curve.course), np.sin(curve.course)], axis=-1)
     lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
+    velocity = np.empty(curve.points.shape)
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Time (p,), s, over some legs, by the times (p + 1,) at their ends."""
         ends = slice(some.start, some.stop + 1)
-        velocity = current.velocity(curve.points[ends], times)
+        velocity[ends] = current.velocity(curve.points[ends], times)
         both = [
-            ground_speed(velocity[side], tangent[ends][side], through_water[some], "crab")
+            ground_speed(velocity[ends][side], tangent[ends][side], through_water[some], "crab")
             for side in (slice(0, -1), slice(1, None))
         ]
         slowness = np.where(np.array(both) > 0, 1 / np.where(np.array(both) > 0, both, 1.0), np.inf)
@@ -161,7 +162,6 @@ def _crab_along(
     if not math.isfinite(time[-1]):
         at = curve.points[~np.isfinite(time)][0]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)
-    velocity = current.velocity(curve.points, time)
     around = np.concatenate([through_water[:1], through_water, through_water[-1:]])
     speed = ground_speed(velocity, tangent, (around[:-1] + around[1:]) / 2, "crab")
     towards = speed[:, None] * tangent - velocity
