@@ -21,7 +21,7 @@ from pipeline.experiments.findings import Findings
 from pipeline.experiments.jobs import Job, Result, run_job
 from pipeline.experiments.plan_of_jobs import QUICK, Design
 from pipeline.experiments.tables.tables import Results, tables
-from pipeline.experiments.workers import processors, results_of
+from pipeline.experiments.workers import begin_warming, processors, results_of
 from pipeline.session import session
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def run(
     """
     from pipeline.experiments.report.page import write_report
 
+    begin_warming()
     with session(NAME, output) as held:
         environments = tuple(load_environment(spec, held.store) for spec in specs)
         found = run_planners(environments, quick=quick, workers=workers, on_result=on_result)

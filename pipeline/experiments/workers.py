@@ -10,16 +10,26 @@ import multiprocessing
 import os
 import time
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from multiprocessing.context import ForkServerContext
 
     from pipeline.experiments.jobs import Job, Result
 
 WARM_MODULE = "pipeline.experiments.warm"
+
+
+def begin_warming() -> ForkServerContext:
+    """Start the fork server, if it doesn't run yet: it compiles while other things are done."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([WARM_MODULE])
+    forkserver.ensure_running()
+    return context
 
 
 def results_of(
@@ -32,8 +42,7 @@ def results_of(
     StageError
         A process was killed: out of memory, or a crash in a library.
     """
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([WARM_MODULE])
+    context = begin_warming()
     started = time.monotonic()
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
         waiting = {pool.submit(work, job): job for job in jobs}

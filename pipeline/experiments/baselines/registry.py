@@ -58,8 +58,8 @@ PLANNERS = {
         Planner("A*", "paper", "grid_a_star", "a_star"),
         Planner("A*-D", "paper", "grid_a_star", "a_star_dubins"),
         Planner("BIT*", "fuel", "with_fuel", "bit_star", 3, 8_000_000),
-        Planner("RRT* Eq. 4", "fuel", "with_fuel", "rrt_star_fuel", 3, 1_800_000),
-        Planner("PRM*", "fuel", "with_fuel", "prm_star_fuel", 3, 1_000_000),
+        Planner("RRT* Eq. 4", "fuel", "with_fuel", "rrt_star_fuel", 3, 1_600_000),
+        Planner("PRM*", "fuel", "with_fuel", "prm_star_fuel", 3, 850_000),
         Planner("isochrone", "fuel", "isochrone", "isochrone"),
         Planner("energy graph", "fuel", "energy_graph", "energy_graph"),
     )
