@@ -58,11 +58,16 @@ _WIDE = tuple(
     _Pass(window, max(1 / 80, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
 )
-_NARROW = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
+_NARROWING = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
+# Before the narrowest Newton's method leaves little to find.
+_NARROW = (*_NARROWING[:4], _NARROWING[5])
 # The same where eddies are small: a wide window holds several, between which the first path was
 # chosen already; and the path bends more often.
 _WIDE_IN_EDDIES = _WIDE[2:]
-_NARROW_IN_EDDIES = (*_NARROW[:3], *(one._replace(spacing=1 / 160) for one in _NARROW[3:]))
+_NARROW_IN_EDDIES = (
+    *_NARROWING[:3],
+    *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),
+)
 # How far Newton's method moves points, as a share of the path.
 _FARTHEST = 0.05
 # A point (x, y) as x + iy, so that points can be looked up among others.
