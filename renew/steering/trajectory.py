@@ -7,20 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import ground_speed, reading_times, times_under_way
 from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
+from renew.kernels.angles import wrapped
 from renew.steering.turning_radius import corner_radius, course_changes
 
 # Angle (rad) between the points of an arc: chords leave it by 0.02 % of the radius.
-_ARC_STEP = np.radians(2)
+_ARC_STEP = math.radians(2)
 # Number of samples on the straight legs together: the heading follows a current that changes.
 _LEG_SAMPLES = 256
 # Factor by which radii grow until the heading rate is at most ω, and how often they may.
 _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 20
+# Length of a leg that is none, as a share of the whole.
+_NO_LENGTH = 1e-9
 # Largest turn (rad) at a point where only the speed changes: rounding.
 _STRAIGHT = 1e-9
 
@@ -82,57 +86,98 @@ class _Curve:
 
 
 def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
-    """Round every corner of a path (n, 2) with its radius (n - 2,)."""
-    legs = np.diff(path, axis=0)
-    lengths = np.linalg.norm(legs, axis=1)
-    turn, _ = course_changes(path)
-    course = np.arctan2(legs[0, 1], legs[0, 0]) + np.concatenate([[0.0], np.cumsum(turn)])
-    tangent = radius * np.tan(np.abs(turn) / 2)
-    # A leg is shared between its two corners by what each needs.
-    asked = np.concatenate([[0.0], tangent]) + np.concatenate([tangent, [0.0]])
-    if (asked > lengths * (1 + 1e-12)).any():
-        i = int(np.argmax(asked - lengths))
+    """Round every corner of a path (n, 2) with its radius (n - 2,); samples on its legs."""
+    points, course, corner, cramped, asked, length = _with_arcs(for_kernels(path), radius)
+    if cramped >= 0:
         raise InfeasibleError(
-            f"the corners beside the leg at {{0}} need {asked[i]:.2f} m to turn in; it has "
-            f"{lengths[i]:.2f} m",
-            path[i],
+            f"the corners beside the leg at {{0}} need {asked:.2f} m to turn in; it has "
+            f"{length:.2f} m",
+            path[cramped],
         )
+    return _Curve(*_densified(points, course, corner))
+
+
+@kernel
+def _with_arcs(
+    path: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray, int, float, float]:
+    """Points (m, 2), course (m,) rad and corner or -1 (m,) of a path (n, 2) with arcs for corners.
+
+    Then the leg that is most too short for its corners, or -1; what they ask for, and have, m.
+    """
+    inner = len(radius)
+    turns, first_course = np.zeros(inner + 1), 0.0
+    lengths, tangent = np.empty(inner + 1), np.zeros(inner + 2)
+    last = 0.0
+    for k in range(inner + 1):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        lengths[k], towards = math.hypot(dx, dy), math.atan2(dy, dx)
+        if k == 0:
+            first_course = towards
+        else:
+            turns[k] = wrapped(towards - last)
+            tangent[k] = radius[k - 1] * math.tan(abs(turns[k]) / 2)
+        last = towards
+    # A leg is shared between its two corners by what each needs.
+    cramped, asked, worst = -1, 0.0, -math.inf
+    for k in range(inner + 1):
+        need = tangent[k] + tangent[k + 1]
+        if need > lengths[k] * (1 + 1e-12) and need - lengths[k] > worst:
+            cramped, asked, worst = k, need, need - lengths[k]
     # Each corner becomes the points of an arc; the path's ends stay single points.
-    steps = np.maximum(1, np.ceil(np.abs(turn) / _ARC_STEP).astype(np.int64))
-    at = np.repeat(np.arange(len(turn)), steps + 1)
-    place = np.arange(len(at)) - np.repeat(np.cumsum(steps + 1) - (steps + 1), steps + 1)
-    along = course[at] + turn[at] * place / steps[at]
-    unit = legs / lengths[:, None]
-    side = np.where(turn >= 0, 1.0, -1.0)
-    normal = np.stack([-unit[:-1, 1], unit[:-1, 0]], axis=-1)
-    centre = path[1:-1] - tangent[:, None] * unit[:-1] + (side * radius)[:, None] * normal
-    outwards = along - side[at] * np.pi / 2
-    arcs = centre[at] + radius[at, None] * np.stack([np.cos(outwards), np.sin(outwards)], axis=-1)
-    return _densified(
-        _Curve(
-            np.concatenate([path[:1], arcs, path[-1:]]),
-            np.concatenate([course[:1], along, course[-1:]]),
-            np.concatenate([[-1], at, [-1]]),
-        )
-    )
+    steps = np.maximum(1, np.ceil(np.abs(turns[1:]) / _ARC_STEP)).astype(np.int64)
+    count = 2 + (steps + 1).sum()
+    points, course = np.empty((count, 2)), np.empty(count)
+    corner = np.full(count, -1, dtype=np.int64)
+    points[0], course[0] = path[0], first_course
+    at, behind = 1, first_course
+    for k in range(1, inner + 1):
+        side = 1.0 if turns[k] >= 0 else -1.0
+        ux = (path[k, 0] - path[k - 1, 0]) / lengths[k - 1]
+        uy = (path[k, 1] - path[k - 1, 1]) / lengths[k - 1]
+        centre_x = path[k, 0] - tangent[k] * ux - side * radius[k - 1] * uy
+        centre_y = path[k, 1] - tangent[k] * uy + side * radius[k - 1] * ux
+        for place in range(steps[k - 1] + 1):
+            course[at] = behind + turns[k] * place / steps[k - 1]
+            outwards = course[at] - side * math.pi / 2
+            points[at, 0] = centre_x + radius[k - 1] * math.cos(outwards)
+            points[at, 1] = centre_y + radius[k - 1] * math.sin(outwards)
+            corner[at] = k - 1
+            at += 1
+        behind += turns[k]
+    points[at], course[at] = path[-1], behind
+    return points, course, corner, cramped, asked, lengths[max(cramped, 0)]
 
 
-def _densified(curve: _Curve) -> _Curve:
+@kernel
+def _densified(
+    points: FloatArray, course: FloatArray, corner: IntArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Cut long legs so that the current along them is followed, and drop those of no length."""
-    lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
-    keep = np.concatenate([[True], lengths > 1e-9 * lengths.sum()])
-    points, course, corner = curve.points[keep], curve.course[keep], curve.corner[keep]
-    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    pieces = np.maximum(1, np.ceil(_LEG_SAMPLES * lengths / lengths.sum()).astype(int))
-    leg = np.repeat(np.arange(len(lengths)), pieces)
-    place = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
-    dense = points[leg] + place[:, None] * (points[leg + 1] - points[leg])
-    between = course[leg] + place * (course[leg + 1] - course[leg])
-    return _Curve(
-        np.vstack([dense, points[-1:]]),
-        np.append(between, course[-1]),
-        np.append(np.where(place == 0, corner[leg], -1), corner[-1]),
-    )
+    whole = 0.0
+    for k in range(1, len(points)):
+        whole += math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+    kept, lengths = [0], [0.0]
+    for k in range(1, len(points)):
+        length = math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        if length > _NO_LENGTH * whole:
+            kept.append(k)
+            lengths.append(length)
+    pieces = [max(1, math.ceil(_LEG_SAMPLES * length / whole)) for length in lengths[1:]]
+    count = sum(pieces) + 1
+    dense, courses = np.empty((count, 2)), np.empty(count)
+    corners = np.full(count, -1, dtype=np.int64)
+    at = 0
+    for leg in range(len(pieces)):
+        here, there = kept[leg], kept[leg + 1]
+        corners[at] = corner[here]
+        for piece in range(pieces[leg]):
+            place = piece / pieces[leg]
+            dense[at] = points[here] + place * (points[there] - points[here])
+            courses[at] = course[here] + place * (course[there] - course[here])
+            at += 1
+    dense[at], courses[at], corners[at] = points[kept[-1]], course[kept[-1]], corner[kept[-1]]
+    return dense, courses, corners
 
 
 def _crab_along(

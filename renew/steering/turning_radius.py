@@ -7,11 +7,13 @@ turns by δ can be rounded with that radius when r' tan(δ/2) <= min(a, b) / 2.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray
 from renew.inputs.current import CurrentField
-from renew.inputs.fuel import ground_speed
 from renew.inputs.vessel import Vessel
 from renew.kernels.angles import wrapped
 
@@ -58,33 +60,46 @@ def course_changes(paths: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def corner_radius(
-    paths: FloatArray,
+    path: FloatArray,
     current: CurrentField,
     vessel: Vessel,
     times: float | FloatArray = 0.0,
     speeds: FloatArray | None = None,
 ) -> FloatArray:
-    """Smallest radius (..., n - 2) in metres that can be steered over ground at inner corners.
+    """Smallest radius (n - 2,) in metres that can be steered over ground at a path's inner corners.
 
     At a course χ with crab angle β (sin β = c⊥ / v) the heading turns by V / (v cos β) for each
     radian of χ, with V the speed over ground: following the curve at rate ω takes a radius of
     V² / (ω v cos β). In a following current that is more than r' = V / ω. The larger of the two
     legs' radii counts; where the course can't be held, r' with V = v + |c|. Corners are passed at
-    `times` (..., n - 2), s; legs are sailed at the vessel's speed, or at speeds (n - 1,).
+    `times` (n - 2), s; legs are sailed at the vessel's speed, or at speeds (n - 1,).
     """
     if speeds is None:
-        speeds = np.full(paths.shape[-2] - 1, vessel.speed)
-    corners, legs = paths[..., 1:-1, :], np.diff(paths, axis=-2)
-    units = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
-    velocity = current.velocity(corners, times)
-    radius = np.zeros(corners.shape[:-1])
-    sides = ((units[..., :-1, :], speeds[:-1]), (units[..., 1:, :], speeds[1:]))
-    for tangent, speed in sides:
-        over_ground = ground_speed(velocity, tangent, speed, "crab")
-        along = (velocity * tangent).sum(-1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            # over_ground - along = v cos β
-            needed = over_ground**2 / (vessel.turn_rate * (over_ground - along))
-        bound = (speed + np.linalg.norm(velocity, axis=-1)) / vessel.turn_rate
-        radius = np.maximum(radius, np.where(np.isfinite(needed), needed, bound))
+        speeds = np.full(len(path) - 1, vessel.speed)
+    velocity = for_kernels(current.velocity(path[1:-1], times))
+    return _corner_radius(for_kernels(path), velocity, speeds, vessel.turn_rate)
+
+
+@kernel
+def _corner_radius(
+    path: FloatArray, velocity: FloatArray, speeds: FloatArray, turn_rate: float
+) -> FloatArray:
+    """The same radii (n - 2,) from the current (n - 2, 2) at the corners."""
+    radius = np.zeros(len(velocity))
+    for k in range(len(velocity)):
+        u, v = velocity[k]
+        for leg in (k, k + 1):
+            dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
+            length = math.hypot(dx, dy)
+            needed = math.nan
+            if length > 0.0:
+                along, across = (u * dx + v * dy) / length, (v * dx - u * dy) / length
+                # How much of the speed through water is along the course: v cos β.
+                forward = speeds[leg] * speeds[leg] - across * across
+                if forward > 0.0:
+                    forward = math.sqrt(forward)
+                    needed = (along + forward) ** 2 / (turn_rate * forward)
+            if math.isnan(needed):
+                needed = (speeds[leg] + math.hypot(u, v)) / turn_rate
+            radius[k] = max(radius[k], needed)
     return radius
