@@ -33,6 +33,8 @@ POINTS_PER_INCH = 72.0
 SMALL_PT, PLAIN_PT = 8.2, 9.5
 # Length of a scale bar, points, below which it has room for one label only, beside it.
 _SHORT_BAR_PT = 45.0
+# Width of a small letter or figure, points.
+_LETTER_PT = 0.6 * SMALL_PT
 
 
 def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
@@ -106,7 +108,11 @@ def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0)
         position = left - 4 * size, low + 1.6 * size
         label(axes, f"{whole:g} {unit}", position, below=False, gap_pt=0)
         return
-    for share, text in ((0.0, "0"), (0.5, f"{whole / 2:g}"), (1.0, f"{whole:g} {unit}")):
+    texts = {0.0: "0", 0.5: f"{whole / 2:g}", 1.0: f"{whole:g} {unit}"}
+    letters = (len(texts[0.5]) + len(texts[1.0])) / 2 + 1
+    if letters * _LETTER_PT * size > length / 2:
+        del texts[0.5]
+    for share, text in texts.items():
         label(axes, text, (left + share * length, low), below=True, gap_pt=2)
 
 

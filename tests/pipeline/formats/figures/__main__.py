@@ -49,8 +49,8 @@ PICTURES = {
     "single-gyre-channels": Picture("single-gyre", of_season("gyre", Kind.CHANNELS), 100),
     "single-gyre-padding": Picture("single-gyre", of_season("gyre", Kind.PADDING), 130),
     "palawan-usv": Picture("palawan-usv", of_season("winter", Kind.ROUTES), 130),
-    "hansando": Picture("hansando", of_season("winter", Kind.ROUTES), 130, "embedded-hansando"),
-    "far-east": Picture("far-east", of_season("winter", Kind.ROUTES), 130, "embedded-far-east"),
+    "hansando": Picture("hansando", of_season("winter", Kind.ROUTES), 130),
+    "far-east": Picture("far-east", of_season("winter", Kind.ROUTES), 130),
     BOSTON: Picture(BOSTON, of_season("winter", Kind.ROUTES), 130, "still"),
 }
 # Figures of the experiments, if `outputs` holds a whole run of them.
