@@ -13,7 +13,7 @@ from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.fuel import Drift, Pieces, fuel, passage_times
+from renew.inputs.fuel import Drift, Pieces, passage_times
 from renew.inputs.punctuality import early_and_late
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
@@ -27,6 +27,8 @@ from renew.kernels.viterbi import Clock, Stream, arrivals
 _CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
 # What parts of a voyage, and other departures, take from it.
 _SHARED = ("table", "quick_current", "clock")
+# Number of paths whose fuel is kept.
+_FUELS_KEPT = 8
 # Share of v/ω by which a path may pass a via point again as closely: the first time counts.
 _AS_CLOSE = 0.01
 
@@ -225,7 +227,24 @@ class Voyage:
         return early_and_late(times, begun, self.lateness, self.min_lateness)
 
     def fuel(self, path: FloatArray) -> float:
-        """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
+        """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made.
+
+        That of the last few paths is kept: the steps of a plan ask for it one after the other.
+        """
+        known, asked = self._known_fuels, path.tobytes()
+        if asked not in known:
+            for oldest in list(known)[: 1 - _FUELS_KEPT]:
+                known.pop(oldest, None)
+            known[asked] = self._fuel(path)
+        return known[asked]
+
+    @cached_property
+    def _known_fuels(self) -> dict[bytes, float]:
+        """Fuel along the last few paths, in C order."""
+        return {}
+
+    def _fuel(self, path: FloatArray) -> float:
+        """Fuel along a path, worked out."""
         if self.has_price:
             pieces = Pieces.of(path)
             velocity = self.current.velocity(pieces.points, self.departure)
@@ -233,12 +252,20 @@ class Voyage:
             with np.errstate(divide="ignore", invalid="ignore"):
                 total = pieces.total(np.where(made > 0, 1 / made, np.inf)).sum()
             return float(self.cost_rate * total)
-        return fuel(path, self.current, self.vessel, drift=self.drift, departure=self.departure)
+        return float(self.vessel.fuel_rate * (self.arrivals(path)[-1] - self.departure))
 
     def arrivals(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        times = None
+        if not self.current.is_steady:
+            times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
         durations = passage_times(
-            path, self.current, self.vessel, drift=self.drift, departure=self.departure
+            path,
+            self.current,
+            self.vessel,
+            drift=self.drift,
+            departure=self.departure,
+            guess=times,
         )
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
 
