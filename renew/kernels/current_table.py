@@ -106,6 +106,36 @@ def _strongest(uv: FloatArray) -> float:
     return math.sqrt(square)
 
 
+@kernel
+def weakest_and_strongest(table: Table) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest speed (m/s) of the current at each node (ny, nx), of all slices."""
+    shape = table.uv.shape[1:3]
+    least, largest = np.full(shape, np.inf), np.zeros(shape)
+    for velocities_then in table.uv:
+        for row in range(shape[0]):
+            for column in range(shape[1]):
+                u, v = velocities_then[row, column]
+                square = u * u + v * v
+                least[row, column] = min(least[row, column], square)
+                largest[row, column] = max(largest[row, column], square)
+    return np.sqrt(least), np.sqrt(largest)
+
+
+@kernel
+def fastest_change(table: Table) -> float:
+    """The most by which the current at any node changes in a second, m/s²."""
+    most = 0.0
+    for k in range(len(table.times) - 1):
+        lasts = table.times[k + 1] - table.times[k]
+        before, after = table.uv[k].reshape(-1, 2), table.uv[k + 1].reshape(-1, 2)
+        square = 0.0
+        for i in range(len(before)):
+            u, v = after[i, 0] - before[i, 0], after[i, 1] - before[i, 1]
+            square = max(square, u * u + v * v)
+        most = max(most, math.sqrt(square) / lasts)
+    return most
+
+
 def _density(axis: FloatArray) -> float:
     """Cells per unit of an even axis (n,); 0 if it is uneven by more than rounding."""
     steps = np.diff(axis)

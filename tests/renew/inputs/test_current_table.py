@@ -15,11 +15,13 @@ from renew.inputs.current import TabulatedCurrent
 from renew.inputs.tabulation import tabulated
 from renew.kernels.current_table import (
     bend_near,
+    fastest_change,
     next_slice,
     site_of,
     table_of,
     velocities,
     velocity,
+    weakest_and_strongest,
 )
 from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
@@ -70,6 +72,12 @@ def test_between_slices_lookups_are_linear_in_time_and_held_outside_them(seed: i
     assert uncompiled(velocity)(table, points[0, 0], points[0, 1], when[0]) == pytest.approx(
         expected[0]
     )
+    speed = np.linalg.norm(uv, axis=-1)
+    least, largest = weakest_and_strongest(table)
+    assert least == pytest.approx(speed.min(axis=0))
+    assert largest == pytest.approx(speed.max(axis=0))
+    change = np.linalg.norm(np.diff(uv, axis=0), axis=-1).max(axis=(1, 2)) / np.diff(times)
+    assert fastest_change(table) == pytest.approx(change.max())
     # Where the last slice is the first again the table goes on for ever.
     uv[-1] = uv[0]
     period = times[-1] - times[0]
