@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
 from renew.inputs.voyage import Voyage
+from renew.kernels.current_table import weakest_and_strongest
 
 # Tolerance, as a share of a cell, by which its outline is simplified.
 _TOLERANCE = 0.1
@@ -26,7 +27,7 @@ def overpowered_water(voyage: Voyage) -> BaseGeometry:
     It is bounded by a contour of the table's currents, lowered by what the table may be in error.
     """
     table, chart, speed = voyage.table, voyage.chart, voyage.vessel.speed
-    weakest = np.linalg.norm(table.uv, axis=-1).min(axis=0)
+    weakest, _ = weakest_and_strongest(table)
     level = float(np.clip(speed - table.error, _AT_LEAST * speed, _AT_MOST * speed))
     if weakest.max() < level:
         return shapely.MultiPolygon()

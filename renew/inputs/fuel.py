@@ -32,8 +32,9 @@ _PIECES = 256
 WITHIN = (_NODES + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
 # Rounds in which times in a changing current are put in, the change of them, as a share of the time
-# under way, from which they count as settled, that from which it shows a slope, and its largest.
-_ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-11, 1e-6, 0.9
+# under way, from which they count as settled (the next would be 1e-12, the method being Newton's),
+# that from which it shows a slope, and its largest.
+_ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-7, 1e-6, 0.9
 
 
 def check_drift(drift: str) -> None:
@@ -103,9 +104,12 @@ def passage_times(
     drift: Drift = "projected",
     departure: float = 0.0,
     speeds: FloatArray | None = None,
+    guess: FloatArray | None = None,
 ) -> FloatArray:
     """Time over each leg of a path (n, 2): shape (n - 1,), s; inf where no way can be made."""
-    leg, arrival = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
+    leg, arrival = passage(
+        path, current, vessel, drift=drift, departure=departure, speeds=speeds, guess=guess
+    )
     with np.errstate(invalid="ignore"):
         durations = np.diff(arrival)
     times = np.zeros(len(path) - 1)
@@ -122,11 +126,13 @@ def passage(
     drift: Drift = "projected",
     departure: float = 0.0,
     speeds: FloatArray | None = None,
+    guess: FloatArray | None = None,
 ) -> tuple[IntArray, FloatArray]:
     """Legs (p,) of the pieces into which a path (n, 2) is cut, and times (p + 1,) at their ends, s.
 
     The first time is the departure, on the current's clock; the clock runs along the path. Legs are
-    sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's.
+    sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. From a `guess` of the
+    times (n,) at the path's points, s, the same is found sooner.
     """
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
@@ -146,7 +152,12 @@ def passage(
             slowness = np.where(speed > 0, 1 / speed, np.inf)
         return pieces.total(slowness, some)
 
-    return leg, times_under_way(durations, len(leg), departure, is_steady=field.is_steady)
+    if guess is not None:
+        first = np.searchsorted(leg, np.arange(len(path)))
+        guess = np.interp(np.arange(len(leg) + 1), first, guess)
+    return leg, times_under_way(
+        durations, len(leg), departure, is_steady=field.is_steady, guess=guess
+    )
 
 
 def _by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
@@ -187,17 +198,22 @@ def times_under_way(
     departure: float,
     *,
     is_steady: bool,
+    guess: FloatArray | None = None,
 ) -> FloatArray:
     """Times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
 
     `durations` gives the time over some pieces from the times at their ends. In a steady current
-    that is asked once. In one that changes times are put in until they come out again; a stretch of
-    the way on which they don't is halved.
+    that is asked once. In one that changes times are put in until they come out again, a `guess`
+    of them first; a stretch of the way on which they don't is halved.
     """
     times = np.full(count + 1, float(departure))
     if is_steady:
         times[1:] += np.cumsum(durations(slice(0, count), times))
         return times
+    if guess is not None and math.isfinite(guess[-1]):
+        since, is_settled = _settled(durations, slice(0, count), guess - guess[0], departure)
+        if is_settled:
+            return departure + since
     first, size, pace = 0, count, 0.0
     while first < count:
         last = min(first + size, count)

@@ -13,12 +13,12 @@ from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.fuel import Drift, Pieces, fuel, passage_times
+from renew.inputs.fuel import Drift, Pieces, passage_times
 from renew.inputs.punctuality import early_and_late
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
-from renew.kernels.current_table import Table
+from renew.kernels.current_table import Table, fastest_change
 from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
 
@@ -88,11 +88,7 @@ class Voyage:
     @cached_property
     def current_change(self) -> float:
         """The most by which the current changes in a second anywhere in its table, m/s²."""
-        table = self.table
-        if table.is_steady:
-            return 0.0
-        change = np.linalg.norm(np.diff(table.uv, axis=0), axis=-1).max(axis=(1, 2))
-        return float((change / np.diff(table.times)).max())
+        return fastest_change(self.table)
 
     @property
     def speed_change(self) -> float:
@@ -245,12 +241,20 @@ class Voyage:
             with np.errstate(divide="ignore", invalid="ignore"):
                 total = pieces.total(np.where(made > 0, 1 / made, np.inf)).sum()
             return float(self.cost_rate * total)
-        return fuel(path, self.current, self.vessel, drift=self.drift, departure=self.departure)
+        return float(self.vessel.fuel_rate * (self.arrivals(path)[-1] - self.departure))
 
     def arrivals(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        times = None
+        if not self.current.is_steady:
+            times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
         durations = passage_times(
-            path, self.current, self.vessel, drift=self.drift, departure=self.departure
+            path,
+            self.current,
+            self.vessel,
+            drift=self.drift,
+            departure=self.departure,
+            guess=times,
         )
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
 

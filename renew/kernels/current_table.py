@@ -20,6 +20,8 @@ from renew._types import FloatArray
 _TOLERANCE = 1e-3
 # Number of nodes a side above which a current has small eddies: about eight along the side.
 _SMALL_EDDIES = 300
+# As many seconds as no voyage lasts, but finite: times 0 they are 0.
+_EVER = 1e200
 # Largest difference between the steps of an even axis, as a share of its largest coordinate:
 # rounding.
 _EVEN = 1e-12
@@ -104,6 +106,36 @@ def _strongest(uv: FloatArray) -> float:
     return math.sqrt(square)
 
 
+@kernel
+def weakest_and_strongest(table: Table) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest speed (m/s) of the current at each node (ny, nx), of all slices."""
+    shape = table.uv.shape[1:3]
+    least, largest = np.full(shape, np.inf), np.zeros(shape)
+    for velocities_then in table.uv:
+        for row in range(shape[0]):
+            for column in range(shape[1]):
+                u, v = velocities_then[row, column]
+                square = u * u + v * v
+                least[row, column] = min(least[row, column], square)
+                largest[row, column] = max(largest[row, column], square)
+    return np.sqrt(least), np.sqrt(largest)
+
+
+@kernel
+def fastest_change(table: Table) -> float:
+    """The most by which the current at any node changes in a second, m/s²."""
+    most = 0.0
+    for k in range(len(table.times) - 1):
+        lasts = table.times[k + 1] - table.times[k]
+        before, after = table.uv[k].reshape(-1, 2), table.uv[k + 1].reshape(-1, 2)
+        square = 0.0
+        for i in range(len(before)):
+            u, v = after[i, 0] - before[i, 0], after[i, 1] - before[i, 1]
+            square = max(square, u * u + v * v)
+        most = max(most, math.sqrt(square) / lasts)
+    return most
+
+
 def _density(axis: FloatArray) -> float:
     """Cells per unit of an even axis (n,); 0 if it is uneven by more than rounding."""
     steps = np.diff(axis)
@@ -147,6 +179,48 @@ def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]
         u += share * (later_u - u)
         v += share * (later_v - v)
     return u, v
+
+
+class Bend(NamedTuple):
+    """The current at a site around the `time` (s) of a slice, before and after which it is linear.
+
+    u, v (m/s) are those of that time, and `u_before` and so on their change (m/s²) for so many
+    seconds `before` and `after` it.
+    """
+
+    time: float
+    u: float
+    v: float
+    before: float
+    u_before: float
+    v_before: float
+    after: float
+    u_after: float
+    v_after: float
+
+
+@small_kernel
+def bend_near(table: Table, site: Site, time: float) -> Bend:
+    """The current at a site around the slice that is nearest to a time (s)."""
+    times, last, repeats = table.times, len(table.times) - 1, table.period < math.inf
+    at, share = _slice(table, time)
+    k = at + 1 if share > 0.5 else at
+    u, v = _in_slice(table.uv, k, site)
+    before, u_before, v_before = after, u_after, v_after = _EVER, 0.0, 0.0
+    if k > 0 or repeats:
+        at_before = k if k > 0 else last
+        before = times[at_before] - times[at_before - 1]
+        other_u, other_v = _in_slice(table.uv, at_before - 1, site)
+        u_before, v_before = (u - other_u) / before, (v - other_v) / before
+    if k < last or repeats:
+        at_after = k if k < last else 0
+        after = times[at_after + 1] - times[at_after]
+        other_u, other_v = _in_slice(table.uv, at_after + 1, site)
+        u_after, v_after = (other_u - u) / after, (other_v - v) / after
+    nearest = times[k]
+    if repeats:
+        nearest = time - share * after if k == at else time + (1.0 - share) * before
+    return Bend(nearest, u, v, before, u_before, v_before, after, u_after, v_after)
 
 
 @small_kernel

@@ -17,7 +17,15 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
-from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
+from renew.kernels.current_table import (
+    Bend,
+    Site,
+    Table,
+    bend_near,
+    site_of,
+    velocity,
+    velocity_there,
+)
 from renew.kernels.ground_speed import Polar, ground_speed
 
 # Current's share of the vessel's speed, squared, from which water counts as too strong at a point:
@@ -223,18 +231,20 @@ def _advance(
     exempt: BoolArray,
 ) -> None:
     """Fill in the next row's arrival times and currents, and from which point each comes."""
-    most = TOO_STRONG * water.polar.speed * water.polar.speed
-    table, is_steady = water.table, len(water.table.times) == 1
-    totals = np.empty(len(here.x))
+    first = here.arrival.argmin()
+    if here.arrival[first] == np.inf:
+        return
+    table, polar, clock = water
+    most = TOO_STRONG * polar.speed * polar.speed
+    fastest = ground_speed(table.strongest, 0.0, 1.0, 0.0, polar)
+    totals, timed = np.empty(len(here.x)), np.empty(len(here.x), dtype=np.bool_)
     for j in range(len(there.x)):
-        site = site_of(table, there.x[j], there.y[j])
-        u, v = velocity_there(table, site, 0.0)
-        if is_steady:
-            if u * u + v * v >= most:
-                continue
-            _arrivals(here, there.x[j], there.y[j], u, v, water.polar, totals)
-        else:
-            _arrivals_by_clock(here, there.x[j], there.y[j], site, water, totals)
+        bx, by = there.x[j], there.y[j]
+        site = site_of(table, bx, by)
+        dx, dy = bx - here.x[first], by - here.y[first]
+        away = math.sqrt(dx * dx + dy * dy)
+        bend = bend_near(table, site, here.arrival[first] + away / polar.speed)
+        _arrivals(here, bx, by, bend, polar, fastest, clock.step, totals, timed)
         while True:
             i = 0
             for k in range(1, len(totals)):
@@ -242,9 +252,14 @@ def _advance(
                     i = k
             if totals[i] == np.inf:
                 break
-            if not is_steady:
-                u, v = velocity_there(table, site, totals[i])
-            leg = Segment(here.x[i], here.y[i], there.x[j], there.y[j])
+            leg = Segment(here.x[i], here.y[i], bx, by)
+            if not timed[i]:
+                begin, timed[i] = here.arrival[i], True
+                totals[i] = begin + leg_time_from(
+                    leg, here.u[i], here.v[i], site, begin, table, polar, clock.step
+                )
+                continue
+            u, v = velocity_there(table, site, totals[i])
             if u * u + v * v < most and leg_is_clear(leg, capsules, near, exempt):
                 there.arrival[j], there.u[j], there.v[j] = totals[i], u, v
                 came_from[j] = i
@@ -253,66 +268,58 @@ def _advance(
 
 
 @kernel
-def _arrivals_by_clock(
-    here: _Row, bx: float, by: float, site: Site, water: Stream, totals: FloatArray
-) -> None:
-    """Fill in the arrival times (m,) at one point from each of a row, in a changing current."""
-    table, polar, clock = water
-    for i in range(len(totals)):
-        totals[i] = here.arrival[i]
-        if totals[i] < np.inf:
-            leg = Segment(here.x[i], here.y[i], bx, by)
-            totals[i] += leg_time_from(
-                leg, here.u[i], here.v[i], site, totals[i], table, polar, clock.step
-            )
-
-
-@kernel
 def _arrivals(
-    here: _Row, bx: float, by: float, bu: float, bv: float, polar: Polar, totals: FloatArray
+    here: _Row,
+    bx: float,
+    by: float,
+    bend: Bend,
+    polar: Polar,
+    fastest: float,
+    step: float,
+    totals: FloatArray,
+    timed: BoolArray,
 ) -> None:
-    """Fill in the same in a steady current: :func:`leg_time` without its branches.
+    """Fill in the arrival times (m,) at one point from each of a row, and which are exact.
 
-    With d the leg and g its slowness' denominator, a time is |d|² / (|d| g): no unit vector is
-    needed. Where the current is as strong as the vessel, `here.arrival` is inf.
+    Those are of legs of one piece that arrive while the current there is known from `bend`:
+    :func:`leg_time` without its branches. With d the leg and g its slowness' denominator, a time
+    is |d|² / (|d| g): no unit vector is needed. Any other leg is taken at `fastest` (m/s) over
+    ground: if it is not the quickest even so, it need not be timed. Where the current is as strong
+    as the vessel, `here.arrival` is inf.
     """
-    if polar.least < polar.speed:
-        _arrivals_at_choice(here, bx, by, bu, bv, polar, totals)
-        return
     x, y, u, v, departure = here
+    if polar.least < polar.speed:
+        for i in range(len(totals)):
+            totals[i] = departure[i] + math.hypot(bx - x[i], by - y[i]) / fastest
+            timed[i] = False
+        return
     speed = polar.speed
     for i in range(len(totals)):
         dx, dy = bx - x[i], by - y[i]
         square = dx * dx + dy * dy
-        first, second = u[i] * dx + v[i] * dy, bu * dx + bv * dy
+        way, most = speed * math.sqrt(square), speed * speed * square
+        first = u[i] * dx + v[i] * dy
         if polar.crab:
-            across, across_there = v[i] * dx - u[i] * dy, bv * dx - bu * dy
-            most = speed * speed * square
+            across = v[i] * dx - u[i] * dy
             first += math.sqrt(max(most - across * across, 0.0))
-            second += math.sqrt(max(most - across_there * across_there, 0.0))
         else:
-            way = speed * math.sqrt(square)
             first += way
+        a_metre = 1.0 / max(first, _MIN_WAY)
+        since = departure[i] + square * a_metre - bend.time
+        before, after = max(min(since, 0.0), -bend.before), min(max(since, 0.0), bend.after)
+        bu = bend.u + before * bend.u_before + after * bend.u_after
+        bv = bend.v + before * bend.v_before + after * bend.v_after
+        second = bu * dx + bv * dy
+        if polar.crab:
+            across = bv * dx - bu * dy
+            second += math.sqrt(max(most - across * across, 0.0))
+        else:
             second += way
         # Between points that coincide the time is 0.
-        totals[i] = departure[i] + 0.5 * square * (
-            1.0 / max(first, _MIN_WAY) + 1.0 / max(second, _MIN_WAY)
-        )
-
-
-@kernel
-def _arrivals_at_choice(
-    here: _Row, bx: float, by: float, bu: float, bv: float, polar: Polar, totals: FloatArray
-) -> None:
-    """Fill in the same where the vessel chooses her speed through water."""
-    for i in range(len(totals)):
-        totals[i] = here.arrival[i]
-        dx, dy = bx - here.x[i], by - here.y[i]
-        length = math.sqrt(dx * dx + dy * dy)
-        if totals[i] < np.inf and length > 0.0:
-            tx, ty = dx / length, dy / length
-            mean = slowness(here.u[i], here.v[i], tx, ty, polar) + slowness(bu, bv, tx, ty, polar)
-            totals[i] += length * mean / 2
+        time = 0.5 * square * (a_metre + 1.0 / max(second, _MIN_WAY))
+        is_known = square <= step * step and since == before + after
+        totals[i] = departure[i] + (time if is_known else way / (speed * fastest))
+        timed[i] = is_known
 
 
 @kernel

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 
 from renew._types import FloatArray
 from renew.inputs.vessel import Vessel
-from renew.kernels.current_table import Table
+from renew.kernels.current_table import Table, weakest_and_strongest
 
 MAX_DEVIATIONS = 2.0
 """Standard deviations by which the currents that turns are flown in differ at most from the field:
@@ -34,7 +34,7 @@ class TurnReach:
         """
         drift = (1 + MAX_DEVIATIONS / 2) * vessel.turn_period
         wide = 2 * vessel.turning_radius
-        speed = np.linalg.norm(table.uv, axis=-1).max(axis=0)
+        _, speed = weakest_and_strongest(table)
         # Distance within which a turn meets its strongest current; one node more for safety.
         sight = wide + drift * float(speed.max())
         size = [

@@ -12,7 +12,7 @@ import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField
+from renew.inputs.current import CurrentField, TabulatedCurrent
 from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
@@ -28,6 +28,9 @@ _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 _MARGIN = 0.05
 # Factor by which padding grows beyond what it lacks: the re-planned path meets another current.
 _OVERSHOOT = 1.3
+# What perturbs the current carries a turn off by so many times what it does in one turn's water: a
+# track that is carried off meets other water.
+_ELSEWHERE = 2.0
 # Distance between stations (share of v/ω), and the largest number of stations.
 _SPACING, _MAX_STATIONS = 0.6, 1_000_000
 # Number of headings of a turn, one every 15 degrees: chords leave its arc by under 1 % of v/ω.
@@ -54,8 +57,9 @@ def colliding_edges(
         speeds = np.full(len(path) - 1, voyage.vessel.speed)
     if not len(padded.edge):
         return None
-    chart, vessel, field = voyage.chart, voyage.vessel, voyage.quick_current
-    margin = _MARGIN * vessel.turning_radius
+    chart, vessel = voyage.chart, voyage.vessel
+    field, astray = _flown_in(voyage)
+    margin = _MARGIN * vessel.turning_radius + astray
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     spacing = max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
     points, course, times = passed_stations(path, spacing, voyage)
@@ -90,6 +94,19 @@ def colliding_edges(
     return padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
 
 
+def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
+    """The current that turns are flown in, and how far off their tracks that may bring them (m).
+
+    The table if that is fine, or if its error brings them astray by little beside the margin: a
+    table of many slices may not be fine for want of memory.
+    """
+    table, vessel = voyage.table, voyage.vessel
+    astray = _ELSEWHERE * table.error * vessel.turn_period
+    if table.is_fine or astray > _MARGIN / 2 * vessel.turning_radius:
+        return voyage.quick_current, 0.0
+    return TabulatedCurrent(table), astray
+
+
 def passed_stations(
     path: FloatArray, spacing: float, voyage: Voyage
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -109,12 +126,9 @@ def passed_stations(
 def _max_offset(
     points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray, times: FloatArray
 ) -> FloatArray:
-    """How far perturbations can carry a turn off its own track (n,), m; `drift` (n,) its own, m.
-
-    Twice the perturbations of one turn's water: a track that is carried off meets other water.
-    """
+    """How far perturbations can carry a turn off its own track (n,), m; `drift` (n,) its own, m."""
     speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2], times)
-    return 2 * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
+    return _ELSEWHERE * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:

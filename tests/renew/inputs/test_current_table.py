@@ -13,7 +13,16 @@ from shapely import box
 import renew
 from renew.inputs.current import TabulatedCurrent
 from renew.inputs.tabulation import tabulated
-from renew.kernels.current_table import next_slice, table_of, velocities, velocity
+from renew.kernels.current_table import (
+    bend_near,
+    fastest_change,
+    next_slice,
+    site_of,
+    table_of,
+    velocities,
+    velocity,
+    weakest_and_strongest,
+)
 from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
 
@@ -63,6 +72,12 @@ def test_between_slices_lookups_are_linear_in_time_and_held_outside_them(seed: i
     assert uncompiled(velocity)(table, points[0, 0], points[0, 1], when[0]) == pytest.approx(
         expected[0]
     )
+    speed = np.linalg.norm(uv, axis=-1)
+    least, largest = weakest_and_strongest(table)
+    assert least == pytest.approx(speed.min(axis=0))
+    assert largest == pytest.approx(speed.max(axis=0))
+    change = np.linalg.norm(np.diff(uv, axis=0), axis=-1).max(axis=(1, 2)) / np.diff(times)
+    assert fastest_change(table) == pytest.approx(change.max())
     # Where the last slice is the first again the table goes on for ever.
     uv[-1] = uv[0]
     period = times[-1] - times[0]
@@ -70,6 +85,29 @@ def test_between_slices_lookups_are_linear_in_time_and_held_outside_them(seed: i
         again = velocities(table_of(x, y, uv, 0.0, times, period), points, when + turns * period)
         once = velocities(table_of(x, y, uv, 0.0, times, period), points, when)
         assert again == pytest.approx(once, abs=1e-9)
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_around_its_nearest_slice_a_current_is_linear_to_either_side(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    axis, times = np.linspace(0, 4, 5), np.cumsum(rng.uniform(0.5, 2.0, 6)) - 3.0
+    uv = rng.normal(0, 1, (6, 5, 5, 2))
+    uv[-1] = uv[0]
+    px, py = rng.uniform(0, 4, 2).tolist()
+    lasting, once = (times, uv), (times[:1], uv[:1])
+    for slices, period in ((lasting, np.inf), (lasting, float(np.ptp(times))), (once, np.inf)):
+        table = table_of(axis, axis, slices[1], 0.0, slices[0], period)
+        for time in rng.uniform(-9, 15, 10).tolist():
+            bend = bend_near(table, site_of(table, px, py), time)
+            assert -bend.before <= time - bend.time <= bend.after
+            after, before = (rng.uniform(0, min(one, 50.0)) for one in (bend.after, bend.before))
+            for since, u, v in (
+                (after, bend.u_after, bend.v_after),
+                (-before, bend.u_before, bend.v_before),
+            ):
+                expected = velocity(table, px, py, bend.time + since)
+                assert (bend.u + since * u, bend.v + since * v) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_next_slice_is_the_first_behind_a_time() -> None:
