@@ -49,7 +49,7 @@ def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_pat
     assert box["height"] < 120
 
 
-@pytest.mark.parametrize("width", [360, 1280])
+@pytest.mark.parametrize("width", [240, 1280])
 def test_labels_of_meridians_have_room(reader: Reader, file: Path, width: int) -> None:
     page = reader.open(file, width=width)
     for _ in range(2):
