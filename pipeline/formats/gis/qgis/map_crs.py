@@ -29,8 +29,8 @@ _NAME = "Plane of the RENEW planner"
 _MARGIN = 0.03
 # Maximum length of a segment of the chart's edge, as a share of the edge.
 _SEGMENT_SHARE = 1 / 64
-# Maximum error of a UTM zone's scale, as a share: 0.7 mm across an A4 page.
-_MAX_SCALE_ERROR = 2.5e-3
+# Maximum error of a UTM zone's scale, as a share: 1.5 mm across an A4 page.
+_MAX_SCALE_ERROR = 5e-3
 # Latitudes between which there are UTM zones, degrees, and the width of one.
 _UTM_LATITUDES_DEG = (-80.0, 84.0)
 _ZONE_DEG = 6

@@ -293,7 +293,8 @@ def in_waters(result: RunResult, *box: float) -> RunResult:
         ((116.0, 7.0, 121.0, 13.0), "EPSG:32650"),
         ((117.9, -34.0, 118.9, -33.0), "EPSG:32750"),
         ((-179.9, 50.0, -178.0, 52.0), "EPSG:32601"),
-        ((118.0, 7.0, 123.9, 13.0), ""),
+        ((115.5, 7.0, 122.0, 13.5), "EPSG:32650"),
+        ((110.0, 7.0, 124.0, 23.0), ""),
         ((-10.0, 50.0, 20.0, 62.0), ""),
         ((10.0, 83.0, 12.0, 84.5), ""),
     ],
@@ -301,13 +302,13 @@ def in_waters(result: RunResult, *box: float) -> RunResult:
 def test_the_map_is_in_a_utm_zone_that_is_to_scale(
     result: RunResult, box: tuple[float, float, float, float], authority: str
 ) -> None:
-    """Where a zone is wrong by more than 0.25 % somewhere, the map is in the planner's plane."""
+    """Where a zone is wrong by more than 0.5 % somewhere, the map is in the planner's plane."""
     chosen = map_crs(in_waters(result, *box))
     assert chosen.system.authority == authority
     plane, west_to_east = Projection(chosen.system.wkt), np.linspace(box[0], box[2], 50)
     points = [(lon, lat) for lon in west_to_east for lat in np.linspace(box[1], box[3], 50)]
     if authority:
-        assert np.abs(plane.point_scale(points) - 1).max() <= 2.5e-3
+        assert np.abs(plane.point_scale(points) - 1).max() <= 5e-3
     planar = plane.to_plane(np.array(points))
     assert (planar >= chosen.bounds[:2]).all()
     assert (planar <= chosen.bounds[2:]).all()
@@ -318,7 +319,7 @@ def test_the_map_is_in_a_utm_zone_that_is_to_scale(
     [
         (119.0, 9.0, 120.2, 10.0),
         (16.0, 58.0, 18.0, 60.0),
-        (118.0, 7.0, 123.9, 13.0),
+        (110.0, 7.0, 124.0, 23.0),
         (-10.0, 50.0, 20.0, 62.0),
         (100.0, -8.0, 130.0, 8.0),
     ],
