@@ -261,11 +261,20 @@ class Projection:
 
 def densified(path: FloatArray, max_length: float) -> FloatArray:
     """Return a path (n, 2) with points added, so that no leg is longer than `max_length`."""
+    return cut(path, max_length)[0]
+
+
+def cut(path: FloatArray, max_length: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Cut the legs of a path (n, 2) into equal pieces no longer than `max_length`.
+
+    Returns their ends (m, 2), and the first piece (n - 1,) of each leg.
+    """
     legs = np.diff(path, axis=0)
     pieces = np.maximum(1, np.ceil(np.linalg.norm(legs, axis=1) / max_length)).astype(np.int64)
+    first = np.cumsum(pieces) - pieces
     leg = np.repeat(np.arange(len(legs)), pieces)
-    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
-    return np.vstack([path[leg] + share[:, None] * legs[leg], path[-1:]])
+    share = (np.arange(len(leg)) - first[leg]) / pieces[leg]
+    return np.vstack([path[leg] + share[:, None] * legs[leg], path[-1:]]), first
 
 
 def _proj4(name: str, longitude: float, latitude: float) -> str:

@@ -16,6 +16,8 @@ _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
 # most to within an hour: each proves as much of the window as that.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
+# A time in a season's title; its name, of which file names are made, has no blank and no colon.
+_SPELLED = "%Y-%m-%d %H:%M UTC"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +45,12 @@ class Departing:
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
         """Return the [[seasons]] table of a voyage in currents that change on the way."""
         name = f"{self.begin:%Y-%m-%dT%H%MZ}"
-        title = f"Departure {name}"
+        title = f"Departure {self.begin:{_SPELLED}}"
         when = self.passage
         if self.arrive_by is not None:
-            title = f"Arrival by {self.arrive_by:%Y-%m-%dT%H%MZ}"
+            title = f"Arrival by {self.arrive_by:{_SPELLED}}"
         if self.until is not None:
-            title = f"Departure from {name} to {self.until:%Y-%m-%dT%H%MZ}"
+            title = f"Departure from {self.begin:{_SPELLED}} to {self.until:{_SPELLED}}"
             window = self.until - self.begin
             step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
             within = min(window * _PROVEN_SHARE, _MAX_PROVEN)

@@ -203,7 +203,7 @@ class _ProfilePlot:
         plot_title(
             axes,
             f"Fuel used{name}: {number(used[-1] / unit)}",
-            f"dashed: in still water, {number(still[-1] / unit)}",
+            f"dashed: still water, {number(still[-1] / unit)}",
         )
 
     def draw_speed(self, axes: Axes) -> None:
@@ -223,7 +223,7 @@ class _ProfilePlot:
         mean = self.ranked.metrics.speed_m_s
         _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
         low, high = f"{speeds.min():.2f}", f"{speeds.max():.2f}"
-        through = f"{plain(mean)} m/s" if low == high else f"{low}–{high}"
+        through = plain(round(mean, 2)) if low == high else f"{low}–{high}"
         plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 
     def draw_current(self, axes: Axes) -> None:
@@ -238,7 +238,7 @@ class _ProfilePlot:
         axes.plot(self.run, along_track, color=COLOURS["ink"], linewidth=0.8)
         min_range = 0.05 * self.ranked.metrics.speed_m_s
         _set_range(axes, [*along_track, 0.0], min_range=min_range)
-        plot_title(axes, "Current along the course, m/s", "blue: it helps; grey: it hinders")
+        plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
         """Draw the distance to land, the padding of that coast, and the least distance."""

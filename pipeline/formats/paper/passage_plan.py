@@ -43,7 +43,7 @@ _SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
 # Left edges of the table's columns, points from the margin; the last begins a text.
 _COLUMNS = (0, 52, 114, 180, 218, 256, 298, 350, 436, 504, 580, 634)
 # Size of the map on a season's first page, points, and the chart around the route, as a share.
-_MAP_PT, _MAP_MARGIN = (250.0, 168.0), 0.06
+_MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
 # Characters of a line across the page, and beside the map; rows on a first and a further page.
 _WIDE, _BESIDE_MAP = 190, 100
 _FIRST_ROWS, _MORE_ROWS = 18, 30
@@ -85,8 +85,8 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
         if number == 1:
             facts = _facts(points, result)
             _paragraphs(page, facts, top, _BESIDE_MAP)
-            _put_map(page, points, result, colour, top + 14)
-            top -= _MAP_PT[1] - 4
+            _put_map(page, points, result, colour, top + 6)
+            top -= _MAP_PT[1] + 4
         top = _put_table(page, headings(points), part, top)
         if number == len(pages):
             _paragraphs(page, notes, top - 14, _WIDE, size=_SMALL)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.geo.projection import densified
+from pipeline.geo.projection import cut, densified
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -145,16 +145,6 @@ def at_speeds_sailed(
     longest = float(metres_along(points)[-1]) / _PIECES if np.ptp(speeds) > 0 else np.inf
     pieces, first = cut(points, longest)
     return pieces, first, speeds_along((pieces[:-1] + pieces[1:]) / 2, path, speeds)
-
-
-def cut(path: FloatArray, longest: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Cut the legs of a path (n, 2) into pieces no longer than a length.
-
-    Returns their ends (m, 2), and the first piece (n - 1,) of each leg.
-    """
-    parts = [densified(path[leg : leg + 2], longest)[:-1] for leg in range(len(path) - 1)]
-    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
-    return np.concatenate([*parts, path[-1:]]), first
 
 
 def metres_along(path: FloatArray) -> FloatArray:

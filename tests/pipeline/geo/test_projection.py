@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import Projection, cut, densified
 
 GEOD = pyproj.Geod(ellps="WGS84")
 # Every row of the module's table, both hemispheres, 70 N, across 180 degrees, and a pole.
@@ -277,3 +277,15 @@ def test_the_crs_is_the_plane_in_true_metres(name: str) -> None:
     point = _point(name, (0.7, 0.6))
     there = pyproj.Transformer.from_crs("OGC:CRS84", projection.crs, always_xy=True)
     assert np.array(there.transform(*point)) / 1000 == pytest.approx(projection.to_plane(point))
+
+
+def test_a_path_is_cut_leg_by_leg() -> None:
+    """Legs without length and whole multiples of the limit included; the old points all stay."""
+    path = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 14.0], [3.1, 14.0]])
+    ends, first = cut(path, 2.5)
+    assert first.tolist() == [0, 2, 3, 7]
+    assert ends[[*first, -1]].tolist() == path.tolist()
+    apart = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+    assert apart == pytest.approx([2.5, 2.5, 0.0, 2.5, 2.5, 2.5, 2.5, 0.1])
+    assert densified(path, 2.5).tolist() == ends.tolist()
+    assert cut(path, np.inf)[0].tolist() == path.tolist()

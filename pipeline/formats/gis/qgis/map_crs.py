@@ -1,8 +1,9 @@
 """Coordinate reference system of the map in the QGIS project.
 
-It is the planner's own plane, in which planned straight lines are straight and to scale. Across
-180 degrees it is longitude and latitude, as in the file: whatever CRS QGIS shows a map in, it
-looks for features of a lon/lat file between -180 and 180 degrees only.
+It is the UTM zone of the chart's middle where that is true to scale for the eye: QGIS then names it
+by its number. On wide charts it is the planner's own plane, which has no number. Across 180 degrees
+it is longitude and latitude, as in the file: whatever CRS QGIS shows a map in, it looks for
+features of a lon/lat file between -180 and 180 degrees only.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+
+from pipeline.geo.projection import Projection
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -26,6 +29,11 @@ _NAME = "Plane of the RENEW planner"
 _MARGIN = 0.03
 # Maximum length of a segment of the chart's edge, as a share of the edge.
 _SEGMENT_SHARE = 1 / 64
+# Maximum error of a UTM zone's scale, as a share: 1.5 mm across an A4 page.
+_MAX_SCALE_ERROR = 5e-3
+# Latitudes between which there are UTM zones, degrees, and the width of one.
+_UTM_LATITUDES_DEG = (-80.0, 84.0)
+_ZONE_DEG = 6
 # Maximum distance in longitude, degrees, from the central meridian for the fit of the convergence.
 _MAX_LONGITUDE_OFFSET_DEG = 179.0
 
@@ -63,9 +71,11 @@ def map_crs(result: RunResult) -> MapCrs:
     )
     if np.abs(outline[:, 0]).max() > 180:
         return MapCrs(lonlat_system(), is_lonlat=True, bounds=_bounds(outline), convergence="")
-    crs = pyproj.CRS.from_user_input(projection.crs)
     # PROJ takes 80 ms to search its database, which does not have the planner's own planes.
     own = projection.crs.startswith("+proj")
+    if own and (zone := _utm_zone(outline)):
+        projection, own = zone, False
+    crs = pyproj.CRS.from_user_input(projection.crs)
     authority = "" if own else ":".join(crs.to_authority() or ())
     if not authority:
         crs = pyproj.CRS.from_json_dict({**crs.to_json_dict(), "name": _NAME})
@@ -75,8 +85,19 @@ def map_crs(result: RunResult) -> MapCrs:
         ReferenceSystem(crs.to_wkt(), authority, crs.name),
         is_lonlat=False,
         bounds=_bounds(planar),
-        convergence=_convergence(result, outline),
+        convergence=_convergence(projection, outline),
     )
+
+
+def _utm_zone(outline: FloatArray) -> Projection | None:
+    """UTM zone of the middle of an outline (n, 2) in degrees; None if it is not to scale there."""
+    (west, south), (east, north) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
+    if south < _UTM_LATITUDES_DEG[0] or north > _UTM_LATITUDES_DEG[1]:
+        return None
+    zone = int(((west + east) / 2 + 180) // _ZONE_DEG) % (360 // _ZONE_DEG) + 1
+    code = (32600 if south + north >= 0 else 32700) + zone
+    utm = Projection(f"EPSG:{code}", central_longitude=(zone - 0.5) * _ZONE_DEG - 180)
+    return utm if np.abs(utm.point_scale(outline) - 1).max() <= _MAX_SCALE_ERROR else None
 
 
 @lru_cache(maxsize=1)
@@ -95,13 +116,12 @@ def _bounds(points: FloatArray) -> tuple[float, float, float, float]:
     return xmin - margin, ymin - margin, xmax + margin, ymax + margin
 
 
-def _convergence(result: RunResult, points: FloatArray) -> str:
-    """Convergence of the planner's plane as a QGIS expression of longitude and latitude.
+def _convergence(projection: Projection, points: FloatArray) -> str:
+    """Convergence of the map's plane as a QGIS expression of longitude and latitude.
 
     Fitted at lon/lat points (n, 2): exact for stereographic, Mercator and Lambert planes, and
     accurate enough for transverse Mercator.
     """
-    projection = result.scene.projection
     middle = projection.central_longitude
     # Around a pole the angle jumps, as the longitude does, opposite the central meridian.
     points = points[np.abs(points[:, 0] - middle) < _MAX_LONGITUDE_OFFSET_DEG]

@@ -159,10 +159,24 @@ class VoyageMap {
     this.shoals = this.area(shoals, "land", {}).addTo(this.map);
     // The smallest are seen by their edges.
     this.hazards = this.area(hazards, "land", { stroke: true, weight: 1.5 }).addTo(this.map);
+    this.meridians = [];
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
-      this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
+      const label = this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
+      if (line.meridian) this.meridians.push(label);
     }
+    this.map.on("zoomend", () => this.thinMeridians());
+    this.thinMeridians();
+  }
+
+  /** Show the labels of as many meridians as have room beside each other: of all, every second and so on. */
+  thinMeridians() {
+    const placed = this.meridians.map((label) => [this.map.latLngToLayerPoint(label.getLatLng()).x, label]);
+    placed.sort(([one], [other]) => one - other);
+    const gaps = placed.slice(1).map(([x], i) => x - placed[i][0]);
+    const letters = Math.max(...placed.map(([, label]) => label.getContent().textContent.length));
+    const every = Math.ceil((LETTER_WIDTH * letters + LABEL_GAP / 2) / Math.min(...gaps));
+    for (const [i, [, label]] of placed.entries()) label.setOpacity(i % every ? 0 : 1);
   }
 
   /** Restricted areas and traffic schemes; only their edges react, since one may fill the whole map. */

@@ -93,7 +93,7 @@ found = {
     "read": read,
     "title": project.title(),
     "plane": project.crs().isValid() and not project.crs().isGeographic(),
-    "crs": project.crs().description(),
+    "crs": [project.crs().authid(), project.crs().description()],
     "visible": [layer.id() for layer in visible],
     "groups": [group.name() for group in tree.findGroups()],
     "themes": project.mapThemeCollection().mapThemes(),
@@ -196,7 +196,7 @@ def test_the_project_opens_as_a_finished_map(
     found = opened(qgis_python, tmp_path / "results" / "routes.gpkg", tmp_path / "pictures")
     assert found["read"]
     assert found["plane"]
-    assert found["crs"] == "Plane of the RENEW planner"
+    assert found["crs"] == ["EPSG:32650", "WGS 84 / UTM zone 50N"]
     assert found["title"] == "Two islands"
     assert found["errors"] == []
     assert found["messages"] == []

@@ -279,20 +279,58 @@ def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -
     assert "".join(parts) == text
 
 
-@pytest.mark.parametrize(
-    "box",
-    [(119.0, 9.0, 120.2, 10.0), (-10.0, 50.0, 20.0, 62.0), (100.0, -8.0, 130.0, 8.0)],
-    ids=["transverse Mercator", "Lambert", "Mercator"],
-)
-def test_arrows_are_turned_by_the_planes_convergence(
-    result: RunResult, box: tuple[float, float, float, float]
-) -> None:
-    """The formula, evaluated in Python, against the projection at points all over the chart."""
+def in_waters(result: RunResult, *box: float) -> RunResult:
+    """The same run on the chart of a lon/lat box, without land."""
     region = shapely.box(*box)
     projection = Projection.for_region(region)
     chart = renew.Chart(projection.geometry_to_plane(region, densify_m=10_000), [])
-    elsewhere = replace(result, scene=replace(result.scene, projection=projection, chart=chart))
-    formula = map_crs(elsewhere).convergence
+    return replace(result, scene=replace(result.scene, projection=projection, chart=chart))
+
+
+@pytest.mark.parametrize(
+    ("box", "authority"),
+    [
+        ((116.0, 7.0, 121.0, 13.0), "EPSG:32650"),
+        ((117.9, -34.0, 118.9, -33.0), "EPSG:32750"),
+        ((-179.9, 50.0, -178.0, 52.0), "EPSG:32601"),
+        ((115.5, 7.0, 122.0, 13.5), "EPSG:32650"),
+        ((110.0, 7.0, 124.0, 23.0), ""),
+        ((-10.0, 50.0, 20.0, 62.0), ""),
+        ((10.0, 83.0, 12.0, 84.5), ""),
+    ],
+)
+def test_the_map_is_in_a_utm_zone_that_is_to_scale(
+    result: RunResult, box: tuple[float, float, float, float], authority: str
+) -> None:
+    """Where a zone is wrong by more than 0.5 % somewhere, the map is in the planner's plane."""
+    chosen = map_crs(in_waters(result, *box))
+    assert chosen.system.authority == authority
+    plane, west_to_east = Projection(chosen.system.wkt), np.linspace(box[0], box[2], 50)
+    points = [(lon, lat) for lon in west_to_east for lat in np.linspace(box[1], box[3], 50)]
+    if authority:
+        assert np.abs(plane.point_scale(points) - 1).max() <= 5e-3
+    planar = plane.to_plane(np.array(points))
+    assert (planar >= chosen.bounds[:2]).all()
+    assert (planar <= chosen.bounds[2:]).all()
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        (119.0, 9.0, 120.2, 10.0),
+        (16.0, 58.0, 18.0, 60.0),
+        (110.0, 7.0, 124.0, 23.0),
+        (-10.0, 50.0, 20.0, 62.0),
+        (100.0, -8.0, 130.0, 8.0),
+    ],
+    ids=["UTM", "UTM in the north", "transverse Mercator", "Lambert", "Mercator"],
+)
+def test_arrows_are_turned_by_the_maps_convergence(
+    result: RunResult, box: tuple[float, float, float, float]
+) -> None:
+    """The formula, evaluated in Python, against the projection at points all over the chart."""
+    chosen = map_crs(in_waters(result, *box))
+    formula, projection = chosen.convergence, Projection(chosen.system.wkt)
     python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
     for lon, lat in np.random.default_rng(0).uniform(box[:2], box[2:], (50, 2)):
         place = {"lon": lon, "lat": lat, "sin": np.sin, "radians": np.radians}

@@ -27,10 +27,14 @@ ROUTES_PER_SEASON = 8
 
 @dataclass(frozen=True)
 class Measured:
-    """Size of a page, and seconds until a browser has drawn map and controls."""
+    """Size of a page, and what a browser takes until it has drawn map and controls.
+
+    `ready_s` since navigation; `busy_s` of processor time, in the thread that draws.
+    """
 
     size_bytes: int
     ready_s: float
+    busy_s: float
 
 
 def big_result() -> RunResult:
@@ -64,11 +68,15 @@ def measure(browser: Browser, path: Path) -> Measured:
     """Open a page in a new context and wait until it is ready."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()
+    session = context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
     page.goto(path.as_uri(), wait_until="commit")
     page.wait_for_selector("html[data-ready]", state="attached")
     ready_ms = float(page.evaluate("document.documentElement.dataset.ready"))
+    metrics = session.send("Performance.getMetrics")["metrics"]
+    busy_s = {metric["name"]: metric["value"] for metric in metrics}["TaskDuration"]
     context.close()
-    return Measured(path.stat().st_size, ready_ms / 1000)
+    return Measured(path.stat().st_size, ready_ms / 1000, busy_s)
 
 
 def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, ...]:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.pipeline.formats.report.actions import written
 from tests.validators import chromium
 
 if TYPE_CHECKING:
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from playwright.sync_api import Browser, ConsoleMessage, Page, Route
+
+    from pipeline.formats.shared.result import RunResult
 
 
 @dataclass
@@ -67,3 +70,9 @@ def reader(browser: Browser) -> Iterator[Reader]:
     for context in browser.contexts:
         context.close()
     assert reader.faults == []
+
+
+@pytest.fixture(scope="module")
+def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Page of the small run."""
+    return written(result, tmp_path_factory.mktemp("report"))

@@ -31,11 +31,6 @@ HOSTILE = (
 )
 
 
-@pytest.fixture(scope="module")
-def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(result, tmp_path_factory.mktemp("report"))
-
-
 def hostile(result: RunResult) -> RunResult:
     """The run with bad text in every text from outside."""
     seasons = tuple(s.model_copy(update={"title": HOSTILE}) for s in result.scenario.seasons)
@@ -370,5 +365,5 @@ def test_the_largest_page_is_small_and_ready_within_a_second(
     assert sum(len(entry["routes"]) for entry in data["seasons"]) == 16
     assert all(6_800 < len(entry["current"]["u"]) <= 7_000 for entry in data["seasons"])
     assert path.stat().st_size < 1_750_000
-    # The best of several tries, since other tests share the machine.
-    assert any(measure(browser, path).ready_s < 1.0 for _ in range(6))
+    # Processor time: how long a busy machine takes says more of it than of the page.
+    assert min(measure(browser, path).busy_s for _ in range(3)) < 1.0

@@ -26,11 +26,6 @@ HOSTILE = (
 )
 
 
-@pytest.fixture(scope="module")
-def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(result, tmp_path_factory.mktemp("report"))
-
-
 def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
     """A route of many points is smooth: the middle of its line is close to a cubic."""
     page = reader.open(file, width=1280, height=900)
