@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import renew
 from pipeline.formats.shared.text import dated
 from pipeline.model import SeasonPlan
+from pipeline.stages.endpoints import is_shut_in
 from pipeline.stages.speed_choices import largest_stretch, planned_in_time
 
 if TYPE_CHECKING:
@@ -57,7 +58,9 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             )
         if "allow a smaller padding" in failure:
             failure += "; all are keys of [planner], and renew go has --clearance"
-        is_shut = isinstance(error, renew.UnreachableError)
+        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
+            scene, [strait.gap for strait in error.straits]
+        )
         return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
     seconds = time.perf_counter() - started
     return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)

@@ -236,6 +236,20 @@ def test_where_no_region_joins_start_and_goal_nothing_is_written(
     assert not (outputs / "ring").exists()
 
 
+@pytest.mark.usefixtures("plain_report")
+def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
+    tmp_path: Path, outputs: Path
+) -> None:
+    ring = shapely.LineString(shapely.Point(START).buffer(0.04).exterior.coords).buffer(1e-4)
+    mouth = shapely.box(START[0] - 1e-3, START[1], START[0] + 1e-3, START[1] + 0.05)
+    file = tmp_path / "harbour.geojson"
+    file.write_text(shapely.to_geojson(ring.difference(mouth)))
+    with pytest.raises(RequestError, match="gap is") as refused:
+        voyage(file, outputs, "still", name="harbour", clearance_m=150.0)
+    assert not isinstance(refused.value, NoWayError)
+    assert not (outputs / "harbour").exists()
+
+
 def depth_grid(file: Path) -> Path:
     """Write depths of 50 m with a shoal of 1 m beside the island, and no figures in the east.
 
