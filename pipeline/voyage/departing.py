@@ -8,6 +8,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.text import moment_text
+from pipeline.scenario.departures import departure_name
 from pipeline.voyage.quantities import speed_range_m_s
 
 # Largest number of departures that a window is sampled at first, and the least time between two.
@@ -42,13 +44,12 @@ class Departing:
 
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
         """Return the [[seasons]] table of a voyage in currents that change on the way."""
-        name = f"{self.begin:%Y-%m-%dT%H%MZ}"
-        title = f"Departure {name}"
+        title = f"Departure {moment_text(self.begin)}"
         when = self.passage
         if self.arrive_by is not None:
-            title = f"Arrival by {self.arrive_by:%Y-%m-%dT%H%MZ}"
+            title = f"Arrival by {moment_text(self.arrive_by)}"
         if self.until is not None:
-            title = f"Departure from {name} to {self.until:%Y-%m-%dT%H%MZ}"
+            title = f"Departure from {moment_text(self.begin)} to {moment_text(self.until)}"
             window = self.until - self.begin
             step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
             within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
@@ -61,7 +62,7 @@ class Departing:
                 "to_within": f"{math.ceil(within / _MINUTE)}min",
             }
         return {
-            "name": name.lower(),
+            "name": departure_name(self.begin),
             "title": title,
             **when,
             "time_method": "changing",

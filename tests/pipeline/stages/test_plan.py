@@ -81,7 +81,7 @@ def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:
 def harbour(*mouths: tuple[float, float]) -> Scene:
     """A basin of 30 m by 30 m round the start, with mouths between these x in its northern wall."""
     ends = [10.0, *itertools.chain(*mouths), 50.0]
-    walls = [(10, 10, 50, 15), (10, 10, 15, 50), (45, 10, 50, 50)]
+    walls = [(10.0, 10, 50.0, 15), (10, 10, 15, 50), (45, 10, 50, 50)]
     walls += [(x, 45, end, 50) for x, end in zip(ends[::2], ends[1::2], strict=True)]
     obstacles = [list(shapely.box(*wall).exterior.coords) for wall in walls]
     plane = {"extent": [0, 0, 100, 100], "obstacles": obstacles}

@@ -18,6 +18,7 @@ import xarray as xr
 
 import pipeline
 from pipeline.cli.outcome_json import outcome_json
+from pipeline.cli.summary import season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.loading import load_scenario
 from pipeline.run import run
@@ -173,6 +174,13 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
         text = (outcome.directory / f"tide-2026-11-22t0620z.{suffix}").read_text("utf-8")
         times = re.findall(r"2026-11-22T\d\d:\d\d:\d\d(?:\.\d+)?Z", text)
         assert any(abs(datetime.fromisoformat(t) - arrival) <= timedelta(seconds=1) for t in times)
+    table = season_table(outcome)
+    assert re.search(r"^departure 2026-11-22 06:20 UTC +1 ", table, re.MULTILINE)
+    assert "t0620z" not in table
+    # The island that names both ways, with a place on it.
+    found = re.search(r"^Passed: island 1 at ([\d.-]+) E ([\d.-]+) N\.$", table, re.MULTILINE)
+    assert found is not None
+    assert shapely.covers(ISLAND, shapely.Point(*map(float, found.groups())))
     told = json.loads(outcome_json(outcome))
     assert told["routes"][0]["departure"] == departure.isoformat()
     (worth,) = told["clock_worth"]

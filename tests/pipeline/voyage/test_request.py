@@ -83,7 +83,7 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
     assert season.is_changing
     assert season.departure == datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
     assert (season.name, season.valid) == ("2026-11-22t0630z", "")
-    assert season.title == "Departure 2026-11-22T0630Z"
+    assert season.title == "Departure 2026-11-22 06:30 UTC"
     assert season.currents == ((str(file),),)
     window = replace(asked, until="2026-11-23T06:30Z")
     (season,) = voyage_scenario(window)[0].seasons
