@@ -108,8 +108,10 @@ notebooks: $(READY)  ## execute docs/notebooks/*.md into docs/tutorials/*.ipynb
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel
 
+# Versions alike for all Pythons; FORKS=requires-python takes the newest for each.
+FORKS := fewest
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --no-config --universal --fork-strategy fewest --generate-hashes \
+	uv pip compile --quiet --no-config --universal --fork-strategy $(FORKS) --generate-hashes \
 	  --python-version 3.11 --group dev --group docs --extra triangle --extra baselines \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Literal
 
+from pipeline.formats.shared.text import season_name, season_text
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -58,10 +60,11 @@ class Outcome:
     @property
     def failures(self) -> tuple[str, ...]:
         """Failed seasons and unsafe results, one line each."""
-        seasons = [f"season {p.season!r}: {p.failure}" for p in self.plans if p.failure]
+        seasons = [f"{season_text(p.season)}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
-            f"season {row.season!r}: route {row.rank} crosses {row.land_m:.0f} m of the original "
-            f"land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N; raise chart.margin_m"
+            f"{season_text(row.season)}: route {row.rank} crosses {row.land_m:.0f} m of the "
+            f"original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N; raise "
+            "chart.margin_m"
             for row in self.evaluation.routes
             if row.land_m > 0
         ]
@@ -86,7 +89,7 @@ class Outcome:
         )
         rows = [
             (
-                row.season,
+                season_name(row.season),
                 str(row.rank),
                 row.way,
                 f"{row.fuel:.1f}",

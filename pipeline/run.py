@@ -15,6 +15,7 @@ from pipeline.choices.region_search import search_region
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
+from pipeline.formats.shared.text import season_text, seasons_text
 from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
@@ -128,12 +129,12 @@ class _Options:
 def _refuse_stand_ins(parts: FetchedParts) -> None:
     """Refuse to plan on other currents than those that the scenario asks for first."""
     faults = [
-        f"season {grid.season!r} would be {grid.stand_in_notes[0]}, which is not its first choice"
-        + "".join(f"; {passed.reason}" for passed in grid.passed_over)
+        f"{season_text(grid.season)} would be {grid.stand_in_notes[0]}, which is not its first "
+        "choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
         for grid in parts.fetched.currents
         if grid.is_stand_in
     ]
-    faults += [f"season {name!r}: {why}" for name, why in parts.failures.items()]
+    faults += [f"{season_text(name)}: {why}" for name, why in parts.failures.items()]
     if faults:
         raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
 
@@ -142,11 +143,8 @@ def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
     """Say why seasons failed; those that failed for the same reason share a line."""
     seasons: dict[str, list[str]] = {}
     for plan in plans:
-        seasons.setdefault(plan.failure, []).append(repr(plan.season))
-    return [
-        f"season{'s' * (len(names) > 1)} {', '.join(names)}: {failure}"
-        for failure, names in seasons.items()
-    ]
+        seasons.setdefault(plan.failure, []).append(plan.season)
+    return [f"{seasons_text(names)}: {failure}" for failure, names in seasons.items()]
 
 
 @dataclass

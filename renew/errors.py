@@ -66,10 +66,6 @@ class ViaInNoGoError(PlanningError):
     """A via point lies on land or outside the chart."""
 
 
-class UnreachableError(PlanningError):
-    """No water joins start and goal, or no class between them can be sailed."""
-
-
 class ArrivalError(PlanningError):
     """Nobody who leaves when asked arrives in time."""
 
@@ -106,6 +102,15 @@ class Strait:
     def width(self) -> float:
         """Metres from bank to bank."""
         return math.dist(*self.gap)
+
+
+class UnreachableError(PlanningError):
+    """No water joins start and goal, or no class between them can be sailed.
+
+    `straits` are the gaps that block the classes; none where anything else blocks one of them.
+    """
+
+    straits: tuple[Strait, ...] = ()
 
 
 class InfeasibleError(PlanningError):

@@ -15,6 +15,7 @@ from pipeline.cli.plot_variants import compared_variants
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
 from pipeline.formats.figures.turning import NothingToDrawError
+from pipeline.formats.shared.text import season_text
 from pipeline.run import planned_scenario
 from pipeline.stages.write import output_directory, safe_name
 
@@ -97,7 +98,7 @@ def plot(
     # Saved in the block: a run that replaced the folder meanwhile would lose them.
     with planned(scenario) as result:
         failures = {
-            entry.season: f"season {entry.season!r}: {entry.failure}"
+            entry.season: f"{season_text(entry.season)}: {entry.failure}"
             for entry in result.plans
             if entry.season in chosen and entry.failure
         }
@@ -107,7 +108,7 @@ def plot(
             try:
                 drawing = figure(result, name, kind, width, variants)
             except NothingToDrawError as reason:
-                skipped.append(f"season {name!r}: no figure {kind.value}: {reason}")
+                skipped.append(f"{season_text(name)}: no figure {kind.value}: {reason}")
                 continue
             path = directory / f"{safe_name(name)}-{kind.value}.{form.value}"
             about = result.scenario.title or scenario.name

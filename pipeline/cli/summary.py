@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.text import clearance, count, days, fuel, gap_text, hours, percent
+from pipeline.formats.shared.text import (
+    clearance,
+    count,
+    days,
+    fuel,
+    gap_text,
+    hours,
+    percent,
+    season_name,
+)
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -38,14 +47,23 @@ def season_table(outcome: Outcome) -> str:
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(name.format(unit=unit) for name in _HEAD)
     rows: list[tuple[str, ...]] = [head]
+    passed: set[str] = set()
     for plan in outcome.plans:
         if plan.plan is None:
-            rows.append((plan.season, "-", "not planned", *("",) * (len(_HEAD) - _LEFT_ALIGNED)))
+            rows.append(
+                (
+                    season_name(plan.season),
+                    "-",
+                    "not planned",
+                    *("",) * (len(_HEAD) - _LEFT_ALIGNED),
+                )
+            )
             continue
         seen: set[str] = set()
         for row in outcome.evaluation.routes:
             if row.season == plan.season and row.main_passage not in seen:
                 seen.add(row.main_passage)
+                passed.update(name for passage in row.passages for name in passage.islands)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = [*_unused_currents(outcome)]
@@ -60,7 +78,15 @@ def season_table(outcome: Outcome) -> str:
         ).rstrip()
         for row in rows
     ]
-    lines += [f"\n{one.season}: {gap_text(one)}" for one in outcome.evaluation.gap_shares]
+    if places := [
+        f"{'island ' * (not island.name)}{island.label} at {island.place}"
+        for island in outcome.evaluation.islands
+        if island.label in passed
+    ]:
+        lines.append(f"\nPassed: {'; '.join(places)}.")
+    lines += [
+        f"\n{season_name(one.season)}: {gap_text(one)}" for one in outcome.evaluation.gap_shares
+    ]
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     routes = count(len(outcome.evaluation.routes), "route", "routes")
     classes = count(rejected, "rejected class", "rejected classes")
@@ -76,7 +102,9 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
         for passed in grid.passed_over:
-            unused.setdefault(f"{passed.source} ({passed.reason})", []).append(grid.season)
+            unused.setdefault(f"{passed.source} ({passed.reason})", []).append(
+                season_name(grid.season)
+            )
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}\n"
@@ -86,7 +114,7 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
     """Return one route's figures; `turns` are hard-over turns that met land, of all simulated."""
     kept = clearance(row.clearance_m) if row.has_land else "-"
     return (
-        row.season,
+        season_name(row.season),
         str(row.rank),
         row.way or "-",
         f"{row.length_m / unit_m:.1f}",

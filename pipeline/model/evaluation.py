@@ -119,13 +119,15 @@ class RouteMetrics:
 class NumberedIsland:
     """An island that tells ways apart: its number in homotopy classes, and a point on it.
 
-    `name` is the chart's, or empty. The point is in planar metres.
+    `name` is the chart's, or empty. The point is in planar metres; `place` gives it as text, as the
+    scenario gives positions.
     """
 
     number: int
     name: str
     x: float
     y: float
+    place: str
 
     @property
     def label(self) -> str:

@@ -42,3 +42,20 @@ class DepartureTimes(StrictModel):
     def seconds(self) -> tuple[float, ...]:
         """All departures, in seconds after the first."""
         return tuple((i * interval(self.every)).total_seconds() for i in range(self.count))
+
+
+# Name of the season of a departure that nobody named.
+_NAME = "%Y-%m-%dt%H%Mz"
+
+
+def departure_name(departure: datetime) -> str:
+    """Name the season of a departure, UTC: 2026-11-22t0600z."""
+    return departure.strftime(_NAME)
+
+
+def named_departure(season: str) -> datetime | None:
+    """Return the departure, UTC, that a season is named by; None where it has a name of its own."""
+    try:
+        return datetime.strptime(season, _NAME).replace(tzinfo=UTC)
+    except ValueError:
+        return None

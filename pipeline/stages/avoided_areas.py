@@ -11,7 +11,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import dated, moment_text
+from pipeline.formats.shared.text import dated, moment_text, season_name
 from pipeline.model import Zone
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import extract_polygons, repaired
@@ -97,8 +97,9 @@ def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
     """Say which areas routes go around because a way through would meet them while shut."""
     return tuple(
         dated(
-            f"{plan.season}: a way of less fuel leads through {area.text}, and might meet it then, "
-            "early, on time or late: the routes keep out of it (best without waiting)",
+            f"{season_name(plan.season)}: a way of less fuel leads through {area.text}, and might "
+            "meet it then, early, on time or late: the routes keep out of it (best without "
+            "waiting)",
             scene.departures.get(plan.season),
         )
         for plan in plans

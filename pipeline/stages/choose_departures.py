@@ -16,7 +16,7 @@ import numpy as np
 import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.departure_text import departure_text
-from pipeline.formats.shared.text import dated
+from pipeline.formats.shared.text import about_season, dated, season_text
 from pipeline.model import DepartureChoice
 from pipeline.scenario.interval import interval
 from pipeline.stages.avoided_areas import later
@@ -71,16 +71,22 @@ def choose_departures(
             "departures", scene_key, scenario.planner.model_dump(mode="json"), season.model_dump()
         )
         choice = store.load("departures", key, DepartureChoice)
+
+        def say_of_it(note: str, about: str = about_season(season.name, scenario)) -> None:
+            say(f"{about}{note}")
+
         try:
             if choice is None:
-                choice = _in_thread(lambda: _choice(scene, season, scenario.planner, say))  # noqa: B023 - called at once
+                choice = _in_thread(lambda: _choice(scene, season, scenario.planner, say_of_it))  # noqa: B023 - called at once
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
             reason = " ".join(error.located(scene.place_text).split())
             departed = _without(departed, season.name, dated(reason, season.first_departure))
     if scenario.seasons and not departed.parts.current_keys:
-        raise RequestError([f"season {n!r}: {why}" for n, why in departed.parts.failures.items()])
+        raise RequestError(
+            [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
+        )
     return departed
 
 
@@ -120,17 +126,17 @@ def _choice(
     if season.departures is None:
         raise ValueError(f"season {season.name!r} leaves no departure open")
     times = season.departures.seconds
-    say(f"season {season.name!r}: {len(times)} departures are planned to choose from")
+    say(f"{len(times)} departures are planned to choose from")
 
     def progress(count: int, unproven: float) -> None:
         if count % _TOLD_EVERY:
             return
         if count < len(times):
-            say(f"season {season.name!r}: {count} of {len(times)} departures are planned")
+            say(f"{count} of {len(times)} departures are planned")
         elif count > len(times):
             say(
-                f"season {season.name!r}: {count} departures are planned; another may still be "
-                f"better by {unproven / 60:.0f} min"
+                f"{count} departures are planned; another may still be better by "
+                f"{unproven / 60:.0f} min"
             )
 
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
@@ -184,7 +190,10 @@ def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
             departures={**scene.departures, name: chosen},
         ),
         choices=(*departed.choices, choice),
-        notes=(*departed.notes, f"season {name!r}: {' '.join(departure_text(choice))}"),
+        notes=(
+            *departed.notes,
+            about_season(name, departed.scenario) + " ".join(departure_text(choice)),
+        ),
     )
 
 

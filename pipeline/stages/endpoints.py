@@ -10,11 +10,16 @@ import shapely
 from pipeline.errors import NoWayError, RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
 
     import renew
     from pipeline.geo.projection import Projection
+    from pipeline.model import Scene
     from pipeline.scenario.model import Scenario
+
+    FloatArray = npt.NDArray[np.float64]
 
 # Distances beyond the nearest shore at which a position is suggested (true metres): the first that
 # is still water after rounding.
@@ -42,7 +47,7 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
         if not body & bodies[0]:
             apart = water[[min(bodies[0]), min(body)]]
             # Water that land encloses stays apart in a wider region, too.
-            open_ended = not scenario.is_planar and _all_reach_edge(apart, chart)
+            open_ended = not scenario.is_planar and all(_reaches_edge(one, chart) for one in apart)
             text = _not_connected(scenario, name, apart[0], projection, is_open_ended=open_ended)
             raise (NoWayError if open_ended else RequestError)([text])
 
@@ -61,10 +66,27 @@ def not_in_water(
     )
 
 
-def _all_reach_edge(bodies: Iterable[shapely.Geometry], chart: renew.Chart) -> bool:
-    """Whether each body of water goes on where the chart ends."""
-    edge = chart.extent.exterior
-    return all(shapely.dwithin(body, edge, 2 * chart.precision) for body in bodies)
+def is_shut_in(scene: Scene, gaps: Sequence[FloatArray]) -> bool:
+    """Whether gaps (2, 2), planar metres, part a stop from another and from the chart's edge.
+
+    Where no class can pass them, none can in a wider region either.
+    """
+    if not gaps:
+        return False
+    chart = scene.chart
+    # A little wider and longer than they are, so that they do part the water.
+    cuts = shapely.union_all(shapely.buffer(shapely.linestrings(np.array(gaps)), chart.precision))
+    parts = shapely.get_parts(shapely.difference(chart.water, cuts))
+    stops = shapely.points(scene.stops)
+    return any(
+        0 < shapely.covers(part, stops).sum() < len(stops) and not _reaches_edge(part, chart)
+        for part in parts
+    )
+
+
+def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
+    """Whether a body of water goes on where the chart ends."""
+    return bool(shapely.dwithin(body, chart.extent.exterior, 2 * chart.precision))
 
 
 def _not_connected(

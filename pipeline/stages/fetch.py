@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
+from pipeline.formats.shared.text import season_text
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
 from pipeline.scenario.season import MAX_HOURS
 from pipeline.sources.land.osm_adapter import OsmLand
@@ -70,7 +71,7 @@ def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> Fetched
         if current.grid is None
     }
     if not grids:
-        reasons = [f"season {name!r}: {why}" for name, why in failures.items()]
+        reasons = [f"{season_text(name)}: {why}" for name, why in failures.items()]
         asked = any(current.was_asked for current in found.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
     region = scenario.region.shape

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import moment_text
+from pipeline.formats.shared.text import moment_text, season_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,17 +47,19 @@ def overpowering_notes(
     if always.any():
         where, most = _worst(grid, always)
         notes.append(
-            f"{grid.season}: in {_share(always, is_water, lat):.1%} of the water the current is as "
-            f"fast as the vessel ({speed_m_s:g} m/s) or faster, up to {most:.2f} m/s at "
-            f"{grid.lon[where[1]]:.2f} E {grid.lat[where[0]]:.2f} N: no route leads through it"
+            f"{season_name(grid.season)}: in {_share(always, is_water, lat):.1%} of the water the "
+            f"current is as fast as the vessel ({speed_m_s:g} m/s) or faster, up to {most:.2f} "
+            f"m/s at {grid.lon[where[1]]:.2f} E {grid.lat[where[0]]:.2f} N: no route leads "
+            "through it"
         )
     if sometimes.any() and departure is not None:
         where, most = _worst(grid, sometimes)
         notes.append(
-            f"{grid.season}: {_share(sometimes, is_water, lat):.1%} of the water is shut for some "
-            f"hours by a current as fast as the vessel ({speed_m_s:g} m/s); where it is strongest, "
-            f"up to {most:.2f} m/s at {grid.lon[where[1]]:.2f} E {grid.lat[where[0]]:.2f} N, "
-            f"{_hours(grid, where, speed_m_s, departure)}: routes are the best without waiting"
+            f"{season_name(grid.season)}: {_share(sometimes, is_water, lat):.1%} of the water is "
+            f"shut for some hours by a current as fast as the vessel ({speed_m_s:g} m/s); where "
+            f"it is strongest, up to {most:.2f} m/s at {grid.lon[where[1]]:.2f} E "
+            f"{grid.lat[where[0]]:.2f} N, {_hours(grid, where, speed_m_s, departure)}: routes "
+            "are the best without waiting"
         )
     return tuple(notes)
 

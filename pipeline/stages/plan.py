@@ -7,8 +7,9 @@ import time
 from typing import TYPE_CHECKING
 
 import renew
-from pipeline.formats.shared.text import dated
+from pipeline.formats.shared.text import dated, season_text
 from pipeline.model import SeasonPlan
+from pipeline.stages.endpoints import is_shut_in
 from pipeline.stages.speed_choices import largest_stretch, planned_in_time
 
 if TYPE_CHECKING:
@@ -52,12 +53,14 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         failure = dated(failure, scene.departures.get(season), stretch)
         if KNOWN_UNTIL in failure:
             failure += (
-                f"; season {season!r} ends too early: give currents that reach further, raise its "
-                "max_hours where they do, or depart earlier"
+                f"; {season_text(season)}: its currents end too early: give currents that reach "
+                "further, raise its max_hours where they do, or depart earlier"
             )
         if "allow a smaller padding" in failure:
             failure += "; all are keys of [planner], and renew go has --clearance"
-        is_shut = isinstance(error, renew.UnreachableError)
+        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
+            scene, [strait.gap for strait in error.straits]
+        )
         return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
     seconds = time.perf_counter() - started
     return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)

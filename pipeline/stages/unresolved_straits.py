@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import distance, place
+from pipeline.formats.shared.text import distance, place, season_name
 from pipeline.geo.earth import METRES_PER_DEGREE
 
 if TYPE_CHECKING:
@@ -43,9 +43,9 @@ def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
             if straits:
                 _, width_m, cell, middle = min(straits, key=lambda one: one[0])
                 notes.append(
-                    f"{grid.season}: the strait at {place(*middle)} is {distance(width_m)} wide, "
-                    f"and a cell of the current {distance(cell)}: its tide is not resolved, and "
-                    "may run harder and turn at another time than planned"
+                    f"{season_name(grid.season)}: the strait at {place(*middle)} is "
+                    f"{distance(width_m)} wide, and a cell of the current {distance(cell)}: its "
+                    "tide is not resolved, and may run harder and turn at another time than planned"
                 )
     return tuple(notes)
 

@@ -113,8 +113,7 @@ class _WayNamer:
     def islands(self) -> tuple[NumberedIsland, ...]:
         """Islands that are in the names so far, the largest first."""
         return tuple(
-            NumberedIsland(island, self._chart_name(island), *map(float, self._point(island)))
-            for island in sorted(self._used)
+            self._numbered(island, self._chart_name(island)) for island in sorted(self._used)
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
@@ -124,10 +123,15 @@ class _WayNamer:
         """
         spelled = rejected.union(*(route.spelled for route in self._routes.values()))
         known = spelled & set(self._rays.island.tolist())
-        return tuple(
-            NumberedIsland(island, "", *map(float, self._point(island)))
-            for island in sorted(known - self._used)
-        )
+        return tuple(self._numbered(island) for island in sorted(known - self._used))
+
+    def _numbered(self, island: int, name: str = "") -> NumberedIsland:
+        """Return an island with its number, and where it is."""
+        point = self._point(island)
+        place = self._scene.place_text(point)
+        if not name and self._places:
+            place += f", near {self._nearest(point).name}"
+        return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
 
     @cached_property
     def _telling_any(self) -> list[int]:
@@ -258,6 +262,12 @@ class _WayNamer:
             )
         ]
         return max(named, key=lambda place: place.area_deg2).name if named else ""
+
+    def _nearest(self, point: FloatArray) -> PlaceName:
+        """Named land of the chart that is nearest to a point (2,), planar metres."""
+        lonlat = [(place.lon, place.lat) for place in self._places]
+        away = np.linalg.norm(self._scene.projection.to_plane(np.array(lonlat)) - point, axis=1)
+        return self._places[int(away.argmin())]
 
     def _point(self, island: int) -> FloatArray:
         """A point (2,) on an island."""

@@ -8,6 +8,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.text import moment_text
+from pipeline.scenario.departures import departure_name
 from pipeline.voyage.quantities import speed_range_m_s
 
 # Largest number of departures that a window is sampled at first, and the least time between two.
@@ -16,8 +18,6 @@ _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
 # most to within an hour: each proves as much of the window as that.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
-# A time in a season's title; its name, of which file names are made, has no blank and no colon.
-_SPELLED = "%Y-%m-%d %H:%M UTC"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,12 @@ class Departing:
 
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
         """Return the [[seasons]] table of a voyage in currents that change on the way."""
-        name = f"{self.begin:%Y-%m-%dT%H%MZ}"
-        title = f"Departure {self.begin:{_SPELLED}}"
+        title = f"Departure {moment_text(self.begin)}"
         when = self.passage
         if self.arrive_by is not None:
-            title = f"Arrival by {self.arrive_by:{_SPELLED}}"
+            title = f"Arrival by {moment_text(self.arrive_by)}"
         if self.until is not None:
-            title = f"Departure from {self.begin:{_SPELLED}} to {self.until:{_SPELLED}}"
+            title = f"Departure from {moment_text(self.begin)} to {moment_text(self.until)}"
             window = self.until - self.begin
             step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
             within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
@@ -63,7 +62,7 @@ class Departing:
                 "to_within": f"{math.ceil(within / _MINUTE)}min",
             }
         return {
-            "name": name.lower(),
+            "name": departure_name(self.begin),
             "title": title,
             **when,
             "time_method": "changing",

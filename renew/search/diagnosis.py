@@ -53,9 +53,13 @@ def no_class_error(
         tried = "; ".join(suggest_relaxations(problem, policy, method))
         remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
-    return UnreachableError(
+    error = UnreachableError(
         f"{count} rejected: {'; '.join(reasons)}{more}. To find a route: {remedy}", *places
     )
+    straits = tuple(one.strait for one in rejected if one.strait is not None)
+    if len(straits) == len(rejected):
+        error.straits = straits
+    return error
 
 
 def _named(group: list[Rejected]) -> str:

@@ -19,6 +19,7 @@ from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
 from pipeline.formats.shared.legs import steps
 from pipeline.formats.shared.route_profile import coast_index
+from pipeline.formats.shared.text import to_minute
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -148,7 +149,7 @@ def _passed(seconds: float, departure: datetime | None) -> str:
     """Time at which a waypoint is passed, or the time since departure."""
     if departure is None:
         return f"+ {duration(seconds)}"
-    return f"{time_after(departure, seconds):%Y-%m-%d %H:%M}"
+    return f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
 
 
 def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:

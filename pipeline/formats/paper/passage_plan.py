@@ -23,7 +23,7 @@ from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.paper.legs_table import distance_text, headings, rows, tightest_text
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.text import percent, speed_over_ground
+from pipeline.formats.shared.text import moment_text, percent, speed_over_ground
 from pipeline.formats.shared.unknowns import route_unknowns
 
 if TYPE_CHECKING:
@@ -113,10 +113,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     when = "Times are since departure: none was given."
     if departure is not None:
         arrival = time_after(departure, metrics.duration_s)
-        when = (
-            f"Departure {time_after(departure, 0):%Y-%m-%d %H:%M} UTC, arrival "
-            f"{arrival:%Y-%m-%d %H:%M} UTC."
-        )
+        when = f"Departure {moment_text(time_after(departure, 0))}, arrival {moment_text(arrival)}."
     knots = speed_over_ground(metrics) * KNOTS_PER_M_S
     speeds = points.ranked.route.speeds * KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"

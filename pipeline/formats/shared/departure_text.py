@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.shared.text import hours, moment_text, percent
+from pipeline.formats.shared.text import exact_moment_text, hours, moment_text, percent
 
 if TYPE_CHECKING:
     from pipeline.model import DepartureChoice
@@ -19,16 +19,16 @@ AS_GOOD = 0.01
 
 def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
     """Say in sentences when to leave."""
-    leave = moment_text(choice.chosen)
     if choice.arrive_by is not None:
-        by = moment_text(choice.arrive_by)
+        leave, by = exact_moment_text(choice.chosen), moment_text(choice.arrive_by)
         taking = hours(choice.least_s)
         return (f"Leave at {leave}, as late as will do, to be there by {by}, after {taking}.",)
     count = int(np.isfinite(choice.fuels).sum())
     first, last = (_moment(choice, at) for at in choice.departures_s[[0, -1]])
     best = (
-        f"Leave at {leave}: of {count} departures planned from {first} to {last} it is under way "
-        f"for the least time, {hours(choice.least_s)}, and needs the least fuel."
+        f"Leave at {moment_text(choice.chosen)}: of {count} departures planned from {first} "
+        f"to {last} it is under way for the least time, {hours(choice.least_s)}, and needs the "
+        "least fuel."
     )
     sentences = [best]
     most = float(choice.fuels[np.isfinite(choice.fuels)].max())

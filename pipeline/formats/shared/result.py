@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import dated
+from pipeline.formats.shared.text import dated, season_name
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -150,11 +150,13 @@ class RunResult:
 
         A stand-in goes without the title: "July 2024" would be wrong for it.
         """
-        name = season.capitalize()
+        name = season_name(season)
+        name = f"{name[:1].upper()}{name[1:]}"
         title = next((spec.title for spec in self.scenario.seasons if spec.name == season), "")
         if not title or self.is_stand_in(season):
             return name
-        return title if season.lower() in title.lower() else f"{name} ({title})"
+        says_name = name != season.capitalize() or season in title.lower()
+        return title if says_name else f"{name} ({title})"
 
     def valid_text(self, season: str) -> str:
         """Period that a season's current represents; empty if the source does not state it."""

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.formats.shared.text import season_name
+
 if TYPE_CHECKING:
     from pipeline.formats.shared.result import RunResult
 
@@ -13,10 +15,10 @@ if TYPE_CHECKING:
 def safety_notes(result: RunResult) -> tuple[str, ...]:
     """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
     return tuple(
-        f"not safe everywhere: {row.season}, {row.collisions:,} of {row.trials:,} hard-over turns "
-        f"along the best route met land, the first from {_first_place(result, row.season)}; it was "
-        f'planned with padding = {result.scenario.planner.padding!r}, and only "adaptive" is '
-        "verified"
+        f"not safe everywhere: {season_name(row.season)}, {row.collisions:,} of {row.trials:,} "
+        f"hard-over turns along the best route met land, the first from "
+        f"{_first_place(result, row.season)}; it was planned with padding = "
+        f'{result.scenario.planner.padding!r}, and only "adaptive" is verified'
         for row in result.evaluation.routes
         if row.rank == 1 and row.collisions
     )

@@ -7,10 +7,14 @@ import re
 from datetime import UTC, timedelta
 from typing import TYPE_CHECKING
 
+from pipeline.scenario.departures import named_departure
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from datetime import datetime
 
     from pipeline.model import GapShares, RouteMetrics, Zone
+    from pipeline.scenario.model import Scenario
 
 ABSENT = "–"
 # A time on a current's clock in one of the planner's reasons.
@@ -160,11 +164,45 @@ def dated(reason: str, departure: datetime | None, stretch: float = 1.0) -> str:
 
     def date(found: re.Match[str]) -> str:
         seconds = round(stretch * float(found[2]))
-        return f"{found[1]} {moment_text(departure + timedelta(seconds=seconds))}"
+        return f"{found[1]} {exact_moment_text(departure + timedelta(seconds=seconds))}"
 
     return _CLOCK_TIME.sub(date, reason)
 
 
+def to_minute(moment: datetime) -> datetime:
+    """Round a moment to the nearest minute, UTC: an arrival seconds before the hour is at it."""
+    return (moment.astimezone(UTC) + timedelta(seconds=30)).replace(second=0, microsecond=0)
+
+
 def moment_text(moment: datetime) -> str:
-    """Write a moment for readers: "2026-11-22 06:00 UTC"."""
-    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    """Write a moment for readers, to the minute: "2026-11-22 06:00 UTC"."""
+    return f"{to_minute(moment):%Y-%m-%d %H:%M} UTC"
+
+
+def exact_moment_text(moment: datetime) -> str:
+    """Write a moment with its seconds, if it has any, where to be late by some of them matters."""
+    is_whole = moment == to_minute(moment)
+    return moment_text(moment) if is_whole else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def season_name(season: str) -> str:
+    """Name a season for readers: "july", or the departure that stands in for a name."""
+    departure = named_departure(season)
+    return season if departure is None else f"departure {moment_text(departure)}"
+
+
+def seasons_text(seasons: Sequence[str]) -> str:
+    """Name seasons in a message: "season 'july'", "departure 2026-11-22 06:00 UTC"."""
+    if any(named_departure(season) for season in seasons):
+        return ", ".join(map(season_name, seasons))
+    return f"season{'s' * (len(seasons) > 1)} {', '.join(map(repr, seasons))}"
+
+
+def season_text(season: str) -> str:
+    """Name one season in a message."""
+    return seasons_text([season])
+
+
+def about_season(season: str, scenario: Scenario) -> str:
+    """Begin a note on a season by its name; with nothing where the scenario has no other."""
+    return f"{season_text(season)}: " if len(scenario.seasons) > 1 else ""

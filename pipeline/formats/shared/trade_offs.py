@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.shared.text import hours, moment_text, percent
+from pipeline.formats.shared.text import about_season, hours, moment_text, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -114,7 +114,7 @@ def trade_off_text(found: TradeOff) -> tuple[str, ...]:
 def speed_notes(result: RunResult) -> tuple[str, ...]:
     """The first sentence on each season whose speeds are chosen, for the run's notes."""
     return tuple(
-        f"season {one.season!r}: {trade_off_text(one)[0].removesuffix('.')}"
+        about_season(one.season, result.scenario) + trade_off_text(one)[0].removesuffix(".")
         for one in trade_offs(result)
     )
 

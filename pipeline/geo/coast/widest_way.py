@@ -46,7 +46,9 @@ def widest_way(
     width = np.linalg.norm(gate[:, 1] - gate[:, 0], axis=1)
     beyond = mesh.neighbours[triangle, corner]
     size = len(mesh.triangles)
-    graph = sparse.csr_array((1 / width, (triangle, beyond)), shape=(size, size))
+    # SciPy before 1.17 takes no other indices for a spanning tree than these.
+    ends = triangle.astype(np.int32), beyond.astype(np.int32)
+    graph = sparse.csr_array((1 / width, ends), shape=(size, size))
     tree = csgraph.minimum_spanning_tree(graph)
     first, last = mesh.locate(start), mesh.locate(goal)
     _, before = csgraph.breadth_first_order(tree, first, directed=False)

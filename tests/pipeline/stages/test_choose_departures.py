@@ -13,6 +13,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.figures.departure_plot import departure_figure, departure_svg
 from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.text import exact_moment_text
 from pipeline.model import DepartureChoice
 from pipeline.scenario.season import Season
 from pipeline.stages.choose_departures import choose_departures
@@ -88,7 +89,7 @@ def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # 
     assert by - timedelta(seconds=2e-3 * choice.least_s + 1) <= arrival <= by
     assert departed.scenario.seasons[0].departure == choice.chosen
     (sentence,) = departure_text(choice)
-    assert sentence.startswith(f"Leave at {choice.chosen:%Y-%m-%d %H:%M} UTC, as late as will do")
+    assert sentence.startswith(f"Leave at {exact_moment_text(choice.chosen)}, as late as will do")
     assert departure_svg(choice, identity="a", label="b") == ""
 
 

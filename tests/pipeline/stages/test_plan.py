@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
+import shapely
 
 from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
 from pipeline.model import SeasonPlan
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages import planar
 from pipeline.stages.evaluate import evaluate_season
 from pipeline.stages.plan import plan_season
+
+if TYPE_CHECKING:
+    from pipeline.model import Scene
 
 SCENARIO = {
     "schema_version": 1,
@@ -68,3 +76,37 @@ def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:
         on_chart.projection.to_plane(list(map(float, found.groups()))), [50, 45], atol=6
     )
     assert "triangle" not in in_plane + in_degrees
+
+
+def harbour(*mouths: tuple[float, float]) -> Scene:
+    """A basin of 30 m by 30 m round the start, with mouths between these x in its northern wall."""
+    ends = [10.0, *itertools.chain(*mouths), 50.0]
+    walls = [(10.0, 10, 50.0, 15), (10, 10, 15, 50), (45, 10, 50, 50)]
+    walls += [(x, 45, end, 50) for x, end in zip(ends[::2], ends[1::2], strict=True)]
+    obstacles = [list(shapely.box(*wall).exterior.coords) for wall in walls]
+    plane = {"extent": [0, 0, 100, 100], "obstacles": obstacles}
+    scenario = parse_scenario(SCENARIO | {"start": [30, 30], "goal": [90, 90], "plane": plane})
+    return planar.plane_scene(scenario)
+
+
+@pytest.mark.parametrize("mouths", [[(27, 33)], [(18, 23), (34, 40)]])
+def test_a_wider_region_cannot_help_out_of_a_harbour_whose_mouths_padding_shuts(
+    mouths: list[tuple[float, float]],
+) -> None:
+    scene, options = harbour(*mouths), PlannerOptions(padding=4.0)
+    out = plan_season(scene, "calm", options)
+    assert "gap is" in out.failure
+    assert not out.is_shut
+    back = plan_season(replace(scene, start=scene.goal, goal=scene.start), "calm", options)
+    assert "gap is" in back.failure
+    assert not back.is_shut
+    assert plan_season(scene, "calm", PlannerOptions(padding=1.0)).plan is not None
+
+
+def test_a_wider_region_can_help_round_walls_that_end_at_the_edge() -> None:
+    walls = [[[0, 45], [47, 45], [47, 55], [0, 55]], [[53, 45], [100, 45], [100, 55], [53, 55]]]
+    plane = {"extent": [0, 0, 100, 100], "obstacles": walls}
+    scenario = parse_scenario(SCENARIO | {"start": [50, 10], "goal": [50, 90], "plane": plane})
+    season = plan_season(planar.plane_scene(scenario), "calm", PlannerOptions(padding=8.0))
+    assert "gap is" in season.failure
+    assert season.is_shut

@@ -114,6 +114,8 @@ def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
     places = {island.label: island.x for island in evaluation.islands}
     assert set(places) == {"1", "2", "3"}
     assert places["2"] < places["1"] < places["3"]
+    for island in evaluation.islands:
+        assert island.place == scene.place_text(np.array([island.x, island.y]))
 
 
 def test_numbers_are_those_of_the_homotopy_classes() -> None:
@@ -141,6 +143,8 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
     assert [(island.number, island.label) for island in evaluation.islands] == [
         (1, "Isle, of Dogs")
     ]
+    evaluation = named(scene, planned(scene), places=(elsewhere,))
+    assert evaluation.islands[0].place.endswith("N, near Far")
 
 
 def test_seasons_share_the_main_island() -> None:

@@ -18,6 +18,7 @@ import xarray as xr
 
 import pipeline
 from pipeline.cli.outcome_json import outcome_json
+from pipeline.cli.summary import season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.loading import load_scenario
 from pipeline.run import run
@@ -173,6 +174,13 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
         text = (outcome.directory / f"tide-2026-11-22t0620z.{suffix}").read_text("utf-8")
         times = re.findall(r"2026-11-22T\d\d:\d\d:\d\d(?:\.\d+)?Z", text)
         assert any(abs(datetime.fromisoformat(t) - arrival) <= timedelta(seconds=1) for t in times)
+    table = season_table(outcome)
+    assert re.search(r"^departure 2026-11-22 06:20 UTC +1 ", table, re.MULTILINE)
+    assert "t0620z" not in table
+    # The island that names both ways, with a place on it.
+    found = re.search(r"^Passed: island 1 at ([\d.-]+) E ([\d.-]+) N\.$", table, re.MULTILINE)
+    assert found is not None
+    assert shapely.covers(ISLAND, shapely.Point(*map(float, found.groups())))
     told = json.loads(outcome_json(outcome))
     assert told["routes"][0]["departure"] == departure.isoformat()
     (worth,) = told["clock_worth"]
@@ -234,6 +242,20 @@ def test_where_no_region_joins_start_and_goal_nothing_is_written(
     assert not isinstance(refused.value, NoWayError)
     assert "widen" not in str(refused.value)
     assert not (outputs / "ring").exists()
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
+    tmp_path: Path, outputs: Path
+) -> None:
+    ring = shapely.LineString(shapely.Point(START).buffer(0.04).exterior.coords).buffer(1e-4)
+    mouth = shapely.box(START[0] - 1e-3, START[1], START[0] + 1e-3, START[1] + 0.05)
+    file = tmp_path / "harbour.geojson"
+    file.write_text(shapely.to_geojson(ring.difference(mouth)))
+    with pytest.raises(RequestError, match="gap is") as refused:
+        voyage(file, outputs, "still", name="harbour", clearance_m=150.0)
+    assert not isinstance(refused.value, NoWayError)
+    assert not (outputs / "harbour").exists()
 
 
 def depth_grid(file: Path) -> Path:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 import shapely
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.formats.shared import text as texts
 from pipeline.model import Zone
+
+NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
 
 
 @pytest.mark.parametrize(
@@ -43,6 +46,16 @@ from pipeline.model import Zone
         (texts.percent(0.0234), "2.3 %"),
         (texts.plain(1000.0), "1,000"),
         (texts.plain(0.5), "0.5"),
+        (texts.moment_text(NOON - SECONDS), "2026-11-22 12:00 UTC"),
+        (texts.moment_text(NOON + SECONDS), "2026-11-22 12:00 UTC"),
+        (texts.moment_text(NOON - 2 * SECONDS), "2026-11-22 11:59 UTC"),
+        (texts.moment_text(NOON.astimezone(timezone(timedelta(hours=8)))), "2026-11-22 12:00 UTC"),
+        (texts.exact_moment_text(NOON), "2026-11-22 12:00 UTC"),
+        (texts.exact_moment_text(NOON - SECONDS), "2026-11-22 11:59:40 UTC"),
+        (texts.season_text("july"), "season 'july'"),
+        (texts.season_text("2026-11-22"), "season '2026-11-22'"),
+        (texts.season_text("2026-11-22t0600z"), "departure 2026-11-22 06:00 UTC"),
+        (texts.seasons_text(["july", "may"]), "seasons 'july', 'may'"),
     ],
 )
 def test_formats(formatted: str, expected: str) -> None:

@@ -22,7 +22,7 @@ def discs(seed: int, count: int = 25) -> np.ndarray:
 @given(st.integers(0, 10_000))
 def test_the_gaps_are_those_of_a_minimum_spanning_tree(seed: int) -> None:
     bodies = shapely.get_parts(shapely.union_all(discs(seed)))
-    tree = minimum_spanning_tree(shapely.distance(bodies[:, None], bodies)).data
+    tree = minimum_spanning_tree(shapely.distance(bodies[:, None].copy(), bodies)).data
     widest = 9.0
     found = narrow_gaps(discs(seed), widest, lambda _: True)
     widths = [gap.width_m for gap in found]
