@@ -113,7 +113,8 @@ def test_a_moving_scene_is_planned_as_well_as_by_an_oracle_and_stays_above_the_b
     again = renew.fuel(
         best.path, scene.current, PAPER_VESSEL, drift=scene.drift, departure=scene.departure
     )
-    assert again == best.fuel
+    # The clock is settled by iteration, begun at other times.
+    assert again == pytest.approx(best.fuel, rel=1e-10)
 
 
 @pytest.mark.parametrize("seed", [1, 5])
