@@ -83,11 +83,19 @@ def _require_execution(app: Sphinx, name: str, source: list[str]) -> None:
             _log.warning("%s: cell %d failed or was not executed: make notebooks", name, number)
 
 
-def _level_of_captions(
+def _make_accessible(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
 ) -> None:
-    """Give the captions of the navigation, which Sphinx calls headings, the level they lack."""
+    """Let the keyboard reach tables that scroll, and give captions of the navigation a level.
+
+    Sphinx calls the captions headings.
+    """
     del app, page, template, tree
+    if "body" in context:
+        wrapper = '<div class="table-wrapper'
+        context["body"] = context["body"].replace(
+            wrapper, f'{wrapper[:4]} tabindex="0"{wrapper[4:]}'
+        )
     key = "furo_navigation_tree"
     if key in context:
         levelled = 'role="heading" aria-level="2"'
@@ -99,5 +107,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-docstring", _require_docstring)
     app.connect("autodoc-skip-member", _skip)
     app.connect("source-read", _require_execution)
-    app.connect("html-page-context", _level_of_captions, priority=900)  # after the theme's own
+    app.connect("html-page-context", _make_accessible, priority=900)  # after the theme's own
     return {"parallel_read_safe": True, "parallel_write_safe": True}
