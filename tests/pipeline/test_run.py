@@ -251,5 +251,5 @@ def test_a_time_that_cannot_be_made_is_refused_with_season_and_dates(tmp_path: P
     with pytest.raises(RequestError) as caught:
         run(with_speeds(arrive_by="2026-11-22T06:00:20Z"), tmp_path)
     (fault,) = caught.value.faults
-    assert "arrive_by = 2026-11-22 06:00 UTC can't be made" in fault
+    assert "arrive_by = 2026-11-22 06:00:20 UTC can't be made" in fault
     assert fault.startswith("season '")
