@@ -11,6 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from pipeline.formats.shared.text import clearance
 from tests.conftest import ROOT
 
 METRICS = ROOT / "docs" / "figures" / "palawan-season.csv"
@@ -30,7 +31,7 @@ def table(metrics: Path) -> str:
     return _HEAD + "".join(
         f"| {row['season']} | {_way(row)} "
         f"| {float(row['fuel']):.1f} | {float(row['length_m']) / 1000:.0f} km "
-        f"| {float(row['clearance_m']) / 1000:.1f} km | {float(row['fuel_per_distance']):.2f} "
+        f"| {clearance(float(row['clearance_m']))} | {float(row['fuel_per_distance']):.2f} "
         f"| {float(row['optimality_gap']) * 100:.1f} % "
         f"| {int(row['collisions']):,} of {int(row['trials']):,} |\n"
         for row in rows
