@@ -39,10 +39,10 @@ def no_class_error(
         found = group[0].cause.places if group[0].cause else ()
         numbers = itertools.count(len(places))
 
-        def placeholder(_: FloatArray, numbers: Iterator[int] = numbers) -> str:
+        def numbered(_: FloatArray, numbers: Iterator[int] = numbers) -> str:
             return f"{{{next(numbers)}}}"
 
-        reasons.append(f"{_named(group)}: {group[0].located_reason(placeholder)}")
+        reasons.append(f"{_named(group)}: {group[0].located_reason(numbered)}")
         places += found
     left = len(alike) - _MAX_REASONS
     more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
