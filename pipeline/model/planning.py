@@ -140,8 +140,8 @@ class SeasonPlan:
     """One season's plan; `failure` is empty when it was planned, else the reason in one line.
 
     It `is_shut` where the reason is that no way joins start and goal in the region, and a wider one
-    may have one. Where speeds
-    are chosen, `arrive_by_s` is the arrival that was asked of the planner, on its clock.
+    may have one. Where speeds are chosen, `arrive_by_s` is the arrival that was asked of the
+    planner, on its clock.
     """
 
     season: str
