@@ -27,11 +27,12 @@ _AROUND = math.radians(135)
 
 
 def round_corners(
-    path: FloatArray, sharp: BoolArray, radius: FloatArray
+    path: FloatArray, sharp: BoolArray, radius: FloatArray, *, together: bool = False
 ) -> tuple[FloatArray, IntArray]:
     """Path (m, 2) with its sharp corners (n - 2,) drawn around discs of given radii (n - 2,), m.
 
-    Also the point (m,) of the path (n, 2) for which each of its points is drawn.
+    Also the point (m,) of the path (n, 2) for which each of its points is drawn. Where one disc
+    is enough for several corners it lies as its own corner asks, or as they do `together`.
     """
     turns, bisectors = course_changes(path)
     # A point of the path that is not sharp is a disc of radius 0.
@@ -41,12 +42,52 @@ def round_corners(
     radii, sides = np.zeros(len(path)), np.ones(len(path))
     radii[1:-1], sides[1:-1] = size, np.where(turns >= 0, 1.0, -1.0)
     kept, courses, clash = _taut(centres, radii, sides)
+    if together and clash < 0:
+        centres = _turned_to_the_string(path, centres, radii, sides, kept, courses)
+        kept, courses, clash = _taut(centres, radii, sides)
     if clash >= 0:
         raise InfeasibleError(
             "two opposite turns near {0} are too close together to be steered", centres[clash]
         )
     points, disc = _drawn(centres[kept], radii[kept], sides[kept], courses)
     return points, kept[disc]
+
+
+@kernel
+def _turned_to_the_string(
+    path: FloatArray,
+    centres: FloatArray,
+    radii: FloatArray,
+    sides: FloatArray,
+    kept: IntArray,
+    courses: FloatArray,
+) -> FloatArray:
+    """Centres (n, 2) with each kept disc turned about its corner, where it has taken in others.
+
+    It is turned as far as those stay within it towards the middle of the courses before and behind
+    it: around several corners together the string turns otherwise than the path at that one.
+    """
+    turned = centres.copy()
+    for at in range(1, len(kept) - 1):
+        k = kept[at]
+        radius = radii[k]
+        now = math.atan2(centres[k, 1] - path[k, 1], centres[k, 0] - path[k, 0])
+        middle = courses[at - 1] + _turn(courses[at - 1], courses[at], sides[k]) / 2
+        change, has_others = wrapped(middle + sides[k] * math.pi / 2 - now), False
+        for other in range(kept[at - 1] + 1, kept[at + 1]):
+            dx, dy = path[other, 0] - path[k, 0], path[other, 1] - path[k, 1]
+            apart = math.hypot(dx, dy)
+            away = math.hypot(path[other, 0] - centres[k, 0], path[other, 1] - centres[k, 1])
+            if apart == 0.0 or away > radius:
+                continue
+            has_others = True
+            # Within the disc are the corners that lie within this angle of its centre.
+            widest, off = math.acos(apart / (2 * radius)), wrapped(math.atan2(dy, dx) - now)
+            change = min(max(change, min(off - widest, 0.0)), max(off + widest, 0.0))
+        if has_others:
+            turned[k, 0] = path[k, 0] + radius * math.cos(now + change)
+            turned[k, 1] = path[k, 1] + radius * math.sin(now + change)
+    return turned
 
 
 @kernel

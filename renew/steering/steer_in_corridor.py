@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
 
@@ -40,6 +41,8 @@ _MISS = 0.02
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.01
+# The same from which discs that round several corners are also placed for all of them.
+_DEAR = 1.002
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
@@ -55,19 +58,23 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     first: InfeasibleError | None = None
     # Mostly the path itself can be steered: it is thinned only when that is asked for.
     tries = ((path, rounding) for path in _thinned(path, corridor) for rounding in _ROUNDINGS)
-    for thinned, rounding in tries:
+    for drawing in tries:
         try:
-            steered = _steered(thinned, corridor, rounding)
+            steered = _steered(*drawing, corridor)
         except InfeasibleError as error:
             first = first or error
             continue
         fuel = voyage.fuel(steered[0])
         if best is None or fuel < least:
-            least, best = fuel, steered
+            least, best, drawn = fuel, steered, drawing
         if fuel <= enough:
             break
     if best is None:
         raise first or InfeasibleError("no tolerance to try")
+    if least > _DEAR * voyage.fuel(path):
+        with contextlib.suppress(InfeasibleError):
+            other = _steered(*drawn, corridor, together=True)
+            best = min(best, other, key=lambda one: voyage.fuel(one[0]))
     return best
 
 
@@ -84,7 +91,7 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
         wanted = np.full(len(path), _FIRST_THINNED)
         for _ in range(_MAX_THINNINGS):
             try:
-                return _steered(path[stays >= wanted], corridor, rounding)
+                return _steered(path[stays >= wanted], rounding, corridor)
             except InfeasibleError as error:
                 first = first or error
                 if not error.places:
@@ -130,11 +137,11 @@ def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 
 
 def _steered(
-    path: FloatArray, corridor: Corridor, rounding: float
+    path: FloatArray, rounding: float, corridor: Corridor, *, together: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it."""
     if len(path) > 2:
-        path = _with_rounded_corners(path, corridor, rounding)
+        path = _with_rounded_corners(path, corridor, rounding, together=together)
     return path, steer_as_drawn(path, corridor)
 
 
@@ -173,7 +180,9 @@ def steer_as_drawn(
     return trajectory
 
 
-def _with_rounded_corners(path: FloatArray, corridor: Corridor, rounding: float) -> FloatArray:
+def _with_rounded_corners(
+    path: FloatArray, corridor: Corridor, rounding: float, *, together: bool
+) -> FloatArray:
     """Path (m, 2) with its sharp corners drawn around discs, each as large as its own arc needs.
 
     On the way round a corner the current changes, and the course: in a following current the
@@ -187,7 +196,9 @@ def _with_rounded_corners(path: FloatArray, corridor: Corridor, rounding: float)
             return path
         kept = 1 + np.flatnonzero(~_crowding(path, sharp, radius))
         corners = np.concatenate([[0], kept, [len(path) - 1]])
-        rounded, drawn_for = round_corners(path[corners], sharp[kept - 1], radius[kept - 1])
+        rounded, drawn_for = round_corners(
+            path[corners], sharp[kept - 1], radius[kept - 1], together=together
+        )
         if len(rounded) < 3:
             break
         needed = np.zeros(len(path))

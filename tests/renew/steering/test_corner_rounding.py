@@ -72,6 +72,34 @@ def test_corners_that_are_not_sharp_stay_as_they_are() -> None:
     assert np.abs(turns[1:]).max() <= math.radians(4) + 1e-9
 
 
+@settings(max_examples=30)
+@given(width=st.floats(0.5, 3.5), radius=st.floats(2, 5), course=angles)
+def test_the_end_of_a_wall_is_rounded_on_the_shortest_way(
+    width: float, radius: float, course: float
+) -> None:
+    length = 40.0
+    along = np.array([[0, length], [0, 0], [width, 0], [width, length]]) - [width / 2, 0]
+    turned = np.array([[math.cos(course), math.sin(course)], [-math.sin(course), math.cos(course)]])
+    sharp, radii = np.array([True, True]), np.array([radius, radius])
+    found, alone = (
+        round_corners(along @ turned, sharp, radii, together=together)[0]
+        for together in (True, False)
+    )
+    # No curve this wide goes closer around both corners than the circle through them.
+    centre = math.sqrt(radius**2 - width**2 / 4)
+    reach = math.hypot(width / 2, length - centre)
+    straight = math.sqrt(reach**2 - radius**2)
+    across = math.atan2(width / 2, length - centre)
+    around = 2 * math.pi - 2 * (across + math.acos(radius / reach))
+    shortest = 2 * straight + radius * around
+    assert shapely.LineString(found).length == pytest.approx(shortest, rel=1e-3)
+    assert shapely.LineString(found).length <= shapely.LineString(alone).length + 1e-9
+    if width < radius:
+        assert shapely.LineString(found).length < shapely.LineString(alone).length - 1e-3
+    wall = shapely.Polygon(along @ turned)
+    assert shapely.LineString(found).intersection(wall.buffer(-1e-6)).is_empty
+
+
 def test_a_disc_that_the_string_does_not_lean_on_is_dropped() -> None:
     # A slight bend between two large turns: the string around their discs passes outside of it.
     bearings = np.radians([0, 60, 61, 121])
