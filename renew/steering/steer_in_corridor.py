@@ -42,7 +42,7 @@ _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.01
 # The same from which discs that round several corners are also placed for all of them.
-_DEAR = 1.002
+_DEAR = 1.005
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
