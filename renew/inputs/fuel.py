@@ -21,7 +21,8 @@ from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.vessel import Vessel
-from renew.kernels.ground_speed import ground_speeds
+from renew.kernels.ground_speed import ground_speed as made_along
+from renew.kernels.ground_speed import ground_speeds, sailing_at
 
 Drift: TypeAlias = Literal["projected", "crab"]
 
@@ -80,20 +81,54 @@ class Pieces(NamedTuple):
     @classmethod
     def of(cls, path: FloatArray) -> Pieces:
         """Cut a path."""
-        legs = np.diff(path, axis=0)
-        lengths = np.linalg.norm(legs, axis=1)
-        tangents = legs / np.where(lengths > 0, lengths, 1.0)[:, None]
-        pieces = np.maximum(1, np.ceil(_PIECES * lengths / max(lengths.sum(), 1e-300))).astype(int)
-        leg = np.repeat(np.arange(len(legs)), pieces)
-        piece = np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        place = (piece[:, None] + WITHIN) / pieces[leg][:, None]
-        points = path[leg][:, None] + place[..., None] * legs[leg][:, None]
-        return cls(leg, points, tangents[leg][:, None], lengths[leg] / pieces[leg])
+        return cls(*_cut(for_kernels(path)))
 
-    def total(self, a_metre: FloatArray, some: slice = slice(None)) -> FloatArray:
-        """Sum over some of the pieces (s,) of what nodes (s, 4) take a metre."""
-        length = self.length[some]
-        return np.asarray(np.where(length > 0, (a_metre * (_WEIGHTS / 2)).sum(axis=1) * length, 0))
+    def total(self, a_metre: FloatArray) -> FloatArray:
+        """Sum over each piece (p,) of what its nodes (p, 4) take a metre."""
+        whole = (a_metre * (_WEIGHTS / 2)).sum(axis=1) * self.length
+        return np.asarray(np.where(self.length > 0, whole, 0))
+
+
+@kernel
+def _cut(path: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Fields of the :class:`Pieces` of a path (n, 2)."""
+    legs = len(path) - 1
+    lengths = np.empty(legs)
+    for k in range(legs):
+        lengths[k] = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    a_metre = _PIECES / max(lengths.sum(), 1e-300)
+    pieces = np.maximum(1, np.ceil(lengths * a_metre)).astype(np.int64)
+    count = pieces.sum()
+    leg = np.repeat(np.arange(legs), pieces)
+    points, tangent, length = np.empty((count, 4, 2)), np.empty((count, 1, 2)), np.empty(count)
+    at = 0
+    for k in range(legs):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        scale = 1.0 / lengths[k] if lengths[k] > 0 else 1.0
+        for piece in range(pieces[k]):
+            length[at] = lengths[k] / pieces[k]
+            tangent[at, 0, 0], tangent[at, 0, 1] = dx * scale, dy * scale
+            for node in range(4):
+                place = (piece + WITHIN[node]) / pieces[k]
+                points[at, node, 0] = path[k, 0] + place * dx
+                points[at, node, 1] = path[k, 1] + place * dy
+            at += 1
+    return leg, points, tangent, length
+
+
+@kernel
+def _durations(
+    velocity: FloatArray, tangent: FloatArray, length: FloatArray, speed: FloatArray, crab: bool
+) -> FloatArray:
+    """Time (s,), s, over :class:`Pieces` in currents (s, 4, 2) at their nodes, at speeds (s,)."""
+    durations = np.zeros(len(length))
+    for k in range(len(length)):
+        polar = sailing_at(speed[k], crab, 0.0)
+        tx, ty = tangent[k, 0]
+        for node in range(4 if length[k] > 0 else 0):
+            made = made_along(velocity[k, node, 0], velocity[k, node, 1], tx, ty, polar)
+            durations[k] += _WEIGHTS[node] / 2 * length[k] / made if made > 0 else math.inf
+    return durations
 
 
 def passage_times(
@@ -141,16 +176,14 @@ def passage(
     field = as_field(current)
     pieces = Pieces.of(path)
     leg = pieces.leg
-    through_water = _by_leg(speeds, vessel, len(path) - 1)[leg][:, None]
+    through_water = _by_leg(speeds, vessel, len(path) - 1)[leg]
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
         when = times[:-1, None] + WITHIN * np.diff(times)[:, None]
-        velocity = field.velocity(pieces.points[some], when)
-        speed = ground_speed(velocity, pieces.tangent[some], through_water[some], drift)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slowness = np.where(speed > 0, 1 / speed, np.inf)
-        return pieces.total(slowness, some)
+        velocity = for_kernels(field.velocity(pieces.points[some], when))
+        tangent, length = pieces.tangent[some], pieces.length[some]
+        return _durations(velocity, tangent, length, through_water[some], drift == "crab")
 
     if guess is not None:
         first = np.searchsorted(leg, np.arange(len(path)))

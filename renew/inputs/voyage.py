@@ -222,18 +222,6 @@ class Voyage:
 
     def fuel(self, path: FloatArray) -> float:
         """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
-        key = path.tobytes()
-        if key not in self._fuels:
-            self._fuels[key] = self._fuel(path)
-        return self._fuels[key]
-
-    @cached_property
-    def _fuels(self) -> dict[bytes, float]:
-        """Fuel of paths: each step towards a route asks for that of the step before."""
-        return {}
-
-    def _fuel(self, path: FloatArray) -> float:
-        """Work the same out in the field itself."""
         if self.has_price:
             pieces = Pieces.of(path)
             velocity = self.current.velocity(pieces.points, self.departure)
@@ -245,6 +233,18 @@ class Voyage:
 
     def arrivals(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        key = path.tobytes()
+        if key not in self._arrivals:
+            self._arrivals[key] = self._timed(path)
+        return self._arrivals[key]
+
+    @cached_property
+    def _arrivals(self) -> dict[bytes, FloatArray]:
+        """Times at the points of paths: each step towards a route asks for those of the last."""
+        return {}
+
+    def _timed(self, path: FloatArray) -> FloatArray:
+        """Work the same out in the field itself."""
         times = None
         if not self.current.is_steady:
             times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))

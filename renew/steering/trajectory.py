@@ -11,10 +11,11 @@ from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.current import CurrentField
-from renew.inputs.fuel import ground_speed, reading_times, times_under_way
+from renew.inputs.fuel import reading_times, times_under_way
 from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
 from renew.kernels.angles import wrapped
+from renew.kernels.ground_speed import ground_speed, sailing_at
 from renew.steering.turning_radius import corner_radius, course_changes
 
 # Angle (rad) between the points of an arc: chords leave it by 0.02 % of the radius.
@@ -188,27 +189,54 @@ def _crab_along(
     Between its points it is sailed at speeds (m - 1,) through water; where these change the heading
     is that of their mean.
     """
-    tangent = np.stack([np.cos(curve.course), np.sin(curve.course)], axis=-1)
-    lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
     velocity = np.empty(curve.points.shape)
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Time (p,), s, over some legs, by the times (p + 1,) at their ends."""
         ends = slice(some.start, some.stop + 1)
         velocity[ends] = current.velocity(curve.points[ends], times)
-        both = [
-            ground_speed(velocity[ends][side], tangent[ends][side], through_water[some], "crab")
-            for side in (slice(0, -1), slice(1, None))
-        ]
-        slowness = np.where(np.array(both) > 0, 1 / np.where(np.array(both) > 0, both, 1.0), np.inf)
-        return np.asarray(lengths[some] * slowness.sum(axis=0) / 2)
+        return _durations(
+            curve.points[ends], curve.course[ends], velocity[ends], through_water[some]
+        )
 
-    time = times_under_way(durations, len(lengths), departure, is_steady=current.is_steady)
+    time = times_under_way(durations, len(through_water), departure, is_steady=current.is_steady)
     if not math.isfinite(time[-1]):
         at = curve.points[~np.isfinite(time)][0]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)
-    around = np.concatenate([through_water[:1], through_water, through_water[-1:]])
-    speed = ground_speed(velocity, tangent, (around[:-1] + around[1:]) / 2, "crab")
-    towards = speed[:, None] * tangent - velocity
-    heading = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
+    heading = _headings(curve.course, velocity, through_water)
     return np.column_stack([time, curve.points, heading])
+
+
+@kernel
+def _durations(
+    points: FloatArray, course: FloatArray, velocity: FloatArray, through_water: FloatArray
+) -> FloatArray:
+    """Time (n - 1,), s, from each point (n, 2) to the next, in currents (n, 2); inf for no way."""
+    durations = np.empty(len(points) - 1)
+    for k in range(len(durations)):
+        polar, slowness = sailing_at(through_water[k], crab=True, most=0.0), 0.0
+        for at in (k, k + 1):
+            u, v = velocity[at]
+            made = ground_speed(u, v, math.cos(course[at]), math.sin(course[at]), polar)
+            slowness += 1.0 / made if made > 0.0 else math.inf
+        way = math.hypot(points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1])
+        durations[k] = way * slowness / 2
+    return durations
+
+
+@kernel
+def _headings(course: FloatArray, velocity: FloatArray, through_water: FloatArray) -> FloatArray:
+    """Headings (n,), rad, that hold courses (n,) in currents (n, 2); they run on without jumps.
+
+    At a point the speed is the mean of those (n - 1,) before and behind it.
+    """
+    headings = np.empty(len(course))
+    last = len(through_water) - 1
+    for k in range(len(course)):
+        speed = (through_water[max(k - 1, 0)] + through_water[min(k, last)]) / 2
+        tx, ty = math.cos(course[k]), math.sin(course[k])
+        u, v = velocity[k]
+        made = ground_speed(u, v, tx, ty, sailing_at(speed, crab=True, most=0.0))
+        heading = math.atan2(made * ty - v, made * tx - u)
+        headings[k] = heading if k == 0 else headings[k - 1] + wrapped(heading - headings[k - 1])
+    return headings
