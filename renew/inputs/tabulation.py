@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
+from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, table_of
+from renew.kernels.current_table import Table, table_of, velocities
 
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
@@ -21,31 +23,69 @@ _MAX_ERROR_RATIO = 0.5
 _MAX_NODES = 8_000_000
 # Number of slices of a changing current at which a table is made, to find how fine it must be.
 _PROBES = 5
+# Difference between a field and the cubics through its nodes, as a share of the strongest current,
+# up to which they stand for it between them; a table that is fine has ten times that.
+_CUBIC_TOLERANCE = 1e-4
+# Number of points at random at which it is looked whether they do, twice as many as there are
+# elsewhere at least, and the ratio of the error there to that of the table from which they don't.
+_RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 
 
 def tabulated(
     field: Callable[[FloatArray], FloatArray], bounds: tuple[float, float, float, float]
 ) -> Table:
     """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
-    xmin, ymin, xmax, ymax = bounds
-    cells, last = _MIN_CELLS, np.inf
-    uv = field(_mesh(np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)))
+    return _made(field, bounds).table
+
+
+class _Made(NamedTuple):
+    """A table, and the number of cells a side at whose nodes the field was asked; cubic between."""
+
+    table: Table
+    cells_asked: int
+
+
+def _made(
+    field: Callable[[FloatArray], FloatArray],
+    bounds: tuple[float, float, float, float],
+    *,
+    trust_cubics: bool = True,
+) -> _Made:
+    """Make the same; cubics are trusted once they meet the field in the middles of all cells."""
+    cells, last, cells_asked = _MIN_CELLS, math.inf, 0
+    x, y = _axes(bounds, cells)
+    uv = for_kernels(field(_mesh(x, y)))
     while True:
         # Every second node is one of this table, the others are its cells' and edges' middles.
-        x, y = np.linspace(xmin, xmax, 2 * cells + 1), np.linspace(ymin, ymax, 2 * cells + 1)
-        middles = field(_mesh(x[1::2], y[1::2]))
+        finer_x, finer_y = _axes(bounds, 2 * cells)
+        middles = _middles(uv)
+        if not cells_asked:
+            by_cubics, middles = middles, field(_mesh(finer_x[1::2], finer_y[1::2]))
+            astray = _largest(middles - by_cubics)
+            if trust_cubics and astray <= _CUBIC_TOLERANCE * _largest(uv):
+                cells_asked = cells
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
-        error = float(np.linalg.norm(middles - halfway, axis=-1).max())
-        table = table_of(x[::2], y[::2], uv, error)
+        error = _largest(middles - halfway)
+        table = table_of(x, y, uv, error)
         if table.is_fine or cells >= _MAX_CELLS or error > _MAX_ERROR_RATIO * last:
-            return table
-        level, upright = _mesh(x[1::2], y[::2]), _mesh(x[::2], y[1::2])
-        on_edges = field(np.vstack([level.reshape(-1, 2), upright.reshape(-1, 2)]))
-        finer = np.empty((2 * cells + 1, 2 * cells + 1, 2))
-        finer[::2, ::2], finer[1::2, 1::2] = uv, middles
-        finer[::2, 1::2] = on_edges[: level.size // 2].reshape(level.shape)
-        finer[1::2, ::2] = on_edges[level.size // 2 :].reshape(upright.shape)
-        uv, cells, last = finer, 2 * cells, error
+            break
+        if cells_asked:
+            uv = halved(uv)
+        else:
+            level, upright = _mesh(finer_x[1::2], y), _mesh(x, finer_y[1::2])
+            on_edges = field(np.vstack([level.reshape(-1, 2), upright.reshape(-1, 2)]))
+            finer = np.empty((2 * cells + 1, 2 * cells + 1, 2))
+            finer[::2, ::2], finer[1::2, 1::2] = uv, middles
+            finer[::2, 1::2] = on_edges[: level.size // 2].reshape(level.shape)
+            finer[1::2, ::2] = on_edges[level.size // 2 :].reshape(upright.shape)
+            uv = finer
+        x, y, cells, last = finer_x, finer_y, 2 * cells, error
+    if not 0 < cells_asked < cells:
+        return _Made(table, cells)
+    error = max(table.error, _error_at_random(field, table))
+    if error > _MAX_EXCESS * table.error:
+        return _made(field, bounds, trust_cubics=False)
+    return _Made(table._replace(error=error), cells_asked)
 
 
 def tabulated_in_time(
@@ -59,16 +99,22 @@ def tabulated_in_time(
     It is as fine as the finest of a few of its slices needs to be, if memory allows that.
     """
     probes = np.unique(np.linspace(0, len(times) - 1, _PROBES).astype(int))
-    made = [tabulated(partial(_at, field, float(times[k])), bounds) for k in probes]
-    cells = max(len(table.x) for table in made) - 1
-    error = max(table.error for table in made)
+    made = [_made(partial(_at, field, float(times[k])), bounds) for k in probes]
+    cells = max(len(one.table.x) for one in made) - 1
+    error = max(one.table.error for one in made)
+    asked = max(one.cells_asked for one in made)
     while (cells + 1) ** 2 * len(times) > _MAX_NODES and cells > _MIN_CELLS:
         cells //= 2
         error *= 4
-    xmin, ymin, xmax, ymax = bounds
-    x, y = np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)
-    nodes = _mesh(x, y)
-    uv = np.stack([field(nodes, float(time)) for time in times])
+    asked = min(asked, cells)
+    x, y = _axes(bounds, cells)
+    nodes = _mesh(*_axes(bounds, asked))
+    uv = np.empty((len(times), cells + 1, cells + 1, 2))
+    for k, time in enumerate(times):
+        velocity = for_kernels(field(nodes, float(time)))
+        while len(velocity) <= cells:
+            velocity = halved(velocity)
+        uv[k] = velocity
     return table_of(x, y, uv, error, times, period)
 
 
@@ -79,6 +125,75 @@ def _at(
     return field(points, time)
 
 
+def _axes(bounds: tuple[float, float, float, float], cells: int) -> tuple[FloatArray, FloatArray]:
+    """Coordinates along x and y (cells + 1,) of a grid's nodes."""
+    xmin, ymin, xmax, ymax = bounds
+    return np.linspace(xmin, xmax, cells + 1), np.linspace(ymin, ymax, cells + 1)
+
+
 def _mesh(x: FloatArray, y: FloatArray) -> FloatArray:
     """Points (ny, nx, 2) of a grid."""
     return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+@kernel
+def _largest(velocity: FloatArray) -> float:
+    """Largest length (m/s) of velocities (..., 2)."""
+    square = 0.0
+    for u, v in velocity.reshape(-1, 2):
+        square = max(square, u * u + v * v)
+    return math.sqrt(square)
+
+
+def _error_at_random(field: Callable[[FloatArray], FloatArray], table: Table) -> float:
+    """Largest difference (m/s) between a field and its table at some points at random."""
+    low, high = (table.x[0], table.y[0]), (table.x[-1], table.y[-1])
+    points = np.random.default_rng(0).uniform(low, high, (_RANDOM_POINTS, 2))
+    return _largest(field(points) - velocities(table, points, np.zeros(_RANDOM_POINTS)))
+
+
+@kernel
+def halved(uv: FloatArray) -> FloatArray:
+    """Velocities (2n - 1, 2m - 1, 2) with cells halved from those (n, m, 2) at even nodes; n >= 4.
+
+    Between nodes they are those of the cubics through the nearest four.
+    """
+    rows, columns = uv.shape[:2]
+    finer = np.empty((2 * rows - 1, 2 * columns - 1, 2))
+    finer[::2, ::2] = uv
+    for row in range(0, 2 * rows - 1, 2):
+        for k in range(columns - 1):
+            for d in range(2):
+                finer[row, 2 * k + 1, d] = _halfway(finer[row, ::2, d], k)
+    for k in range(rows - 1):
+        for column in range(2 * columns - 1):
+            for d in range(2):
+                finer[2 * k + 1, column, d] = _halfway(finer[::2, column, d], k)
+    return finer
+
+
+@kernel
+def _middles(uv: FloatArray) -> FloatArray:
+    """The same (n - 1, m - 1, 2) in the middles of the cells alone."""
+    rows, columns = uv.shape[:2]
+    between, middles = np.empty((rows, columns - 1, 2)), np.empty((rows - 1, columns - 1, 2))
+    for row in range(rows):
+        for k in range(columns - 1):
+            for d in range(2):
+                between[row, k, d] = _halfway(uv[row, :, d], k)
+    for k in range(rows - 1):
+        for column in range(columns - 1):
+            for d in range(2):
+                middles[k, column, d] = _halfway(between[:, column, d], k)
+    return middles
+
+
+@small_kernel
+def _halfway(line: FloatArray, k: int) -> float:
+    """Value between the k-th of some even points (n,) and the next."""
+    last = len(line) - 2
+    if k == 0:
+        return float(5 * line[0] + 15 * line[1] - 5 * line[2] + line[3]) / 16
+    if k == last:
+        return float(5 * line[k + 1] + 15 * line[k] - 5 * line[k - 1] + line[k - 2]) / 16
+    return float(9 * (line[k] + line[k + 1]) - line[k - 1] - line[k + 2]) / 16
