@@ -13,7 +13,7 @@ from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError
 from renew.inputs.voyage import Voyage
-from renew.kernels.capsules import Capsules, legs_are_clear
+from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
 from renew.steering.trajectory import steer
@@ -45,6 +45,10 @@ _CHEAP = 1.01
 _DEAR = 1.005
 
 
+class _TooNarrowError(InfeasibleError):
+    """Rounded corners cut into V: those of larger radii would too."""
+
+
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
@@ -57,17 +61,22 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     least, best = math.inf, None
     first: InfeasibleError | None = None
     # Mostly the path itself can be steered: it is thinned only when that is asked for.
-    tries = ((path, rounding) for path in _thinned(path, corridor) for rounding in _ROUNDINGS)
-    for drawing in tries:
-        try:
-            steered = _steered(*drawing, corridor)
-        except InfeasibleError as error:
-            first = first or error
-            continue
-        fuel = voyage.fuel(steered[0])
-        if best is None or fuel < least:
-            least, best, drawn = fuel, steered, drawing
-        if fuel <= enough:
+    for thinned in _thinned(path, corridor):
+        for rounding in _ROUNDINGS:
+            try:
+                steered = _steered(thinned, rounding, corridor)
+            except _TooNarrowError as error:
+                first = first or error
+                break
+            except InfeasibleError as error:
+                first = first or error
+                continue
+            fuel = voyage.fuel(steered[0])
+            if best is None or fuel < least:
+                least, best, drawn = fuel, steered, (thinned, rounding)
+            if fuel <= enough:
+                break
+        if least <= enough:
             break
     if best is None:
         raise first or InfeasibleError("no tolerance to try")
@@ -157,7 +166,7 @@ def steer_as_drawn(
     for stage, piece in corridor.stages(path):
         clear = stage.legs_clear(piece)
         if not clear.all():
-            raise InfeasibleError(
+            raise _TooNarrowError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]
             )
     trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure, speeds)
@@ -166,7 +175,7 @@ def steer_as_drawn(
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
     clear = legs_are_clear(track[:-1], track[1:], land)
     if not clear.all():
-        raise InfeasibleError(
+        raise _TooNarrowError(
             "the corridor is too narrow to turn in: the track would touch land near {0}",
             track[clear.argmin()],
         )
@@ -189,9 +198,10 @@ def _with_rounded_corners(
     vessel turns in a wider arc than before and behind it.
     """
     radius = rounding * _corner_radius(path, corridor.voyage)
-    rounded = path
+    rounded, leant_on = path, np.zeros(len(radius), dtype=bool)
     for _ in range(_MAX_GROWTHS):
         sharp = _sharp_corners(path, corridor, radius) | _missing_via(path, corridor, radius)
+        sharp |= leant_on
         if not sharp.any():
             return path
         kept = 1 + np.flatnonzero(~_crowding(path, sharp, radius))
@@ -201,8 +211,12 @@ def _with_rounded_corners(
         )
         if len(rounded) < 3:
             break
-        needed = np.zeros(len(path))
-        at = corners[drawn_for[1:-1]]
+        at = corners[drawn_for]
+        cut_off = _cut_off(path, corridor, rounded, at)
+        if cut_off.any():
+            leant_on |= cut_off
+            continue
+        needed, at = np.zeros(len(path)), at[1:-1]
         np.maximum.at(needed, at, rounding * _corner_radius(rounded, corridor.voyage))
         short = sharp & (needed[1:-1] > _GROWTH * radius)
         if not short.any():
@@ -245,6 +259,23 @@ def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> Bo
     turns, _ = course_changes(path)
     missed = radius * (1 / np.cos(turns / 2) - 1)
     return np.asarray(is_via & (missed > _MISS / 2 * corridor.voyage.vessel.turning_radius))
+
+
+def _cut_off(
+    path: FloatArray, corridor: Corridor, rounded: FloatArray, drawn_for: IntArray
+) -> BoolArray:
+    """Inner corners (n - 2,) that were in the way, but without which a rounded path cuts into V.
+
+    Of those left out along each leg that does, the one that lies furthest from it. Points (m,) of
+    the rounded path (m, 2) are drawn for those of the path (n, 2).
+    """
+    cut_off = np.zeros(len(path), dtype=bool)
+    for leg in np.flatnonzero(~corridor.legs_clear(rounded)):
+        left_out = np.arange(drawn_for[leg] + 1, drawn_for[leg + 1])
+        if len(left_out):
+            away = segment_distance(path[left_out], rounded[leg], rounded[leg + 1])
+            cut_off[left_out[away.argmax()]] = True
+    return cut_off[1:-1]
 
 
 def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
