@@ -98,7 +98,7 @@ def _reason(variant: Variant, season: str) -> str:
         failures = (one.failure for one in variant.result.plans if one.season == season)
         reason = next(failures, "") or "no route was found"
     # The map is that of a season.
-    return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0]
+    return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0].rstrip(" :")
 
 
 def _write_reason(axes: Axes, reason: str) -> None:
