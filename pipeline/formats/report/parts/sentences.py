@@ -248,7 +248,9 @@ def _gain(route: RouteMetrics) -> float:
 
 def _effect_on(gain: float) -> str:
     """Say what a current's gain, m/s, does to a speed, which is named next."""
-    verb, preposition = ("takes", "from") if round(gain, 2) < 0 else ("adds", "to")
+    if round(gain, 2) == 0:
+        return "adds nothing to"
+    verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")
     return f"{verb} {abs(gain):.2f} m/s {preposition}"
 
 

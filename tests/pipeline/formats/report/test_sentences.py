@@ -114,6 +114,8 @@ def test_the_reason_is_length_or_the_current() -> None:
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
         "0.25 m/s to the speed on either."
     )
+    unhelped = replace(BEST, speed_m_s=1.251)
+    assert "the current adds nothing to its speed and takes" in Season([unhelped, OTHER]).because()
 
 
 def test_the_current_is_told_by_each_routes_own_speed() -> None:
