@@ -221,8 +221,10 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
+    # The share without depths is known of charts that have any: shoals are no-go there.
+    shores = "land" if math.isnan(best.uncharted_share) else "land, shoals and hazards"
     safe = (
-        f"It keeps at least {clearance(best.clearance_m)} from land"
+        f"It keeps at least {clearance(best.clearance_m)} from {shores}"
         if best.has_land
         else "There is no land to keep clear of"
     )

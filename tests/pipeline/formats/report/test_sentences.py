@@ -182,3 +182,10 @@ def test_ways_name_islands_on_the_same_side_together() -> None:
         "west of island 1, between islands 2 and 3, between islands 5 and 6, west of island 4"
     )
     assert replace(BEST, passages=()).way == ""
+
+
+def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
+    *_, plain = Season([BEST]).verdict()
+    *_, with_depths = Season([replace(BEST, uncharted_share=0.0)]).verdict()
+    assert " from land; " in plain
+    assert " from land, shoals and hazards; " in with_depths
