@@ -16,6 +16,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pipeline.errors import RequestError
 from pipeline.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
+from pipeline.scenario.asked_currents import with_currents
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.model import Scenario
@@ -55,9 +56,9 @@ def load_scenario(
         A vector file or a folder of S-57 cells that replaces the scenario's chart.
     currents
         Files that belong together, and sources of the catalogue in order of preference: they
-        replace every season's currents.
+        replace every season's currents; seasons that embedded tables lack are left out.
     on_note
-        Called with a note for each key of an earlier version.
+        Called with a note for each season left out, and for each key of an earlier version.
 
     Raises
     ------
@@ -73,7 +74,10 @@ def load_scenario(
     if charts is not None:
         data = _with_chart(data, charts)
     if currents:
-        data = _with_currents(data, currents)
+        data, notes = with_currents(data, currents)
+        if on_note is not None:
+            for note in notes:
+                on_note(note)
     return parse_scenario(data, path.parent, on_note=on_note)
 
 
@@ -179,41 +183,6 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     chart = data.get("chart", {})
     source = {"path": str(resolved(charts, "--charts"))}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
-
-
-def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
-    """Return the sources that --currents names, in their order of preference.
-
-    Names of the catalogue stay as they are; files are one source, in the place of the first.
-    """
-    known = catalogue.names("sources")
-    found: list[str | list[str]] = []
-    files: list[str] = []
-    for one in map(str, asked):
-        if one in known:
-            found.append(one)
-            continue
-        if not files:
-            found.append(files)
-        files.append(str(resolved(one, "--currents")))
-    return found
-
-
-def _with_currents(data: dict[str, Any], asked: Sequence[str | Path]) -> dict[str, Any]:
-    """Replace the currents of a scenario's seasons by the sources that --currents names."""
-    if "plane" in data:
-        raise RequestError(
-            ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
-        )
-    seasons = data.get("seasons")
-    currents = asked_currents(asked)
-    return {
-        **data,
-        "seasons": [
-            {**season, "currents": currents} if isinstance(season, dict) else season
-            for season in (seasons if isinstance(seasons, list) else [])
-        ],
-    }
 
 
 def _with_paths(scenario: Scenario, folder: Path) -> Scenario:

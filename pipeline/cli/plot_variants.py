@@ -31,7 +31,7 @@ def compared_variants(
     if Kind.CLASSES in kinds:
         many = scenario.planner.classes
         variants[Kind.CLASSES] = [
-            _variant(scenario, planned, f"k = {k}", classes=k, order="depth-first")
+            _variant(scenario, planned, f"k = {k}, depth-first", classes=k, order="depth-first")
             for k in dict.fromkeys((many if many > 1 else 16, 1))
         ]
     if Kind.PADDINGS in kinds:

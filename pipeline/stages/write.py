@@ -7,18 +7,20 @@ Everything is written to a folder of its own, which then takes the place of the 
 from __future__ import annotations
 
 import errno
+import gc
 import hashlib
 import json
 import os
 import re
 import unicodedata
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
 from pipeline.storage.result_folder import replacing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from pipeline.formats.shared.result import RunResult
@@ -33,6 +35,10 @@ MANIFEST = "manifest.json"
 _MAX_NAME = 80
 # Names that Windows reserves for devices.
 _DEVICES = r"con|prn|aux|nul|com\d|lpt\d"
+# Number of new objects after which Python looks for unreachable ones while files are written. By
+# default it is 700, which takes a tenth of the time: figures are made of hundreds of thousands, all
+# of them in use.
+_COLLECT_AFTER = 50_000
 _ELSEWHERE = "or choose another folder with --output"
 _REMEDIES = {
     errno.ENOSPC: "the disk is full: free some space",
@@ -81,7 +87,10 @@ def write(
     try:
         formats = formats_of(result)
         _check_target(directory, [*formats, MANIFEST])
-        with replacing(directory, lambda: _earlier_results(directory)) as staging:
+        with (
+            _seldom_collecting(),
+            replacing(directory, lambda: _earlier_results(directory)) as staging,
+        ):
             written = []
             for number, (name, writer) in enumerate(formats.items(), start=1):
                 if on_file is not None:
@@ -95,6 +104,17 @@ def write(
             f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
         ) from error
     return (*(directory / path.name for path in written), directory / MANIFEST)
+
+
+@contextmanager
+def _seldom_collecting() -> Iterator[None]:
+    """Look for unreachable objects seldom for a while."""
+    usual = gc.get_threshold()
+    gc.set_threshold(_COLLECT_AFTER, *usual[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
 
 
 def output_directory(root: Path, name: str) -> Path:

@@ -12,13 +12,15 @@ import hashlib
 import subprocess
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = frozenset({"pipeline", "renew"})
+# Where the syntax tree keeps the statements inside a statement; no import stands in an expression.
+_INNER = ("body", "orelse", "handlers", "finalbody", "cases")
 # The modules and packages that a stage calls first. Results are pickled as the classes of
 # `pipeline.model`, so that every stage depends on it.
 _ENTRIES = {
@@ -117,22 +119,26 @@ def _imported(file: Path) -> tuple[str, ...]:
     waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
     while waiting:
         node = waiting.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            waiting += node.orelse
-        elif isinstance(node, ast.Import):
+        if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module)
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif _is_for_type_checkers(node):
+            waiting += node.orelse
         else:
-            waiting += filter(_may_hold_statements, ast.iter_child_nodes(node))
+            waiting += (inner for field in _INNER for inner in getattr(node, field, ()))
     own = {name for name in names if name.partition(".")[0] in _PACKAGES}
     return tuple(sorted(own | {package for name in own for package in _parents(name)}))
 
 
-def _may_hold_statements(node: ast.AST) -> bool:
-    """Whether an import may stand in a node: in no expression, which most nodes are."""
-    return isinstance(node, ast.stmt | ast.excepthandler | ast.match_case)
+def _is_for_type_checkers(node: ast.AST) -> TypeGuard[ast.If]:
+    """Whether a statement is `if TYPE_CHECKING`."""
+    return (
+        isinstance(node, ast.If)
+        and isinstance(node.test, ast.Name)
+        and node.test.id == "TYPE_CHECKING"
+    )
 
 
 def _data_beside(file: Path) -> Iterator[Path]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
-from pipeline.loading import asked_currents, least_region, parse_scenario
+from pipeline.loading import least_region, parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
+from pipeline.scenario.asked_currents import asked_currents
 from pipeline.scenario.season import STILL, Season
 from pipeline.sources.registry import current_source
 from pipeline.voyage.departing import Departing, departing

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.loading import asked_currents, parse_scenario
+from pipeline.loading import load_scenario, parse_scenario
+from pipeline.scenario.asked_currents import asked_currents
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 
@@ -90,3 +91,15 @@ def test_sources_and_files_may_be_asked_for_together() -> None:
     asked = asked_currents(["/a.nc", "still", "/b.nc"])
     assert asked == [["/a.nc", "/b.nc"], "still"]
     assert asked_currents(["still"]) == ["still"]
+
+
+def test_seasons_that_an_asked_table_lacks_are_left_out_with_a_note() -> None:
+    notes: list[str] = []
+    asked = ["embedded-hansando"]
+    scenario = load_scenario("hansando", currents=asked, on_note=notes.append)
+    assert [season.name for season in scenario.seasons] == ["winter"]
+    assert notes == ["season 'summer' is left out: embedded-hansando has no such season"]
+    # Still water has every season, and where none is left the request is refused.
+    assert len(load_scenario("hansando", currents=[*asked, "still"]).seasons) == 2
+    with pytest.raises(RequestError, match="has no data"):
+        load_scenario("hansando", currents=["embedded-palawan"])

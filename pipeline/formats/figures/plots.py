@@ -335,14 +335,19 @@ def plot_title(axes: Axes, title: str, note: str) -> None:
 
     In a narrow figure, which has not room for both, the note stands inside the panel.
     """
+    # A given `y` keeps matplotlib from looking for ticks above the panel, which takes long.
     ink = COLOURS["ink"]
-    axes.set_title(title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5)
+    axes.set_title(
+        title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5, y=1.0
+    )
     room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * _POINTS_PER_INCH
     wide = text_width(title, _TITLE_PT, bold=True) + text_width(note, _TEXT_PT)
     if wide + _TEXT_PT <= room:
-        axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5)
+        axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5, y=1.0)
     else:
-        axes.set_title(title, loc="left", fontsize=_TEXT_PT, fontweight="bold", color=ink, pad=5)
+        axes.set_title(
+            title, loc="left", fontsize=_TEXT_PT, fontweight="bold", color=ink, pad=5, y=1.0
+        )
         axes.text(
             1.0, 0.98, note, transform=axes.transAxes, ha="right", va="top", fontsize=7, color=ink
         )

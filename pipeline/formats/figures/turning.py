@@ -66,28 +66,31 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     axes.plot([0], [0], "o", color=COLOURS["best"], markersize=5, zorder=4)
     low, high = local.reshape(-1, 2).min(axis=0), local.reshape(-1, 2).max(axis=0)
     room = _MARGIN * float((high - low).max())
-    axes.set_xlim(low[0] - room, high[0] + room)
-    axes.set_ylim(min(low[1], -gap) - room, high[1] + room)
-    axes.set_aspect("equal", adjustable="box")
-    axes.annotate(
-        f"no-go zone, {distance(found.gap * scale)} off",
-        (0.01, -gap),
-        xycoords=("axes fraction", "data"),
-        xytext=(2, -3),
-        textcoords="offset points",
-        va="top",
-        fontsize=SMALL_PT,
-        color=COLOURS["ink"],
-    )
-    axes.annotate(
-        f"padding {distance(found.padding * scale)}",
-        (0.01, padding - gap),
-        xycoords=("axes fraction", "data"),
-        xytext=(2, 2),
-        textcoords="offset points",
-        fontsize=SMALL_PT,
-        color=COLOURS["ink"],
-    )
+    # An offing may be many times as wide as the turns, which are to be seen.
+    bottom = max(min(low[1], -gap) - room, 2 * low[1] - high[1])
+    # At least: they are widened so that the plot has the figure's shape.
+    axes.autoscale_view()
+    axes.set_xlim(low[0] - room, high[0] + room, auto=True)
+    axes.set_ylim(bottom, high[1] + room, auto=True)
+    axes.set_aspect("equal", adjustable="datalim")
+    no_go = f"no-go zone,\n{distance(found.gap * scale)} off"
+    # Beside the plot, where no turn crosses them.
+    for text, level, side in (
+        (no_go, -gap, "top")
+        if -gap > bottom
+        else (f"\N{DOWNWARDS ARROW} {no_go}", bottom, "bottom"),
+        (f"padding\n{distance(found.padding * scale)}", padding - gap, "bottom"),
+    ):
+        axes.annotate(
+            text,
+            (1.0, level),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va=side,
+            fontsize=SMALL_PT,
+            color=COLOURS["ink"],
+        )
     axes.set_xlabel(f"along the no-go zone's edge, {unit}", fontsize=SMALL_PT)
     axes.set_ylabel(f"away from it, {unit}", fontsize=SMALL_PT)
     _title(axes, "Hard-over turns at the tightest place, in draws of the current")
@@ -133,7 +136,8 @@ def reach_figure(result: RunResult, season: str, width_pt: float | None = None) 
         )
     axes.set_xlabel(f"reach towards the no-go zone, {unit}", fontsize=SMALL_PT)
     axes.set_ylabel("share of drawn turns", fontsize=SMALL_PT)
-    axes.legend(fontsize=7, loc="upper left", frameon=True, edgecolor="none")
+    columns = 3 if figure.get_figwidth() * _POINTS_PER_INCH > WIDTH_PT else 1
+    figure.legend(fontsize=7, loc="outside lower center", ncols=columns, frameon=False)
     _title(axes, f"Reach of hard-over turns: {100 * (1 - risk):g} % stay within the quantile")
     return figure
 

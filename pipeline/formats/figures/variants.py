@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pipeline.formats.shared.result import RunResult
+    from pipeline.formats.shared.result import RankedRoute, RunResult
 
 
 # Characters of a reason, and least number in a line; mean width of a letter, as a share of its size
@@ -56,13 +57,17 @@ def variants_figure(
     with_padding: bool,
     width_pt: float | None = None,
 ) -> Figure:
-    """Draw a season's routes in each variant on a map of its own, with the soft no-go zone."""
-    handles = [
-        *land_handles(result),
-        *([soft_handle()] if with_padding else []),
-        line_handle("best", 2.2, "best route"),
-        line_handle("other", 0.8, "other classes"),
-    ]
+    """Draw a season's routes in each variant on a map of its own, with the soft no-go zone.
+
+    A variant without a route says what rejected it: in short in its title, and on its map.
+    """
+    handles = land_handles(result)
+    if any(_ranked(one, season) for one in variants):
+        handles += [soft_handle()] if with_padding else []
+        handles += [
+            line_handle("best", 2.2, "best route"),
+            line_handle("other", 0.8, "other classes"),
+        ]
     figure, maps = map_figure(
         result,
         handles,
@@ -73,7 +78,7 @@ def variants_figure(
     for one, (axes, sea) in zip(variants, maps, strict=True):
         layers = _layers(axes, one.result or result, one, season, with_padding=with_padding)
         add_layers(axes, layers, sea)
-        ranked = one.result.season_routes(season) if one.result else ()
+        ranked = _ranked(one, season)
         draw_start_and_goal(axes, result, [r.route.path for r in ranked])
         draw_frame(axes, result, sea)
         if not ranked:
@@ -81,12 +86,19 @@ def variants_figure(
     return figure
 
 
+def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
+    """A variant's routes, best first."""
+    return variant.result.season_routes(season) if variant.result else ()
+
+
 def _reason(variant: Variant, season: str) -> str:
-    """Why a variant has no route."""
-    if variant.result is None:
-        return variant.failure
-    failures = (one.failure for one in variant.result.plans if one.season == season)
-    return next(failures, "") or "no route was found"
+    """Why a variant has no route, without what would help."""
+    reason = variant.failure
+    if variant.result is not None:
+        failures = (one.failure for one in variant.result.plans if one.season == season)
+        reason = next(failures, "") or "no route was found"
+    # The map is that of a season.
+    return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0].rstrip(" :")
 
 
 def _write_reason(axes: Axes, reason: str) -> None:
@@ -111,9 +123,9 @@ def _write_reason(axes: Axes, reason: str) -> None:
 
 def _figures(variant: Variant, season: str) -> str:
     """A variant's fuel, length and clearance; or that it has no route."""
-    ranked = variant.result.season_routes(season) if variant.result else ()
+    ranked = _ranked(variant, season)
     if not ranked:
-        return "no route"
+        return drawable(f"no route: {_reason(variant, season).partition(': ')[0]}")
     best = ranked[0].metrics
     return (
         f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"
@@ -125,7 +137,7 @@ def _layers(
 ) -> list[Artist]:
     """Land, the best route's soft no-go zone, and routes."""
     layers = [*no_go_layers(axes, result), *land_layers(axes, result)]
-    ranked = variant.result.season_routes(season) if variant.result else ()
+    ranked = _ranked(variant, season)
     if with_padding and ranked:
         layers.append(soft_layer(axes, ranked[0].route.soft_no_go))
     for one in reversed(ranked):

@@ -24,7 +24,7 @@ from pipeline.formats.paper.legs_table import distance_text, headings, rows, tig
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.text import moment_text, percent, speed_over_ground
-from pipeline.formats.shared.unknowns import route_unknowns
+from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -132,6 +132,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         f"Least clearance of the planned path: {least}; {turns}. Optimality gap {gap}.",
         tightest_text(points, result),
         f"Current: {current}." if current else "",
+        "Depths are charted all along the planned path." if has_all_depths(metrics) else "",
         "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.passage.safe_corridor import cross, edges_of
+from pipeline.formats.passage.safe_corridor import IndexedEdges, cross, edges_of
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -44,10 +44,9 @@ def cross_track_limits(
     count = len(legs.lines)
     sides = _Sides.of(legs, cap)
     limits = np.full(2 * count, cap)
-    soft = shapely.linestrings(_edges_near(edges_of([soft_no_go]), sides.areas))
-    for edges, tree in (obstacles.edges, (soft, shapely.STRtree(soft))):
-        area, edge = tree.query(sides.areas, predicate="intersects")
-        _lower_to(limits, sides, area, edges[edge])
+    soft = IndexedEdges(_edges_near(edges_of([soft_no_go]), sides.areas))
+    for edges in (obstacles.edges, soft):
+        _lower_to(limits, sides, edges)
     limits[np.tile(shapely.intersects(soft_no_go, legs.lines), 2)] = 0.0
     return limits[:count], limits[count:]
 
@@ -116,9 +115,8 @@ class _Sides:
             np.tile(offsets, 2),
         )
 
-    def least_distance(self, side: IntArray, edges: ObjectArray) -> FloatArray:
-        """Distance (n,) that edges have at least from the legs of their sides."""
-        ends = shapely.get_coordinates(edges).reshape(-1, 2, 2)
+    def least_distance(self, side: IntArray, ends: FloatArray) -> FloatArray:
+        """Distance (n,) that edges (n, 2, 2) have at least from the legs of their sides."""
         half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
         begin, chord = self.chords[side, 0], self.chords[side, 1] - self.chords[side, 0]
         way = ends.mean(axis=1) - begin
@@ -161,24 +159,22 @@ def _side_areas(legs: Tracks, starts: IntArray, ends: IntArray, reach: FloatArra
     return np.asarray(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=of_leg)))
 
 
-def _lower_to(limits: FloatArray, sides: _Sides, area: IntArray, edges: ObjectArray) -> None:
-    """Lower the limit of a side to its leg's distance from the parts inside it of some edges.
+def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
+    """Lower the limit of a side to its leg's distance from the parts of edges inside it.
 
-    Edge i (n,) meets the area with index `area[i]`. What of an edge lies inside takes long to find:
-    the edges that may be nearest come first, a few of each area at once, until no other can be
-    nearer.
+    What of an edge lies inside takes long to find: the edges that may be nearest come first, a few
+    of each area at once, until no other can be nearer.
     """
-    least = sides.least_distance(area, edges)
+    area, edge = edges.tree.query(sides.areas, predicate="intersects")
+    least = sides.least_distance(area, edges.ends[edge])
     order = np.lexsort((least, area))
-    area, edges, least = area[order], edges[order], least[order]
-    rank = np.arange(len(area)) - np.searchsorted(area, area)
-    for first in range(0, int(rank.max(initial=-1)) + 1, _AT_ONCE):
-        tried = (rank >= first) & (rank < first + _AT_ONCE) & (least < limits[area])
-        if not tried.any():
-            break
-        of = area[tried]
-        parts = shapely.intersection(sides.areas[of], edges[tried])
+    while len(order := order[least[order] < limits[area[order]]]):
+        of = area[order]
+        first = np.arange(len(of)) - np.searchsorted(of, of) < _AT_ONCE
+        of, tried = of[first], edge[order[first]]
+        parts = shapely.intersection(sides.areas[of], edges.lines[tried])
         np.minimum.at(limits, of, shapely.distance(parts, sides.lines[of]))
+        order = order[~first]
 
 
 def _edges_near(edges: FloatArray, areas: ObjectArray) -> FloatArray:

@@ -60,11 +60,18 @@ class Obstacles:
         return shapely.intersection(area, self._extent)
 
     @cached_property
-    def edges(self) -> tuple[npt.NDArray[np.object_], shapely.STRtree]:
-        """Edges of the hard no-go zone, which covers all land, and of the chart; and their tree."""
-        areas = [*self.scene.chart.no_go, *self._areas, self._extent]
-        parts = np.asarray(shapely.linestrings(edges_of(areas)))
-        return parts, shapely.STRtree(parts)
+    def edges(self) -> IndexedEdges:
+        """Edges of the hard no-go zone, which covers all land, and of the chart."""
+        return IndexedEdges(edges_of([*self.scene.chart.no_go, *self._areas, self._extent]))
+
+
+class IndexedEdges:
+    """Edges with their endpoints `ends` (n, 2, 2), as `lines` (n,), and a `tree` of these."""
+
+    def __init__(self, ends: FloatArray) -> None:
+        self.ends = ends
+        self.lines: npt.NDArray[np.object_] = np.asarray(shapely.linestrings(ends))
+        self.tree = shapely.STRtree(self.lines)
 
 
 @dataclass(frozen=True)

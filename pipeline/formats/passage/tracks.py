@@ -93,7 +93,7 @@ def tracks(
     leg = np.repeat(np.arange(len(begin)), pieces + 1)
     share = (np.arange(len(leg)) - (np.cumsum(pieces + 1) - pieces - 1)[leg]) / pieces[leg]
     between = _on_loxodrome if curve == "Loxodrome" else _on_geodesic
-    lonlat = between(begin[leg], end[leg], share)
+    lonlat = _with_ends(between(begin, end, leg, share), begin[leg], end[leg], share)
     return Tracks(lonlat, projection.to_plane(lonlat), leg)
 
 
@@ -132,22 +132,29 @@ def _step_m(begin: FloatArray, end: FloatArray, error_m: float) -> FloatArray:
     return step
 
 
-def _on_loxodrome(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
-    """Points (m, 2) at shares of loxodromes from `begin` to `end`."""
-    low, high = _northing(begin[:, 1]), _northing(end[:, 1])
+def _on_loxodrome(
+    begin: FloatArray, end: FloatArray, leg: IntArray, share: FloatArray
+) -> FloatArray:
+    """Points (m, 2) at shares of some of the loxodromes (k,) from `begin` to `end`."""
+    low, high = _northing(begin[:, 1])[leg], _northing(end[:, 1])[leg]
     latitude = _mercator().transform(
         np.zeros(len(share)), low + share * (high - low), direction="INVERSE"
     )[1]
-    longitude = begin[:, 0] + share * (end[:, 0] - begin[:, 0])
-    return _with_ends(np.stack([longitude, latitude], axis=-1), begin, end, share)
+    longitude = begin[leg, 0] + share * (end[leg, 0] - begin[leg, 0])
+    return np.stack([longitude, latitude], axis=-1)
 
 
-def _on_geodesic(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
-    """Points (m, 2) at shares of geodesics from `begin` to `end`."""
+def _on_geodesic(
+    begin: FloatArray, end: FloatArray, leg: IntArray, share: FloatArray
+) -> FloatArray:
+    """Points (m, 2) at shares of some of the geodesics (k,) from `begin` to `end`."""
     azimuth, _, distance = _GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])
-    longitude, latitude, _ = _GEOD.fwd(begin[:, 0], begin[:, 1], azimuth, share * distance)
-    longitude = longitude - 360 * np.round((longitude - begin[:, 0]) / 360)
-    return _with_ends(np.stack([longitude, latitude], axis=-1), begin, end, share)
+    first = begin[leg]
+    longitude, latitude, _ = _GEOD.fwd(
+        first[:, 0], first[:, 1], azimuth[leg], share * distance[leg]
+    )
+    longitude = longitude - 360 * np.round((longitude - first[:, 0]) / 360)
+    return np.stack([longitude, latitude], axis=-1)
 
 
 def _with_ends(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Protocol
 
 from pipeline.formats.shared.text import percent, place
@@ -64,6 +63,11 @@ def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[str, ...]:
     return (*_of_chart(planned), *_of_routes([metrics]))
 
 
+def has_all_depths(metrics: RouteMetrics) -> bool:
+    """Whether depths are charted all along a route; not where the chart has none."""
+    return metrics.uncharted_share <= _NONE
+
+
 def _of_chart(planned: Planned) -> Iterator[str]:
     """Yield that a chart has no depths."""
     if planned.fetched.land.depths is None:
@@ -73,8 +77,7 @@ def _of_chart(planned: Planned) -> Iterator[str]:
 def _of_routes(rows: Sequence[RouteMetrics]) -> list[str]:
     """Say how much of a season's routes is without depths, and without figures of the current."""
     filled = _shares(rows, [row.filled_share for row in rows])
-    depths = [row.uncharted_share for row in rows]
-    blank = _shares(rows, depths)
+    blank = _shares(rows, [row.uncharted_share for row in rows])
     found = []
     if filled:
         found.append(
@@ -83,8 +86,6 @@ def _of_routes(rows: Sequence[RouteMetrics]) -> list[str]:
         )
     if blank:
         found.append(f"no depth is charted for {blank}")
-    elif rows and not math.isnan(depths[0]):
-        found.append(f"depths are charted all along {_named(rows)}")
     return found
 
 
@@ -98,11 +99,6 @@ def _shares(rows: Sequence[RouteMetrics], shares: Sequence[float]) -> str:
         more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
         texts.append(f"{percent(largest)} of route {rank}{more}")
     return " and ".join(texts)
-
-
-def _named(rows: Sequence[RouteMetrics]) -> str:
-    """Name routes."""
-    return f"route {rows[0].rank}" if len(rows) == 1 else "every route"
 
 
 def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[str]:

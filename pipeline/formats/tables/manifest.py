@@ -11,6 +11,7 @@ import re
 import shlex
 import sys
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -147,6 +148,7 @@ def _named(argument: str) -> str:
     return str(without_folders(argument))
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of Python, of the installed packages, and of the C libraries they use."""
     import pyproj

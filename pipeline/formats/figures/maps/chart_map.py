@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ from pipeline.formats.figures.artists import (
     point,
     text_width,
 )
-from pipeline.formats.figures.graticule import graticule
+from pipeline.formats.figures.graticule import GridLine, graticule
 from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
@@ -50,6 +51,10 @@ _MIN_RATIO, _MAX_RATIO = 0.45, 1.7
 _LABEL_GAP_PT = 8.0
 _TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
 _LEGEND_TEXT_PT = 7.5
+# Largest size of a map's upper and lower title, and whether it is bold.
+_TITLES = ((11.0, True), (PLAIN_PT, False))
+# Least room between the labels of meridians.
+_LABEL_SPACE_PT = 4.0
 # Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
 _LEGEND_EXTRA = 4.2
 # Least width of a map in a figure of a given width, and room between a text and the figure's edge.
@@ -110,6 +115,8 @@ def map_figure(
         figsize=(whole_width / POINTS_PER_INCH, whole_height / POINTS_PER_INCH),
         facecolor=COLOURS["halo"],
     )
+    room = min(margins.left, margins.right) * 2 + width - margins.left - margins.right
+    sizes = _title_sizes(titles, room - 2 * _EDGE_PT)
     maps = []
     for index in range(count):
         row, column = divmod(index, columns)
@@ -119,34 +126,40 @@ def map_figure(
         maps.append(_map_axes(figure, result, box_pt))
         if titles:
             middle = left + margins.left + inner / 2
-            _draw_titles(figure, titles[index], (middle, bottom + height), width)
+            _draw_titles(figure, titles[index], (middle, bottom + height), sizes)
     if handles:
         _draw_legend(figure, handles, legend_columns, 0.5 * legend / whole_height)
     return figure, maps
 
 
+def _title_sizes(titles: Sequence[tuple[str, str]], room_pt: float) -> tuple[float, float]:
+    """Sizes of the upper and the lower title, points, in which those of all maps have room."""
+    sizes = []
+    for line, (size, bold) in enumerate(_TITLES):
+        wide = [text_width(drawable(title[line]), size, bold=bold) for title in titles]
+        sizes.append(size * min(1.0, room_pt / max([1.0, *wide])))
+    return sizes[0], sizes[1]
+
+
 def _draw_titles(
-    figure: Figure, titles: tuple[str, str], foot_pt: tuple[float, float], width_pt: float
+    figure: Figure,
+    titles: tuple[str, str],
+    foot_pt: tuple[float, float],
+    sizes_pt: tuple[float, float],
 ) -> None:
-    """Write a map's two titles above its upper edge, no wider than the map's part of the figure."""
+    """Write a map's two titles above its upper edge."""
     width, height = figure.get_size_inches() * POINTS_PER_INCH
     middle, bottom = foot_pt
-    room = 2 * min(middle, width - middle, width_pt / 2) - 2 * _EDGE_PT
-    for text, up_pt, size_pt, weight in (
-        (titles[0], 20.0, 11.0, "bold"),
-        (titles[1], 6.0, PLAIN_PT, "normal"),
-    ):
-        shown = drawable(text)
-        wide = text_width(shown, size_pt, bold=weight == "bold")
+    for text, up_pt, size_pt, (_, bold) in zip(titles, (20.0, 6.0), sizes_pt, _TITLES, strict=True):
         figure.text(
             middle / width,
             (bottom + up_pt) / height,
-            shown,
+            drawable(text),
             ha="center",
             va="center",
             color=COLOURS["ink"],
-            fontsize=size_pt * min(1.0, room / max(wide, 1.0)),
-            fontweight=weight,
+            fontsize=size_pt,
+            fontweight="bold" if bold else "normal",
             parse_math=False,
         )
 
@@ -157,8 +170,7 @@ def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
 
     wide = [text_width(str(Base.get_label(h)), _LEGEND_TEXT_PT) for h in handles]
     for columns in range(len(wide), 1, -1):
-        rows = math.ceil(len(wide) / columns)
-        needed = sum(max(wide[i : i + rows]) for i in range(0, len(wide), rows))
+        needed = sum(max(column) for column in np.array_split(wide, columns))
         if needed + columns * _LEGEND_EXTRA * _LEGEND_TEXT_PT <= width_pt - 2 * _EDGE_PT:
             return columns
     return 1
@@ -214,16 +226,31 @@ def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     from matplotlib.lines import Line2D
 
     extent = result.scene.chart.extent
-    for line in graticule(result.scene.projection, extent, in_metres=result.scenario.is_planar):
+    grid = graticule(result.scene.projection, extent, in_metres=result.scenario.is_planar)
+    for line in grid:
         for part in line.parts:
             drawn = Line2D(part[:, 0], part[:, 1], color=COLOURS["grid"], linewidth=0.5, zorder=1)
             axes.add_line(drawn)
             drawn.set_clip_path(sea)
+    for line in (*_labelled(axes, grid), *(line for line in grid if not line.is_meridian)):
         label(axes, line.label, line.foot, below=line.is_meridian)
     frame = patch(extent, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=7.5)
     axes.add_artist(frame)
     frame.set_clip_on(False)
     draw_scale_bar(axes, result.scene.projection)
+
+
+def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
+    """Meridians whose labels have room beside each other: all of them, or every second, or ..."""
+    meridians = sorted((line for line in grid if line.is_meridian), key=lambda line: line.foot)
+    size = point(axes)
+    for every in range(1, len(meridians)):
+        shown = meridians[::every]
+        wide = [text_width(line.label, SMALL_PT) + _LABEL_SPACE_PT for line in shown]
+        apart = [(b.foot[0] - a.foot[0]) / size for a, b in pairwise(shown)]
+        if all(gap >= (a + b) / 2 for gap, a, b in zip(apart, wide, wide[1:], strict=False)):
+            return shown
+    return meridians[:1]
 
 
 def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> float:

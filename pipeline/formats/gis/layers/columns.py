@@ -73,10 +73,10 @@ def to_lonlat(
 
 def multi(areas: Any) -> npt.NDArray[np.object_]:  # noqa: ANN401 - any sequence of geometries
     """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
-    multis = np.empty(len(areas), dtype=object)
-    for index, area in enumerate(areas):
-        parts = [p for p in shapely.get_parts(area) if isinstance(p, shapely.Polygon)]
-        multis[index] = shapely.MultiPolygon(parts)
+    multis = np.full(len(areas), shapely.MultiPolygon(), dtype=object)
+    parts, index = shapely.get_parts(np.array(areas, dtype=object), return_index=True)
+    polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    shapely.multipolygons(parts[polygons], indices=index[polygons], out=multis)
     return multis
 
 

@@ -273,6 +273,8 @@ def _put_properties(root: Element, result: RunResult, title: str) -> None:
         etree.SubElement(label, "Font", type="QString").text = font
     scale = etree.SubElement(properties, "ScaleBar")
     etree.SubElement(scale, "Enabled", type="bool").text = "true"
+    # Lower left: a long title above the map would meet it in the upper corner.
+    etree.SubElement(scale, "Placement", type="int").text = "0"
     measure = etree.SubElement(properties, "Measure")
     etree.SubElement(measure, "Ellipsoid", type="QString").text = "EPSG:7030"
 

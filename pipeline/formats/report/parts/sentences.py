@@ -221,8 +221,10 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
+    # The share without depths is known of charts that have any: shoals are no-go there.
+    shores = "land" if math.isnan(best.uncharted_share) else "land, shoals and hazards"
     safe = (
-        f"It keeps at least {clearance(best.clearance_m)} from land"
+        f"It keeps at least {clearance(best.clearance_m)} from {shores}"
         if best.has_land
         else "There is no land to keep clear of"
     )
@@ -248,7 +250,9 @@ def _gain(route: RouteMetrics) -> float:
 
 def _effect_on(gain: float) -> str:
     """Say what a current's gain, m/s, does to a speed, which is named next."""
-    verb, preposition = ("takes", "from") if round(gain, 2) < 0 else ("adds", "to")
+    if round(gain, 2) == 0:
+        return "adds nothing to"
+    verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")
     return f"{verb} {abs(gain):.2f} m/s {preposition}"
 
 

@@ -9,6 +9,8 @@ const ZOOM_RANGE = 8;
 const HINT_MS = 1600;
 // Side of the part of the map around a place that is looked for, as a share of the chart's shorter one.
 const SPOT_SHARE = 0.12;
+// Distance, as such a share, within which the labels of two places would overlap.
+const NEAR_SHARE = 0.05;
 // Maximum length of the scale bar, in CSS pixels; at the largest zoom it stands for a metre.
 const SCALE_BAR = 100;
 const MAX_ZOOM = Math.log2(SCALE_BAR);
@@ -319,7 +321,11 @@ class VoyageMap {
     const least = Math.min(...route.clearance);
     const place = route.places[route.clearance.indexOf(least)];
     this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
-    this.label(place, `${formatClearance(least)} to land`, "closest-label", this.labelSide(place)).addTo(this.closest);
+    // Below the labels of start and goal.
+    const ends = [this.data.start, ...this.data.via.map(([via]) => via), this.data.goal];
+    const room = NEAR_SHARE * Math.min(...this.data.size);
+    const isNear = ends.some((end) => Math.hypot(end[0] - place[0], end[1] - place[1]) < room);
+    this.label(place, `${formatClearance(least)} to land`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
     this.toggle(this.closest, true);
   }
 

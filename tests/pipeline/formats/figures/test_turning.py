@@ -51,7 +51,10 @@ def test_where_nothing_is_padded_there_is_nothing_to_draw(planar_result: RunResu
 
 
 def test_a_variant_without_a_route_says_why(result: RunResult) -> None:
-    variants = [Variant("adaptive", result), Variant("fixed", None, "no water is left between")]
+    failure = "seasons 'summer': all 2 classes were rejected: a gap of 18.70 m. To find a route: -"
+    variants = [Variant("adaptive", result), Variant("fixed", None, failure)]
     figure = variants_figure(result, "summer", variants, with_padding=True, width_pt=504.0)
     texts = [text.get_text().replace("\n", " ") for text in figure.axes[1].texts]
-    assert "no water is left between" in texts
+    assert "all 2 classes were rejected: a gap of 18.70 m" in texts
+    headings = {text.get_text() for text in [*figure.texts, *figure.axes[1].texts]}
+    assert "no route: all 2 classes were rejected" in headings

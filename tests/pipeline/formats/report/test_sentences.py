@@ -114,6 +114,8 @@ def test_the_reason_is_length_or_the_current() -> None:
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
         "0.25 m/s to the speed on either."
     )
+    unhelped = replace(BEST, speed_m_s=1.251)
+    assert "the current adds nothing to its speed and takes" in Season([unhelped, OTHER]).because()
 
 
 def test_the_current_is_told_by_each_routes_own_speed() -> None:
@@ -180,3 +182,10 @@ def test_ways_name_islands_on_the_same_side_together() -> None:
         "west of island 1, between islands 2 and 3, between islands 5 and 6, west of island 4"
     )
     assert replace(BEST, passages=()).way == ""
+
+
+def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
+    *_, plain = Season([BEST]).verdict()
+    *_, with_depths = Season([replace(BEST, uncharted_share=0.0)]).verdict()
+    assert " from land; " in plain
+    assert " from land, shoals and hazards; " in with_depths

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import pytest
-
-from pipeline.formats.shared.unknowns import route_unknowns, unknowns
+from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns, unknowns
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
@@ -56,17 +54,14 @@ def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
     assert route_unknowns(result, winter) == (NO_DEPTHS,)
 
 
-@pytest.mark.parametrize(
-    ("share", "expected"),
-    [
-        (0.0, "summer, winter: depths are charted all along every route"),
-        (0.04, "no depth is charted for 4.0 % of route 1 and 4.0 % of route"),
-    ],
-)
-def test_depths_are_told(share: float, expected: str) -> None:
-    texts = unknowns(with_shares(small_run.parts(), {}, share))
-    assert len(texts) == 1
-    assert expected in texts[0]
+def test_missing_depths_are_told_and_complete_ones_are_nothing_unknown() -> None:
+    (text,) = unknowns(with_shares(small_run.parts(), {}, 0.04))
+    assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
+    complete = with_shares(small_run.parts(), {}, 0.0)
+    assert unknowns(complete) == ()
+    assert all(has_all_depths(row) for row in complete.evaluation.routes)
+    without_depths = small_run.parts().evaluation.routes
+    assert not any(has_all_depths(row) for row in without_depths)
 
 
 def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
