@@ -29,6 +29,11 @@ def no_class_error(
     rejected: tuple[Rejected, ...], problem: Problem, policy: PaddingPolicy, method: PathMethod
 ) -> UnreachableError:
     """Error for a plan whose classes were all rejected: the first reasons, and what would help."""
+    if not rejected:
+        return UnreachableError(
+            "the search for classes met none before it ended. To find a route: take "
+            'order = "fuel", whose search is led towards the goal'
+        )
     alike: dict[str, list[Rejected]] = {}
     for one in rejected:
         alike.setdefault(one.reason, []).append(one)

@@ -66,6 +66,14 @@ def test_more_classes_are_never_worse_and_more_padding_never_cheaper() -> None:
     assert all(later >= earlier * (1 - 1e-4) for earlier, later in itertools.pairwise(wide))
 
 
+def test_a_depth_first_search_that_ends_without_a_class_names_the_other_order(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("renew.classes.class_enumerator._MAX_DEPTH_FIRST_STEPS", 3)
+    with pytest.raises(renew.UnreachableError, match=r'met none .* order = "fuel"'):
+        gyre_plan(order="depth-first")
+
+
 def test_depth_first_order_finds_the_same_classes() -> None:
     names = {r.homotopy for r in gyre_plan(order="depth-first", padding="none").routes}
     assert names == {r.homotopy for r in gyre_plan(padding="none").routes}
