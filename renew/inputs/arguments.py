@@ -23,6 +23,7 @@ from renew.inputs.current import CurrentField
 from renew.inputs.fuel import Drift
 from renew.inputs.vessel import MAX_SPEED, Vessel
 from renew.inputs.voyage import Voyage
+from renew.kernels.overpowered_spells import overpowered_spells
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 DistinctBy: TypeAlias = Literal["auto"] | float
@@ -277,9 +278,18 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
         if strength >= voyage.vessel.speed:
             raise CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
-                f"{voyage.vessel.speed:.3g} m/s through water. Take a faster vessel or another "
-                f"{name}"
+                f"{voyage.vessel.speed:.3g} m/s through water{_until(voyage, point)}. Take a "
+                f"faster vessel or another {name}"
             )
+
+
+def _until(voyage: Voyage, point: FloatArray) -> str:
+    """Until when the current stays as strong as the vessel at a point (2,), if it ever falls."""
+    if voyage.current.is_steady:
+        return ""
+    now, speed = voyage.departure, voyage.vessel.speed
+    end = overpowered_spells(voyage.table, point, speed, now, now)[:, 1].max(initial=now)
+    return f", and the current stays so until {end:.6g} s" if now < end < math.inf else ""
 
 
 def _is_number(value: object) -> TypeGuard[float]:

@@ -13,6 +13,7 @@ from renew.classes.via_enumerator import ViaEnumerator
 from renew.errors import InfeasibleError
 from renew.route import Rejected, Route
 from renew.search.class_planner import ClassPlanner, Found
+from renew.search.overpowered_hours import hours_of, with_hours
 
 # Number of ways past islands that tell no classes apart among which the best route is looked for,
 # and of those that are looked for beside it.
@@ -188,13 +189,16 @@ class Results:
             _keep_best(self.found, word, found)
 
     def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
-        """A class without a route, and why."""
+        """A class without a route, and why; with the hours at which a current shuts its way."""
+        hours = hours_of(channel, self._planner.problem.voyage)
+        error = with_hours(error, hours)
         return Rejected(
             homotopy=channel.name,
             reason=str(error),
             channel=self._planner.problem.triangulation.corners[channel.triangles],
             strait=error.strait,
             cause=error,
+            overpowered=hours,
             _compute_fuel=partial(self._planner.unpadded_fuel, channel),
         )
 
