@@ -83,7 +83,7 @@ def check_options(
     to_within: object = None,
     speed: object = None,
     has_via: bool = False,
-    has_hours: bool = False,
+    is_sweep: bool = False,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -128,11 +128,8 @@ def check_options(
         if value is not None and method == "sampled"
     ]
     faults += _speed_faults(speed)
-    faults += [
-        f"speeds can't be chosen on a way with {what}; leave out speed"
-        for what, is_there in (("via points", has_via), ("areas shut for some hours", has_hours))
-        if is_there and speed is not None
-    ]
+    if is_sweep:
+        faults += _sweep_faults(method, arrive_by, to_within, speed)
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
     faults += [
@@ -179,6 +176,21 @@ def _time_faults(departure: object, arrive_by: object, to_within: object) -> lis
         )
     if to_within is not None and not (_is_finite(to_within) and to_within > 0):
         faults.append(f"to_within = {to_within!r} s must be finite and above 0")
+    return faults
+
+
+def _sweep_faults(method: object, arrive_by: object, to_within: object, speed: object) -> list[str]:
+    """What is wrong with a sweep of departures."""
+    faults = []
+    if method != "optimal":
+        faults.append(f"departures are planned with method = 'optimal', not {method!r}")
+    if speed is None and arrive_by is not None:
+        faults.append("arrive_by beside departures needs speed to choose from; add it")
+    if speed is not None and to_within is not None:
+        faults.append(
+            "to_within can't be proven where speeds are chosen; leave it out, or give departures "
+            "that stand closer"
+        )
     return faults
 
 
