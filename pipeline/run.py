@@ -25,6 +25,7 @@ from pipeline.stages import planar
 from pipeline.stages.avoided_areas import area_identities, shut_notes
 from pipeline.stages.choose_departures import choose_departures
 from pipeline.stages.fetch import FetchedParts, fetch
+from pipeline.stages.overpowering_current import waiting_notes
 from pipeline.stages.seasons.runner import run_tasks
 from pipeline.stages.seasons.task import SeasonTask
 from pipeline.stages.second_shoreline import crossing_notes
@@ -264,7 +265,7 @@ class _StagedRun:
             result = replace(result, choices=(*choices, *speeds))
             shore_notes = crossing_notes(evaluation.shore_crossings)
             tides = unresolved_strait_notes(result)
-            shut = shut_notes(scene, plans)
+            shut = (*shut_notes(scene, plans), *waiting_notes(scene, plans))
             notes = (*speeds, *safety_notes(result), *shut, *shore_notes, *tides, *result.unknowns)
             self._say("plan", notes)
         fetched = replace(fetched, notes=(*fetched.notes, *notes))

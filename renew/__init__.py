@@ -22,7 +22,7 @@ from renew.inputs.shut_area import ShutArea
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner import plan, plan_departures
-from renew.route import Departures, Plan, Rejected, Route, TradeOff
+from renew.route import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 
@@ -40,6 +40,7 @@ __all__ = [
     "GoalInNoGoError",
     "GriddedCurrent",
     "GyreCurrent",
+    "OverpoweredHours",
     "ParameterError",
     "Plan",
     "PlanningError",

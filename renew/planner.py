@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Unpack, cast
 
 from renew._types import FloatArray
@@ -14,7 +14,6 @@ from renew.departures.around_areas import SailingsAround, plan_around, with_alwa
 from renew.departures.departure_window import DepartureWindow, Progress
 from renew.departures.latest_departure import latest_departure
 from renew.departures.sailings import DeparturePlanner, Sailings
-from renew.errors import ParameterError
 from renew.inputs.arguments import (
     DistinctBy,
     Method,
@@ -31,7 +30,6 @@ from renew.inputs.arguments import (
     check_departures,
     check_endpoints,
     check_options,
-    check_speed_choice,
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
@@ -47,7 +45,7 @@ from renew.search.diagnosis import no_class_error
 from renew.search.harmonic_mean import chosen_class
 from renew.search.k_sailable_classes import plan_classes
 from renew.search.problem import Problem
-from renew.speeds.speed_search_by_clock import plan_by_clock
+from renew.speeds.speed_planner import PlannerOf, SpeedPlanner
 
 
 def plan(
@@ -135,9 +133,10 @@ def plan(
         Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
         in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
         time there is, or for which the current is known. Land is padded, and turns are steered, for
-        the highest. The plan then has a `trade_off` of fuel against arrival. Not with `via`, nor
-        with areas shut for some hours. See :mod:`renew.speeds.speed_search`, and for currents that
-        change :mod:`renew.speeds.speed_search_by_clock`, where the lower bound is loose.
+        the highest. The plan then has a `trade_off` of fuel against arrival, unless areas are shut
+        for some hours. With `via` in steady currents only. See :mod:`renew.speeds.speed_search`,
+        and for currents that change :mod:`renew.speeds.speed_search_by_clock`, where the lower
+        bound is loose.
 
     Returns
     -------
@@ -177,29 +176,16 @@ def plan(
         min_lateness=min_lateness,
     )
     check_options(
-        **options,
-        departure=departure,
-        arrive_by=arrive_by,
-        speed=speed,
-        has_via=len(via) > 0,
-        has_hours=any(not area.is_always_shut for area in avoid),
+        **options, departure=departure, arrive_by=arrive_by, speed=speed, has_via=len(via) > 0
     )
     chart = with_always_shut(chart, avoid)
+
+    planner_of = _planners(current, start, goal, departure, options, via)
     if speed is not None:
-        check_speed_choice(vessel)
-        # When a current ends that changes, she has to be there.
-        deadline = min(math.inf if arrive_by is None else arrive_by, as_field(current).span[1])
-        choice = SpeedChoice(float(speed[0]), deadline=float(deadline))
-
-        def planner_up_to(most: float) -> ClassPlanner:
-            fastest = replace(vessel, speed=most)
-            return _planner(chart, current, fastest, start, goal, departure, options, choice=choice)
-
-        return plan_by_clock(planner_up_to, float(speed[1]), classes)
-
-    def planner_on(chart: Chart) -> ClassPlanner:
-        return _planner(chart, current, vessel, start, goal, departure, options, via)
-
+        deadline = _deadline(current, arrive_by)
+        given = chart, avoid, vessel, speed, deadline, classes
+        return SpeedPlanner(*given, planner_of).plan(departure)
+    planner_on = functools.partial(planner_of, vessel=vessel)
     if arrive_by is not None:
         sailings = SailingsAround(chart, avoid, classes, planner_on)
         return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
@@ -215,6 +201,11 @@ def _plan(planner: ClassPlanner, classes: int) -> tuple[Plan, ClassPlanner]:
         raise no_class_error(found.rejected, problem, planner.policy, planner.method)
     chosen = chosen_class(found.routes)
     return Plan(found.routes, found.rejected, chosen, problem.overpowered_water), planner
+
+
+def _deadline(current: CurrentLike, arrive_by: float | None) -> float:
+    """When a vessel with a choice of speeds has to be there (s): before a changing current ends."""
+    return float(min(math.inf if arrive_by is None else arrive_by, as_field(current).span[1]))
 
 
 _DEFAULTS = {
@@ -235,6 +226,8 @@ def plan_departures(
     with_classes: bool = True,
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
+    speed: Speeds | None = None,
+    arrive_by: float | None = None,
     **plan_options: Unpack[PlanOptions],
 ) -> Departures:
     """Plan the best route of each of some departures, and find the best time to leave.
@@ -261,6 +254,10 @@ def plan_departures(
     avoid : sequence of ShutArea
         Areas that are shut, as for :func:`plan`. Where one is so for some hours only, a later
         departure may arrive earlier, and nothing is proven between those planned.
+    speed, arrive_by : optional
+        Speeds to choose from and when to be there, as for :func:`plan`: each departure is planned
+        with the speeds of least fuel, and the best one needs least. Nothing is proven between them,
+        and `to_within` is refused. All classes are planned at each.
     **plan_options
         As for :func:`plan`; with ``method="optimal"``.
 
@@ -281,14 +278,24 @@ def plan_departures(
         raise TypeError(f"plan_departures() has no option {unknown}")
     options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
     times = as_departures(departures)
-    check_options(**options, departure=float(times[0]), to_within=to_within, has_via=len(via) > 0)
-    if options["method"] != "optimal":
-        raise ParameterError("departures are planned with method = 'optimal', not 'sampled'")
+    check_options(
+        **options,
+        departure=float(times[0]),
+        arrive_by=arrive_by,
+        to_within=to_within,
+        speed=speed,
+        has_via=len(via) > 0,
+        is_sweep=True,
+    )
     chart, first = with_always_shut(chart, avoid), float(times[0])
 
-    def planner_on(chart: Chart) -> ClassPlanner:
-        return _planner(chart, current, vessel, start, goal, first, options, via)
-
+    planner_of = _planners(current, start, goal, first, options, via)
+    if speed is not None:
+        check_departures(as_field(current), times.tolist())
+        deadline = _deadline(current, arrive_by)
+        given = chart, avoid, vessel, speed, deadline, options["classes"]
+        return SpeedPlanner(*given, planner_of).departures(times.tolist(), progress)
+    planner_on = functools.partial(planner_of, vessel=vessel)
     planner = planner_on(chart)
     voyage = planner.problem.voyage
     check_departures(voyage.current, times.tolist())
@@ -317,41 +324,42 @@ def plan_departures(
     return window.departures(best)
 
 
-def _planner(
-    chart: Chart,
+def _planners(
     current: CurrentLike,
-    vessel: Vessel,
     start: FloatArray | tuple[float, float],
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
-    via: ViaPoints = (),
-    choice: SpeedChoice = NO_CHOICE,
-) -> ClassPlanner:
-    """Planner of classes, from checked options."""
-    voyage = Voyage(
-        chart,
-        as_field(current),
-        vessel,
-        as_point("start", start),
-        as_point("goal", goal),
-        options["drift"],
-        float(departure),
-        float(options["lateness"]),
-        float(options["min_lateness"]),
-        as_via(via),
-        choice=choice,
-    )
-    check_endpoints(voyage)
-    policy = PaddingPolicy(
-        options["padding"],
-        options["clearance"],
-        options["risk"],
-        options["seed"],
-        options["risk_at"],
-    )
-    width = policy.likely_width(vessel.turning_radius)
-    classes = options["classes"]
-    problem = Problem(voyage, options["distinct_by"], options["order"], classes, width)
-    method = PathMethod(options["method"], options["samples"], options["seed"])
-    return ClassPlanner(problem, policy, method)
+    via: ViaPoints,
+) -> PlannerOf:
+    """Planners of a voyage's classes by chart, vessel and choice of speeds; options are checked."""
+    field, stops = as_field(current), (as_point("start", start), as_point("goal", goal))
+
+    def planner_of(chart: Chart, vessel: Vessel, choice: SpeedChoice = NO_CHOICE) -> ClassPlanner:
+        voyage = Voyage(
+            chart,
+            field,
+            vessel,
+            *stops,
+            options["drift"],
+            float(departure),
+            float(options["lateness"]),
+            float(options["min_lateness"]),
+            as_via(via),
+            choice=choice,
+        )
+        check_endpoints(voyage)
+        policy = PaddingPolicy(
+            options["padding"],
+            options["clearance"],
+            options["risk"],
+            options["seed"],
+            options["risk_at"],
+        )
+        width = policy.likely_width(vessel.turning_radius)
+        classes = options["classes"]
+        problem = Problem(voyage, options["distinct_by"], options["order"], classes, width)
+        method = PathMethod(options["method"], options["samples"], options["seed"])
+        return ClassPlanner(problem, policy, method)
+
+    return planner_of

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -40,6 +41,26 @@ class FuelBound:
         self.__dict__.update(state)
 
 
+class OverpoweredHours(NamedTuple):
+    """Water that the current shuts for a while, on the way of a class.
+
+    At `place` (2,), m, it is nearly as strong as the vessel is fast, or stronger, from `begin`
+    until `end` (s): part of the time in which she may be there, or comes there and has to wait. Of
+    a stretch of such water it is the place where that lasts longest. The times are infinite where
+    the current is held before its first time or after its last.
+    """
+
+    place: FloatArray
+    begin: float
+    end: float
+
+    @property
+    def text(self) -> str:
+        """The hours as a text, in seconds on the current's clock."""
+        begin = f" from {self.begin:.6g} s" if math.isfinite(self.begin) else ""
+        return begin + (f" until {self.end:.6g} s" if math.isfinite(self.end) else " on")
+
+
 @dataclass(frozen=True, eq=False)
 class Route:
     """The least-fuel path found in one homotopy class.
@@ -64,6 +85,8 @@ class Route:
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
         the path's own fuel.
     starts_in_soft_no_go, ends_in_soft_no_go : the first or the last leg lies partly in V.
+    overpowered : water on the class's way that the current shuts for a while, in the order in which
+        it is passed: the route is the best without waiting.
     """
 
     path: FloatArray
@@ -81,6 +104,7 @@ class Route:
     harmonic_mean: float
     starts_in_soft_no_go: bool
     ends_in_soft_no_go: bool
+    overpowered: tuple[OverpoweredHours, ...] = ()
 
     @cached_property
     def channel(self) -> FloatArray:
@@ -149,6 +173,7 @@ class Rejected:
     channel : (t, 3, 2) metres, its triangles from start to goal.
     strait : where padding takes a whole gap, if that is the reason.
     cause : the error behind the reason; its places are in metres.
+    overpowered : water on its way that the current shuts for a while, as of a route.
     """
 
     homotopy: str
@@ -156,6 +181,7 @@ class Rejected:
     channel: FloatArray
     strait: Strait | None = None
     cause: PlanningError | None = None
+    overpowered: tuple[OverpoweredHours, ...] = ()
     _compute_fuel: Callable[[], float] = field(default=lambda: math.inf, repr=False)
 
     @cached_property

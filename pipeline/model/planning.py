@@ -180,6 +180,7 @@ class DepartureChoice:
         proven.
     arrive_by : when the vessel has to be there, where that decided.
     asked : the season as it left its departure open.
+    has_speeds : speeds were chosen as well: each departure is at its own, to be there in time.
     """
 
     season: str
@@ -193,6 +194,7 @@ class DepartureChoice:
     unproven_s: float = math.inf
     arrive_by: datetime | None = None
     asked: Season | None = None
+    has_speeds: bool = False
 
     @property
     def chosen(self) -> datetime:

@@ -166,14 +166,16 @@ class Season(StrictModel):
     arrive_by: AwareDatetime | None = Field(
         default=None,
         description="Time at which the vessel has to be at the goal: she leaves as late as will "
-        "do, not before 'departure', in currents that change; or with 'speed' leaves then, and "
-        "takes that time. Give a time with its zone, as 2026-07-02T18:00:00Z, or leave it out.",
+        "do, not before 'departure', in currents that change; or with 'speed' she leaves then, or "
+        "at the best of 'departures', and takes that time. Give a time with its zone, as "
+        "2026-07-02T18:00:00Z, or leave it out.",
         examples=["2026-07-02T18:00:00Z"],
     )
     speed: SpeedRange | None = Field(
         default=None,
         description="Speeds through water among which the vessel chooses from leg to leg, in place "
-        "of her own, for least fuel between 'departure' and 'arrive_by'. Give a table as "
+        "of her own, for least fuel between 'departure', or the best of 'departures', and "
+        "'arrive_by'. Give a table as "
         "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
     )
     max_hours: Positive | None = Field(
@@ -220,8 +222,11 @@ class Season(StrictModel):
         if self.departures is not None:
             if self.departure is not None:
                 yield "has both 'departure' and 'departures'; leave one out"
-            if self.arrive_by is not None:
-                yield "has both 'departures' and 'arrive_by'; leave one out"
+            if self.arrive_by is not None and self.speed is None:
+                yield (
+                    "has both 'departures' and 'arrive_by'; leave one out, or give speeds to "
+                    "choose from"
+                )
             if self.departures.window > timedelta(hours=MAX_HOURS):
                 hours = self.departures.window.total_seconds() / 3600
                 yield (
@@ -240,22 +245,23 @@ class Season(StrictModel):
                 f"has speed.least = {self.speed.least:g} m/s above speed.most = "
                 f"{self.speed.most:g} m/s; exchange them"
             )
-        if self.departures is not None:
-            yield "has both 'departures' and 'speed'; leave one out"
-        elif self.departure is None and not self.is_changing:
+        if self.to_within is not None:
+            yield "has 'to_within', which can't be proven where speeds are chosen; leave it out"
+        if self.first_departure is None and not self.is_changing:
             yield "has 'speed', but no 'departure', from which her time counts; add it"
         if self.arrive_by is None:
             yield "has 'speed', but no 'arrive_by', for which her speed is chosen; add it"
 
     def _arrival_faults(self) -> Iterator[str]:
         """What is wrong with the time between departure and arrival."""
-        if self.arrive_by is not None and self.departure is not None:
-            if self.arrive_by <= self.departure:
+        first = self.first_departure
+        if self.arrive_by is not None and first is not None:
+            if self.arrive_by <= first:
                 yield (
                     f"is to arrive_by {self.arrive_by.isoformat()}, not after its departure, "
-                    f"{self.departure.isoformat()}; give a later time"
+                    f"{first.isoformat()}; give a later time"
                 )
-            elif self.arrive_by - self.departure > timedelta(hours=MAX_HOURS):
+            elif self.arrive_by - first > timedelta(hours=MAX_HOURS):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     def _check_steady(self) -> None:
@@ -313,7 +319,9 @@ class Season(StrictModel):
 
     def departing(self, departure: datetime) -> Self:
         """Return the season with its departure chosen."""
-        chosen = {"departure": departure, "departures": None, "to_within": None, "arrive_by": None}
+        chosen = {"departure": departure, "departures": None, "to_within": None}
+        if self.speed is None:
+            chosen["arrive_by"] = None
         return self.model_copy(update=chosen)
 
     @property

@@ -21,6 +21,7 @@ from pipeline.model import DepartureChoice
 from pipeline.scenario.interval import interval
 from pipeline.stages.avoided_areas import later
 from pipeline.stages.plan import MIN_LATENESS_S
+from pipeline.stages.speed_choices import speed_choices
 from pipeline.storage.store import artefact_key
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def _choice(
     }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
     first = scene.departures[season.name]
-    if season.arrive_by is not None:
+    if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
         route = renew.plan(*given, **asked, arrive_by=by).best
         begin = float(route.times[0])
@@ -142,7 +143,13 @@ def _choice(
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
     # All classes at the best one are planned later, at the full second.
     found = renew.plan_departures(
-        *given, times, **asked, to_within=within, progress=progress, with_classes=False
+        *given,
+        times,
+        **asked,
+        **scene.pace(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
+        to_within=within,
+        progress=progress,
+        with_classes=False,
     )
     return DepartureChoice(
         season=season.name,
@@ -156,6 +163,7 @@ def _choice(
         ),
         chosen_s=float(found.departures[found.best]),
         unproven_s=found.unproven,
+        has_speeds=season.speed is not None,
     )
 
 
@@ -188,6 +196,7 @@ def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
             currents={**scene.currents, name: current},
             areas={**scene.areas, name: later(scene.areas.get(name, ()), shift)},
             departures={**scene.departures, name: chosen},
+            speeds=speed_choices(scenario),
         ),
         choices=(*departed.choices, choice),
         notes=(

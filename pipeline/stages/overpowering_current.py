@@ -1,4 +1,8 @@
-"""Report the water whose current is as fast as the vessel, always or for some hours."""
+"""Report the water whose current is as fast as the vessel, always or for some hours.
+
+Of the whole region by its source's grid; and on the ways of a plan's classes, with the hours at
+which she may be there.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +13,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import moment_text, season_name
+from pipeline.formats.shared.text import dated, moment_text, season_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from datetime import datetime
 
     import numpy.typing as npt
     from shapely.geometry import Polygon
 
-    from pipeline.model import CurrentGrid
+    import renew
+    from pipeline.model import CurrentGrid, Scene, SeasonPlan
 
     FloatArray = npt.NDArray[np.float64]
     BoolArray = npt.NDArray[np.bool_]
 
 # Step at which a current that changes is looked at between its own times, s.
 _STEP_S = 300.0
-# Number of spells that a note names.
-_MAX_SPELLS = 3
+# Number of spells that a note names, and of classes.
+_MAX_SPELLS, _MAX_CLASSES = 3, 3
 
 
 def overpowering_notes(
@@ -62,6 +67,52 @@ def overpowering_notes(
             "are the best without waiting"
         )
     return tuple(notes)
+
+
+def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
+    """Say at which hours the current shuts the ways of routes and of rejected classes."""
+    return tuple(
+        dated(f"{season_name(plan.season)}: {note}", scene.departures.get(plan.season))
+        for plan in plans
+        for note in _waiting(plan, scene)
+    )
+
+
+def _waiting(plan: SeasonPlan, scene: Scene) -> Iterator[str]:
+    """The same for one season, with times in seconds."""
+    routes = [
+        f"route {rank} {_places(route.overpowered, scene)}"
+        for rank, route in enumerate(plan.ranked_routes, start=1)
+        if route.overpowered
+    ]
+    if routes:
+        yield (
+            f"the current shuts water for a while on the way of {_named(routes)}. The routes are "
+            "the best without waiting"
+        )
+    rejected = [
+        f"class {one.homotopy} {_places(one.overpowered, scene)}"
+        for one in (plan.plan.rejected if plan.plan else ())
+        if one.overpowered
+    ]
+    if rejected:
+        yield (
+            "without a route, and with water on the way that the current shuts for a while: "
+            f"{_named(rejected)}. At another departure it may be open"
+        )
+
+
+def _named(classes: list[str]) -> str:
+    """Name the first of some classes, and count the others."""
+    more = f", and of {len(classes) - _MAX_CLASSES} more" if len(classes) > _MAX_CLASSES else ""
+    return "; ".join(classes[:_MAX_CLASSES]) + more
+
+
+def _places(hours: tuple[renew.OverpoweredHours, ...], scene: Scene) -> str:
+    """The places of a way that are shut, and when (s)."""
+    places = [f"at {scene.place_text(one.place)}{one.text}" for one in hours[:_MAX_SPELLS]]
+    more = f" and at {len(hours) - _MAX_SPELLS} more places" if len(hours) > _MAX_SPELLS else ""
+    return ", ".join(places) + more
 
 
 def _share(some: BoolArray, water: BoolArray, lat: FloatArray) -> float:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import renew
     from pipeline.model import Scene
     from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
 
 # Share of the time under way by which the best route may arrive earlier than it has to, before it
 # is planned once more; and by which it is asked to be earlier then, as routes shift a little.
@@ -30,18 +31,17 @@ _EDGE_POINTS, _LATTICE = 400, 40
 
 
 def speed_choices(scenario: Scenario) -> Mapping[str, SpeedChoice]:
-    """Choices of speeds by season, of those that have one."""
-    return {
-        season.name: SpeedChoice(
-            season.speed.least,
-            season.speed.most,
-            (season.arrive_by - season.departure).total_seconds(),
-        )
-        for season in scenario.seasons
-        if season.speed is not None
-        and season.arrive_by is not None
-        and season.departure is not None
-    }
+    """Choices of speeds by season, of those that have one, from the first departure on."""
+    found = {season.name: _speed_choice(season) for season in scenario.seasons}
+    return {name: choice for name, choice in found.items() if choice is not None}
+
+
+def _speed_choice(season: Season) -> SpeedChoice | None:
+    """Choice of speeds of a season; None if it has none."""
+    begin, end = season.first_departure, season.arrive_by
+    if season.speed is None or begin is None or end is None:
+        return None
+    return SpeedChoice(season.speed.least, season.speed.most, (end - begin).total_seconds())
 
 
 def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:

@@ -24,7 +24,7 @@ _MINUTE = timedelta(minutes=1)
 class Departing:
     """Departure, the last one that will do, and the arrival that has to be made; UTC, or None.
 
-    With speeds to choose from, m/s, she leaves at the departure.
+    With speeds to choose from, m/s, she is there by the arrival, whenever she leaves.
     """
 
     begin: datetime
@@ -44,8 +44,7 @@ class Departing:
 
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
         """Return the [[seasons]] table of a voyage in currents that change on the way."""
-        title = f"Departure {moment_text(self.begin)}"
-        when = self.passage
+        title, when = f"Departure {moment_text(self.begin)}", self.passage
         if self.arrive_by is not None:
             title = f"Arrival by {moment_text(self.arrive_by)}"
         if self.until is not None:
@@ -53,14 +52,16 @@ class Departing:
             window = self.until - self.begin
             step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
             within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
-            when = {
+            when = self.passage | {
                 "departures": {
                     "first": self.begin,
                     "every": f"{step // _MINUTE}min",
                     "count": window // step + 1,
                 },
-                "to_within": f"{math.ceil(within / _MINUTE)}min",
             }
+            del when["departure"]
+            if self.speeds is None:
+                when["to_within"] = f"{math.ceil(within / _MINUTE)}min"
         return {
             "name": departure_name(self.begin),
             "title": title,
@@ -88,8 +89,8 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
             faults.append(
                 f"{option} needs --depart, before which the vessel does not leave; add it"
             )
-    speeds_m_s = _speeds(speeds, depart, until, arrive_by, faults)
-    if until and arrive_by:
+    speeds_m_s = _speeds(speeds, depart, arrive_by, faults)
+    if until and arrive_by and not speeds:
         faults.append("--until and --arrive-by both say which departure is best; leave one out")
     begin, *others = times
     for (option, text), time in zip(
@@ -103,7 +104,7 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
 
 
 def _speeds(
-    speeds: str, depart: str, until: str, arrive_by: str, faults: list[str]
+    speeds: str, depart: str, arrive_by: str, faults: list[str]
 ) -> tuple[float, float] | None:
     """Read a range of speeds, m/s; note what is wrong with it, and what it lacks beside it."""
     if not speeds:
@@ -113,11 +114,6 @@ def _speeds(
         faults.append(
             f"--speed {speeds} is a choice for least fuel in the time from --depart to "
             f"--arrive-by; add {lacking}, or give one speed"
-        )
-    if until:
-        faults.append(
-            f"--until and --speed {speeds} can't be chosen together; leave --until out, or give "
-            "one speed"
         )
     try:
         return speed_range_m_s(speeds)

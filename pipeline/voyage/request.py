@@ -176,6 +176,11 @@ def _departing(request: VoyageRequest) -> Departing | None:
         faults += error.faults
     if request.depart and request.months and not request.speeds:
         faults.append("--depart and --month both say when; leave one out")
+    if request.until and _has_steady_speeds(request):
+        faults.append(
+            "--until looks for the best departure in currents that change; leave it out, or give a "
+            "file of time steps with --currents alone"
+        )
     has_steps = bool(request.currents) and request.currents != (STILL,)
     if request.depart and not has_steps and not _has_steady_speeds(request):
         faults.append(

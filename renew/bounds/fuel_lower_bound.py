@@ -116,8 +116,10 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     time, vessel = 0.0, voyage.vessel
     knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
     for at in range(len(voyage.via) + 1):
-        part = voyage.part(at, voyage.departure + time)
-        if at == 0 or knows_order:
+        # At a price of time `time` is a cost, and the hours of each part may be any.
+        begin = voyage.departure if voyage.has_price else voyage.departure + time
+        part = voyage.part(at, begin)
+        if at == 0 or knows_order or voyage.has_price:
             grid = _grid(part, cells)
             time += max(bound for _, _, bound in _rounds(grid, part.start, part.goal))
         else:

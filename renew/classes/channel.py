@@ -92,3 +92,7 @@ class Channel:
     def midline(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         """Start, the passing edges' midpoints, goal: shape (n + 1, 2)."""
         return np.vstack([start, (self.left + self.right) / 2, goal])
+
+    def way(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """The rough path by which the class was found, or the midline: shape (n, 2)."""
+        return self.midline(start, goal) if self.found_by is None else self.found_by.points

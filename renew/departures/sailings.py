@@ -126,7 +126,7 @@ class Sailings:
         except CurrentTooStrongError as error:
             return Sailing(departure, planner, None, str(error))
         results = Results(planner, fuel_estimate=lambda channel: _fuel_estimate(bare, channel))
-        results.look_for(self._classes)
+        results.look_for_best(self._classes)
         rejected = tuple(results.rejected.values())
         reason = (
             f"all {len(rejected)} classes were rejected: {rejected[0].reason}" if rejected else ""

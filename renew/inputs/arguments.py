@@ -23,6 +23,7 @@ from renew.inputs.current import CurrentField
 from renew.inputs.fuel import Drift
 from renew.inputs.vessel import MAX_SPEED, Vessel
 from renew.inputs.voyage import Voyage
+from renew.kernels.overpowered_spells import overpowered_spells
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 DistinctBy: TypeAlias = Literal["auto"] | float
@@ -82,7 +83,7 @@ def check_options(
     to_within: object = None,
     speed: object = None,
     has_via: bool = False,
-    has_hours: bool = False,
+    is_sweep: bool = False,
 ) -> None:
     """Refuse options of :func:`renew.plan` that are out of range; all faults at once."""
     faults = [
@@ -127,11 +128,8 @@ def check_options(
         if value is not None and method == "sampled"
     ]
     faults += _speed_faults(speed)
-    faults += [
-        f"speeds can't be chosen on a way with {what}; leave out speed"
-        for what, is_there in (("via points", has_via), ("areas shut for some hours", has_hours))
-        if is_there and speed is not None
-    ]
+    if is_sweep:
+        faults += _sweep_faults(method, arrive_by, to_within, speed)
     if risk_at == "point" and padding != "adaptive":
         faults.append(f'risk_at = "point" needs padding = "adaptive", not {padding!r}')
     faults += [
@@ -178,6 +176,21 @@ def _time_faults(departure: object, arrive_by: object, to_within: object) -> lis
         )
     if to_within is not None and not (_is_finite(to_within) and to_within > 0):
         faults.append(f"to_within = {to_within!r} s must be finite and above 0")
+    return faults
+
+
+def _sweep_faults(method: object, arrive_by: object, to_within: object, speed: object) -> list[str]:
+    """What is wrong with a sweep of departures."""
+    faults = []
+    if method != "optimal":
+        faults.append(f"departures are planned with method = 'optimal', not {method!r}")
+    if speed is None and arrive_by is not None:
+        faults.append("arrive_by beside departures needs speed to choose from; add it")
+    if speed is not None and to_within is not None:
+        faults.append(
+            "to_within can't be proven where speeds are chosen; leave it out, or give departures "
+            "that stand closer"
+        )
     return faults
 
 
@@ -277,9 +290,18 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
         if strength >= voyage.vessel.speed:
             raise CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
-                f"{voyage.vessel.speed:.3g} m/s through water. Take a faster vessel or another "
-                f"{name}"
+                f"{voyage.vessel.speed:.3g} m/s through water{_until(voyage, point)}. Take a "
+                f"faster vessel or another {name}"
             )
+
+
+def _until(voyage: Voyage, point: FloatArray) -> str:
+    """Until when the current stays as strong as the vessel at a point (2,), if it ever falls."""
+    if voyage.current.is_steady:
+        return ""
+    now, speed = voyage.departure, voyage.vessel.speed
+    end = overpowered_spells(voyage.table, point, speed, now, now)[:, 1].max(initial=now)
+    return f", and the current stays so until {end:.6g} s" if now < end < math.inf else ""
 
 
 def _is_number(value: object) -> TypeGuard[float]:

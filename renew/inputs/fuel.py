@@ -287,6 +287,9 @@ def _settled(
             far = np.abs(moved) > _FAR * since[-1]
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
         found = _chained(middle, lasts, slope)
+        if not (np.diff(found) >= 0).all():
+            # Where the current nearly stops her slopes may be anything: plainly summed up, then.
+            return np.append(0.0, np.cumsum(lasts)), False
         change = np.abs(found - since).max()
         since = found
         if change <= _SETTLED * since[-1]:

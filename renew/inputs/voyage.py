@@ -140,6 +140,16 @@ class Voyage:
         """Pieces (n, 2) of a path between the via points that it passes; each ends in one."""
         return self._cut(path)[0]
 
+    def cut_speeds(self, path: FloatArray, speeds: FloatArray) -> list[FloatArray]:
+        """Speeds (n - 1,), m/s, of the legs of each of these pieces, from those of the path's."""
+        found, first = list[FloatArray](), 0
+        for piece in self.cut(path):
+            last = first + len(piece) - 1
+            found.append(speeds[first:last])
+            # A leg that passes a via point between its ends is one of both pieces.
+            first = last if (path[last] == piece[-1]).all() else last - 1
+        return found
+
     def missed(self, path: FloatArray) -> FloatArray:
         """Distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
         return self._cut(path)[1]

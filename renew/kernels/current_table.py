@@ -265,7 +265,8 @@ def _slice(table: Table, time: float) -> tuple[int, float]:
         return 0, 0.0
     if table.period < math.inf:
         time = times[0] + (time - times[0]) % table.period
-    if time >= times[last]:
+    # Where no way can be made times are infinite, or no numbers: no index may come of those.
+    if not time < times[last]:
         return last, 0.0
     return _cell(times, table.per_second, time)
 

@@ -35,6 +35,7 @@ from renew.paths.least_fuel_path import (
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
+from renew.search.overpowered_hours import hours_along, hours_of
 from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_as_it_is, steered_with_room
 from renew.search.sampled_paths import sampled_paths
@@ -159,6 +160,7 @@ class ClassPlanner:
             harmonic_mean=class_mean,
             starts_in_soft_no_go=len(paddings[0].around(voyage.start).edge) > 0,
             ends_in_soft_no_go=len(paddings[-1].around(voyage.goal).edge) > 0,
+            overpowered=hours_along(path, times, voyage) or hours_of(corridor.channel, voyage),
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
@@ -177,11 +179,10 @@ class ClassPlanner:
     def corridor(self, channel: Channel) -> Corridor:
         """Where a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
-        middle = channel.midline(voyage.start, voyage.goal)
-        way = middle if channel.found_by is None else channel.found_by.points
+        parts = voyage.parts(channel.way(voyage.start, voyage.goal))
         padded = [
             self._padded(stage, *part)
-            for stage, part in zip(channel.stages or (channel,), voyage.parts(way), strict=True)
+            for stage, part in zip(channel.stages or (channel,), parts, strict=True)
         ]
         region = np.array(list(region_of(triangulation, channel)))
         corridor = Corridor(
@@ -251,6 +252,9 @@ class ClassPlanner:
         used, path, trajectory = steered(used, path)
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
+        if not math.isfinite(fuel):
+            # As steered she may just be through in time, and not so by the drift model.
+            raise InfeasibleError("the current leaves no way to be made along its path")
         if self.problem.voyage.has_price:
             # What can be steered at the highest speed may not be at a lower one, across a current.
             profile = speed_profile(path, self.problem.voyage)
@@ -357,10 +361,8 @@ class ClassPlanner:
 
 def near_first(corridor: Corridor) -> FloatArray:
     """Rough path (n, 2) near the one by which the class was found."""
-    channel, voyage = corridor.channel, corridor.voyage
-    if channel.found_by is None:
-        return path_near(corridor, channel.midline(voyage.start, voyage.goal))
-    return path_near(corridor, channel.found_by.points)
+    voyage = corridor.voyage
+    return path_near(corridor, corridor.channel.way(voyage.start, voyage.goal))
 
 
 def _bulging(corridor: Corridor) -> FloatArray:

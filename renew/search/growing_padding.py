@@ -46,14 +46,14 @@ class PaddingGrowth:
     def collisions(
         self, corridor: Corridor, path: FloatArray, speeds: FloatArray
     ) -> Shortfalls | None:
-        """What padding lacks for turns along a path (n, 2) sailed at speeds (n - 1,), m/s.
-
-        The path has no via points.
-        """
+        """What padding lacks for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
         if not self.policy.is_adaptive:
             return None
-        reach = self.problem.reach
-        return _any([colliding_edges(path, self.problem.voyage, corridor.padded, reach, speeds)])
+        own_speeds = corridor.voyage.cut_speeds(path, speeds)
+        return _any(
+            colliding_edges(piece, stage.voyage, stage.padded, self.problem.reach, own)
+            for (stage, piece), own in zip(corridor.stages(path), own_speeds, strict=True)
+        )
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """What padding lacks where a path bulges out of the channel for which it was set."""

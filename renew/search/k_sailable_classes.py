@@ -13,6 +13,7 @@ from renew.classes.via_enumerator import ViaEnumerator
 from renew.errors import InfeasibleError
 from renew.route import Rejected, Route
 from renew.search.class_planner import ClassPlanner, Found
+from renew.search.overpowered_hours import hours_of, with_hours
 
 # Number of ways past islands that tell no classes apart among which the best route is looked for,
 # and of those that are looked for beside it.
@@ -20,6 +21,9 @@ _VARIANTS, _BESIDE = 8, 4
 # Ratio to the least fuel up to which it is looked beside a route: at first sight ways differ from
 # what they come to by less.
 _NEARLY_BEST = 1.0005
+# Number of classes among which the best path is looked for at first, and the ratio to its fuel
+# above which the dearest of them says that the classes behind it are dearer still.
+_FEW, _CLEARLY_DEARER = 4, 1.03
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
@@ -64,7 +68,7 @@ class Results:
         self._rays = planner.problem.rays
         self.found: dict[Word, Found] = dict(known or {})
         self.rejected: dict[Word, Rejected] = {}
-        self._too_dear: set[Word] = set()
+        self._too_dear: dict[Word, float] = {}
         self._slipped: dict[Word, Found] = {}
         self._done: set[Word] = set()
 
@@ -80,6 +84,23 @@ class Results:
         self._add_slipped()
         return min(self.found.values(), key=lambda found: found.fuel, default=None)
 
+    def look_for_best(self, classes: int) -> None:
+        """Look for the best path of the first classes: of a few, if the dearest is clearly dearer.
+
+        Classes come in the order of what they need at first sight, which tells nearly what they
+        come to; most of the time goes into finding many.
+        """
+        few = min(classes, _FEW)
+        self.look_for(few)
+        known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
+        if few == classes or (
+            len(known) >= few
+            and self.best is not None
+            and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
+        ):
+            return
+        self.look_for(classes)
+
     def look_for(self, classes: int) -> None:
         """Look for paths of the first k classes; see :func:`plan_classes`."""
         problem, policy, method = self._planner.problem, self._planner.policy, self._planner.method
@@ -90,7 +111,7 @@ class Results:
             # The best of all channels is the best of its class, whichever islands tell those apart.
             self.plan_in_rounds(scout, min(classes, _VARIANTS), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
-        count = len(self.found.keys() | self._too_dear)
+        count = len(self.found.keys() | self._too_dear.keys())
         is_enough = count >= classes or (self.found and enumerator.has_many_triangles)
         if not (is_enough or seen_all):
             for channel in problem.enumerator(0.0).channels(classes):
@@ -151,10 +172,12 @@ class Results:
         """Plan a channel as one of the class with a word."""
         if channel.word in self._done:
             return frozenset()
-        if self._is_too_dear(channel):
-            self._done.add(channel.word)
-            self._too_dear.add(word)
-            return frozenset()
+        if self._estimate is not None and self.found:
+            estimate = self._estimate(channel)
+            if estimate >= min(found.fuel for found in self.found.values()):
+                self._done.add(channel.word)
+                self._too_dear[word] = estimate
+                return frozenset()
         asked = replace(channel, word=word)
         try:
             found = self._find(asked)
@@ -166,12 +189,6 @@ class Results:
         self._done.add(channel.word)
         _keep_best(self.found, word, found)
         return frozenset()
-
-    def _is_too_dear(self, channel: Channel) -> bool:
-        """Whether a channel is left out because a path known needs no more than it may."""
-        if self._estimate is None or not self.found:
-            return False
-        return self._estimate(channel) >= min(found.fuel for found in self.found.values())
 
     def _find(self, channel: Channel) -> Found:
         """Path of a channel's class; one that slips out of it is put aside."""
@@ -188,13 +205,16 @@ class Results:
             _keep_best(self.found, word, found)
 
     def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
-        """A class without a route, and why."""
+        """A class without a route, and why; with the hours at which a current shuts its way."""
+        hours = hours_of(channel, self._planner.problem.voyage)
+        error = with_hours(error, hours)
         return Rejected(
             homotopy=channel.name,
             reason=str(error),
             channel=self._planner.problem.triangulation.corners[channel.triangles],
             strait=error.strait,
             cause=error,
+            overpowered=hours,
             _compute_fuel=partial(self._planner.unpadded_fuel, channel),
         )
 

@@ -161,7 +161,7 @@ class SpeedSearch:
 
     def ways(self, fastest: Found) -> tuple[Results, dict[Word, Way]]:
         """Ways of the first classes at the price of the best one, and what else they came to."""
-        word = self.planner.problem.rays.word(fastest.path)
+        word = self.planner.problem.word(fastest.path)
         first = self.way(self.planner, fastest)
         price = first.profile.price
         for _ in range(_MAX_ROUNDS):
@@ -186,7 +186,7 @@ class SpeedSearch:
             planner = self._at(way.profile.price)
             channel = best.found.corridor.channel
             found = planner.find(channel)
-            if planner.problem.rays.word(found.path) != channel.word:
+            if planner.problem.word(found.path) != channel.word:
                 break
             way = self.way(planner, found)
             best = min(best, way, key=lambda one: one.profile.fuel)

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
-from renew.errors import InfeasibleError, PlanningError
+from renew.errors import InfeasibleError, ParameterError, PlanningError
 from renew.inputs.voyage import Voyage
 from renew.paths.corridor import Corridor
 from renew.paths.path_by_clock import path_by_clock
@@ -52,6 +52,11 @@ def plan_by_clock(
     time even at the highest speed.
     """
     voyage = planner_up_to(most).problem.voyage
+    if voyage.current_change > 0 and len(voyage.via):
+        raise ParameterError(
+            "speeds can't be chosen on a way with via points in a current that changes; leave out "
+            "speed or via, or plan from one via point to the next with an arrival at each"
+        )
     if voyage.current_change == 0:
         return plan_at_chosen_speeds(planner_up_to, most, lambda one: SpeedSearch(one, classes))
     plan = plan_at_chosen_speeds(planner_up_to, most, lambda one: SpeedSearchByClock(one, classes))
@@ -93,7 +98,7 @@ class SpeedSearchByClock(SpeedSearch):
         results = Results(planner)
         results.look_for(self.classes)
         ways = {word: self.way(self.planner, found) for word, found in results.all_found.items()}
-        word, first = problem.rays.word(fastest.path), self.way(self.planner, fastest)
+        word, first = problem.word(fastest.path), self.way(self.planner, fastest)
         if word not in ways or first.profile.fuel < ways[word].profile.fuel:
             ways[word] = first
         return results, ways
@@ -160,7 +165,7 @@ class SpeedSearchByClock(SpeedSearch):
         """A path (n, 2) steered, with its speeds."""
         corridor, path, trajectory = steered_with_room(corridor, path)
         profile = speeds_by_clock(path, self.voyage)
-        if planner.problem.rays.word(profile.path) != corridor.channel.word:
+        if planner.problem.word(profile.path) != corridor.channel.word:
             raise InfeasibleError("its least-fuel path slips into another class")
         if math.isfinite(profile.fuel):
             trajectory = steer_as_drawn(profile.path, corridor, profile.speeds)

@@ -41,7 +41,8 @@ def flights_inside(
 ) -> int:
     """Number of moments at which the vessel is in an area while it is shut; flown step by step.
 
-    She sails her track early, on time and late, and from each point of it turns full circles.
+    She sails her track early, on time and late, and from each point of it turns full circles at the
+    highest speed of her route.
     """
     begin = route.times[0]
     found = 0
@@ -53,7 +54,7 @@ def flights_inside(
         moved = np.maximum(lateness * (along - begin), min_lateness) * share
         now = np.maximum(along + moved, begin)
         for side in (1.0, -1.0):
-            found += _turn_inside(place, now, side, area, hours, current)
+            found += _turn_inside(place, now, side, route.speeds.max(), area, hours, current)
     return found
 
 
@@ -61,6 +62,7 @@ def _turn_inside(
     place: FloatArray,
     now: FloatArray,
     side: float,
+    speed: float,
     area: Polygon | MultiPolygon,
     hours: tuple[float, float],
     current: renew.CurrentField,
@@ -71,7 +73,7 @@ def _turn_inside(
     for _ in range(math.ceil(PAPER_VESSEL.turn_period / step) + 1):
         is_shut = (hours[0] <= now) & (now < hours[1])
         found += int((shapely.contains_xy(area, position) & is_shut).sum())
-        through = PAPER_VESSEL.speed * np.column_stack([np.cos(heading), np.sin(heading)])
+        through = speed * np.column_stack([np.cos(heading), np.sin(heading)])
         position = position + step * (through + current.velocity(position, now))
         heading = heading + side * PAPER_VESSEL.turn_rate * step
         now = now + step

@@ -36,12 +36,17 @@ def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> str:
 
 
 def departure_figure(choice: DepartureChoice) -> Figure:
-    """Figure for `departure_svg`: time under way by departure, and the bound between them."""
+    """Figure for `departure_svg`: time under way by departure, and the bound between them.
+
+    Where speeds are chosen, fuel: time is all that there is, or nearly.
+    """
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     is_long = np.ptp(choice.departures_s) > _DAYS_FROM_S
     unit_s, unit = (_DAY_S, "days") if is_long else (_HOUR_S, "hours")
+    known = np.isfinite(choice.fuels)
     x, y = choice.departures_s / unit_s, choice.durations_s / _HOUR_S
-    known = np.isfinite(y)
+    if choice.has_speeds:
+        y = 100 * (choice.fuels / choice.fuels.min() - 1)
     low, high = float(y[known].min()), float(y[known].max())
     floor = low - choice.unproven_s / _HOUR_S
     has_floor = floor > low - _MAX_DEPTH * (high - low)
@@ -56,7 +61,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
     axes.axvspan(begin_s / unit_s, end_s / unit_s, color=COLOURS["grid"], alpha=0.6, zorder=1)
     at = choice.chosen_s / unit_s
     axes.axvline(at, color=COLOURS["other"], linewidth=1.8, zorder=2.5)
-    room = _MARGIN * max(high - low, 0.02 * high)
+    room = _MARGIN * (max(high - low, 0.02 * high) or 1.0)
     axes.set_ylim(low - room, high + 2.5 * room)
     on_left = at > (x[0] + x[-1]) / 2
     axes.annotate(
@@ -71,7 +76,8 @@ def departure_figure(choice: DepartureChoice) -> Figure:
         zorder=4,
     )
     note = "dashed: proven bound" if has_floor else ""
-    plot_title(axes, "Time under way, h (fuel in proportion)", note)
+    what = "Time under way, h (fuel in proportion)"
+    plot_title(axes, "Fuel above the least, %" if choice.has_speeds else what, note)
     axes.set_xlabel(
         f"departure, {unit} after {moment_text(choice.first)}",
         fontsize=_TEXT_PT,

@@ -27,8 +27,7 @@ def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
     first, last = (_moment(choice, at) for at in choice.departures_s[[0, -1]])
     best = (
         f"Leave at {moment_text(choice.chosen)}: of {count} departures planned from {first} "
-        f"to {last} it is under way for the least time, {hours(choice.least_s)}, and needs the "
-        "least fuel."
+        f"to {last} {_merit(choice)}."
     )
     sentences = [best]
     most = float(choice.fuels[np.isfinite(choice.fuels)].max())
@@ -55,8 +54,20 @@ def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def _merit(choice: DepartureChoice) -> str:
+    """Say what the best departure is best in."""
+    lasts = hours(choice.least_s)
+    if choice.has_speeds:
+        return (
+            f"it needs the least fuel to be there in time, at speeds chosen for {lasts} under way"
+        )
+    return f"it is under way for the least time, {lasts}, and needs the least fuel"
+
+
 def _proof(choice: DepartureChoice) -> str:
     """Say what is proven of the choice."""
+    if choice.has_speeds:
+        return "Nothing is proven of departures between these, as speeds are chosen at each."
     if not math.isfinite(choice.unproven_s):
         return (
             "Nothing is proven of departures between these: the current is as strong as the vessel "

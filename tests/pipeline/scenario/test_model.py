@@ -129,7 +129,12 @@ def test_speeds_are_chosen_in_steady_and_in_changing_currents(base: dict[str, ob
         ({"speed": {"least": 6.0, "most": 2.0}}, "speed.least = 6 m/s above speed.most = 2 m/s"),
         ({"arrive_by": None}, "no 'arrive_by'"),
         ({"departure": None}, "no 'departure'"),
-        ({"departure": None, "departures": WINDOW}, "'departures' and 'speed'.*needs currents"),
+        ({"departure": None, "departures": WINDOW}, "'departures', which needs currents"),
+        (
+            {"time_method": "changing", "valid": "", "currents": ["a"], "to_within": "1h"}
+            | {"departure": None, "departures": WINDOW},
+            "'to_within', which can't be proven",
+        ),
         ({"speed": {"least": float("nan"), "most": 2.0}}, "speed.least\n.*finite"),
         ({"speed": {"least": 0.0, "most": 2e6}}, "speed.least\n(.*\n)*speed.most"),
         ({"speed": {"least": 1.0}}, "speed.most\n.*required"),

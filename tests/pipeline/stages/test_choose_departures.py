@@ -19,6 +19,7 @@ from pipeline.scenario.season import Season
 from pipeline.stages.choose_departures import choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.plan import plan_season
+from pipeline.stages.speed_choices import speed_choices
 from pipeline.storage.store import Store
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
@@ -41,8 +42,10 @@ def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Depa
     season = Season.model_validate({k: v for k, v in data.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
     parts = FetchedParts(result.fetched, "land", {"tide": "current"}, {})
-    store = Store(folder, "test")
-    return choose_departures(scenario, parts, "scene", result.scene, store, told.append)
+    store, scene = Store(folder, "test"), result.scene
+    if season.speed is not None:
+        scene = replace(scene, speeds=speed_choices(scenario))
+    return choose_departures(scenario, parts, "scene", scene, store, told.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
@@ -103,6 +106,34 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
     message = str(caught.value)
     assert "season 'tide': arrive_by = 2026-11-22 06:40 UTC can't be made" in message
     assert "who leaves at 2026-11-22 06:20 UTC is there at 2026-11-22" in message
+
+
+def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    """What is chosen is what single plans at their speeds come to, and keeps its arrival."""
+    by = DEPARTURE + timedelta(hours=8)
+    asked = {
+        "departure": None,
+        "departures": {**WINDOW, "every": "2h", "count": 3},
+        "arrive_by": by.isoformat(),
+        "speed": {"least": 1.0, "most": 8.0},
+    }
+    departed = _chosen(result, tmp_path, [], **asked)
+    (choice,) = departed.choices
+    assert choice.has_speeds
+    assert len(choice.departures_s) == 3
+    (season,) = departed.scenario.seasons
+    assert (season.departure, season.arrive_by) == (choice.chosen, by)
+    assert departed.scene.speeds["tide"].within_s == (by - choice.chosen).total_seconds()
+    plan = plan_season(departed.scene, "tide", departed.scenario.planner).plan
+    assert plan is not None
+    assert plan.best.fuel == pytest.approx(choice.fuels.min(), rel=2e-3)
+    assert plan.best.times[-1] <= (by - choice.chosen).total_seconds()
+    best, *_, proof = departure_text(choice)
+    assert "it needs the least fuel to be there in time, at speeds chosen for" in best
+    assert proof == "Nothing is proven of departures between these, as speeds are chosen at each."
+    (axes,) = departure_figure(choice).axes
+    above = np.asarray(axes.get_lines()[0].get_xydata())[:, 1]
+    assert above == pytest.approx(100 * (choice.fuels / choice.fuels.min() - 1))
 
 
 def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 import shapely
 
-from pipeline.model import Credit, CurrentGrid
-from pipeline.stages.overpowering_current import overpowering_notes
+import renew
+from pipeline.model import Credit, CurrentGrid, SeasonPlan
+from pipeline.stages.overpowering_current import overpowering_notes, waiting_notes
+from tests.pipeline.formats import small_run
+from tests.renew.search.test_overpowered_hours import STRAIT, tide
+from tests.strategies import PAPER_VESSEL
 
 REGION = shapely.box(130.0, 30.0, 140.0, 40.0)
 
@@ -68,3 +73,40 @@ def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
         assert 60 * int(to_hour) + int(to_minute) == pytest.approx(middle + half, abs=6)
     assert "and 1 more times: routes are the best without waiting" in note
     assert overpowering_notes(known, REGION, 2.0, departure) == ()
+
+
+def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> None:
+    """The tide of a strait, read at the place and at the two times that the note names."""
+    chart = renew.Chart(shapely.box(0, -60, 200, 100), [*STRAIT.no_go])
+
+    def with_a_way_round(points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        return tide(points, times) * (points[..., 1:] > 10)
+
+    current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), with_a_way_round)
+    departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
+    plain = small_run.parts(planar=True).scene
+    scene = replace(plain, currents={"tide": current}, departures={"tide": departure})
+    plans = [
+        SeasonPlan("tide", renew.plan(
+            chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=at, lateness=0.25,
+            padding="none",
+        ), "", 0.0)
+        for at in (75.0, 105.0)
+    ]  # fmt: skip
+    through, around = plans
+    note, *_ = waiting_notes(scene, [through])
+    assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
+    assert note.endswith("The routes are the best without waiting")
+    (other,) = waiting_notes(scene, [around])
+    assert other.startswith("tide: without a route, and with water on the way")
+    for text in (note, other):
+        place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
+        assert place is not None
+        x, y = map(float, place.groups())
+        times = re.findall(r"2026-11-22 06:(\d\d):(\d\d) UTC", text)[:2]
+        strength = [
+            float(np.linalg.norm(tide(np.array([x, y]), np.array(60.0 * int(m) + int(s) + later))))
+            for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
+        ]
+        assert max(strength[:2]) < 0.97 < min(strength[2:])
+    assert waiting_notes(scene, [SeasonPlan("tide", None, "no water", 0.0)]) == ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,6 +150,24 @@ def test_a_range_of_speeds_is_chosen_from_in_the_currents_of_a_month_or_in_none(
     assert vessel.speed_m_s == pytest.approx(9 * 1852 / 3600)
 
 
+def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path: Path) -> None:
+    hours = np.arange("2026-11-22T00", "2026-11-25T00", dtype="datetime64[h]")
+    lon, lat = np.arange(116.0, 121.1, 0.25), np.arange(7.0, 13.6, 0.25)
+    file = write(tmp_path / "tide.nc", dataset(*[sea(lon, lat)] * len(hours), times=hours))
+    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
+    later = datetime.fromisoformat(TIMES["depart"]) + timedelta(hours=6)
+    scenario, _ = voyage_scenario(
+        replace(asked, until=later.isoformat(), months=(), currents=(str(file),))
+    )
+    (season,) = scenario.seasons
+    assert season.departures is not None
+    assert season.departures.count > 2
+    assert season.speed is not None
+    assert season.arrive_by == datetime.fromisoformat(TIMES["arrive_by"])
+    assert (season.departure, season.to_within) == (None, None)
+    assert season.leaves_departure_open
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -160,9 +178,10 @@ def test_a_range_of_speeds_is_chosen_from_in_the_currents_of_a_month_or_in_none(
         ({"speeds": "4..9"}, ["--speed '4' is not understood"]),
         (
             {"until": "2026-11-23T06:00Z", "arrive_by": "", "speeds": "9..4kn"},
-            ["add --arrive-by", "--until and --speed 9..4kn", "begins above its end"],
+            ["add --arrive-by", "begins above its end", "--until looks for the best departure"],
         ),
         ({"months": (), "currents": ()}, ["or --month for steady ones"]),
+        ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
     ],
 )
 def test_a_range_of_speeds_needs_two_times_and_currents(

@@ -17,6 +17,7 @@ from renew.departures.sailings import Sailings, in_order_of_arrival
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
+from renew.search.k_sailable_classes import Results
 from renew.search.problem import Problem
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
@@ -149,6 +150,20 @@ def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(
             path, scene.current, PAPER_VESSEL, drift=scene.drift, departure=times[0]
         )
         assert sailed == pytest.approx(fuel, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [2, 4, 11])
+def test_a_few_classes_are_enough_to_find_the_best_one(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a sweep that looks at all sixteen at each departure."""
+    scene = moving_scene(seed)
+    given = scene.chart, scene.current, PAPER_VESSEL, scene.start, scene.goal
+    departures = scene.departure + np.array([0.0, 40.0, 80.0])
+    found = renew.plan_departures(*given, departures, drift=scene.drift, with_classes=False)
+    monkeypatch.setattr(Results, "look_for_best", Results.look_for)
+    every = renew.plan_departures(*given, departures, drift=scene.drift, with_classes=False)
+    np.testing.assert_allclose(found.fuels, every.fuels, rtol=1e-4)
 
 
 def test_the_next_departures_path_is_sailed_where_it_arrives_earlier() -> None:

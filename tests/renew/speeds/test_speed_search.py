@@ -168,14 +168,6 @@ def test_a_deadline_that_cannot_be_made_says_what_would_do() -> None:
         ({"speed": (1.0, 2.0, 3.0)}, "must be two speeds"),
         ({"speed": ("1", "2")}, r"speed\.least = '1' .*; speed\.most = '2'"),
         ({"speed": (1.0, 2.0), "method": "sampled"}, "speed needs method = 'optimal'"),
-        (
-            {
-                "speed": (1.0, 2.0),
-                "via": [(60.0, 60.0)],
-                "avoid": [renew.ShutArea(box(70, 70, 80, 80), 0.0, 60.0)],
-            },
-            "chosen on a way with via points; .* with areas shut for some hours",
-        ),
     ],
 )
 def test_bad_speeds_are_refused_all_at_once(options: dict[str, object], message: str) -> None:

@@ -205,6 +205,10 @@ def _lazy_weighted_sum(
     array = array.drop_vars(list(array.coords))
     if not time:
         return array.chunk().astype(float)
+    if len(steps) == 1:
+        # As each step of a current that changes is read: Dask's plan for it takes longer than it.
+        ((index, weight),) = steps
+        return array.isel({time: index}).astype(float) * weight
     indices = [index for index, _ in steps]
     is_range = indices == list(range(indices[0], indices[-1] + 1))
     chosen = array.isel({time: slice(indices[0], indices[-1] + 1) if is_range else indices})
