@@ -84,7 +84,7 @@ def test_a_hundred_killed_runs_continue(tmp_path: Path) -> None:
         _REGION.format(second="withdrawn", valid="2024-07-01", currents="./sea.nc"),
         _REGION.format(second="winter", valid="2024-12", currents="embedded-palawan"),
     )
-    assert "withdrawn.rtz" in bench.old.keys() - bench.new.keys()
+    assert "killed-withdrawn.rtz" in bench.old.keys() - bench.new.keys()
     rng = random.Random(SEED)  # noqa: S311 - a test's seed
     rounds = -(-KILLS // len(STAGES))
     met: collections.Counter[str] = collections.Counter()
