@@ -22,10 +22,11 @@ from renew.errors import (
 from renew.inputs.arguments import check_current_at_endpoints
 from renew.paths.least_fuel_path import refined_path
 from renew.route import Plan, Rejected
-from renew.search.class_planner import ClassPlanner, Found, near_first
+from renew.search.class_planner import ClassPlanner, Found
 from renew.search.diagnosis import no_class_error
 from renew.search.growing_padding import grown
 from renew.search.k_sailable_classes import Results
+from renew.search.path_attempts import near_first
 from renew.steering.steer_in_corridor import steer_as_drawn
 
 # Share of the time under way by which a later departure has to arrive earlier for its path to be

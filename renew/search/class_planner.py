@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,23 +16,17 @@ from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
-from renew.kernels.current_table import velocities
-from renew.kernels.ground_speed import chosen_speeds
 from renew.padding.padding_model import PaddingModel, region_of
 from renew.padding.passage_windows import passage_windows
 from renew.padding.policy import PaddingPolicy
 from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import (
-    check_straits,
-    path_near,
-    path_through_sections,
-    refined_path,
-)
+from renew.paths.least_fuel_path import check_straits
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.route import Route
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.overpowered_hours import hours_along, hours_of
+from renew.search.path_attempts import PathAttempts, near_first
 from renew.search.problem import Problem
 from renew.search.room_to_turn import steered_as_it_is, steered_with_room
 from renew.search.sampled_paths import sampled_paths
@@ -74,25 +65,29 @@ class PathMethod:
 
 
 class ClassPlanner:
-    """Plans the best route of a class with padding of one policy."""
+    """Plans the best route of a class with padding of one policy, of a `model` if there is one."""
 
-    def __init__(self, problem: Problem, policy: PaddingPolicy, method: PathMethod) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        policy: PaddingPolicy,
+        method: PathMethod,
+        model: PaddingModel | None = None,
+    ) -> None:
         self.problem, self.policy, self.method = problem, policy, method
         voyage = problem.voyage
-        self._model = PaddingModel(
+        self._model = model or PaddingModel(
             problem.triangulation, voyage.quick_current, voyage.vessel, policy
         )
         self.growth = PaddingGrowth(problem, self._model, policy)
+        self._attempts = PathAttempts(voyage, self.growth)
 
     def for_problem(self, problem: Problem) -> ClassPlanner:
         """Return the same for another departure's problem, or at another price of time.
 
         What is known of padding is shared.
         """
-        other = copy.copy(self)
-        other.problem = problem
-        other.growth = PaddingGrowth(problem, self._model, self.policy)
-        return other
+        return ClassPlanner(problem, self.policy, self.method, self._model)
 
     def find(self, channel: Channel) -> Found:
         """Best path of a class; its padding grows until every hard-over turn is clear.
@@ -170,7 +165,7 @@ class ClassPlanner:
             [replace(one, padding=np.zeros(len(one.edge))) for one in corridor.paddings]
         )
         try:
-            _, path = self._least_fuel_path(bare, near_first)
+            _, path = self._attempts.from_rough(bare, near_first)
         except InfeasibleError:
             return math.inf
         voyage = self.problem.voyage
@@ -215,7 +210,7 @@ class ClassPlanner:
         first: InfeasibleError | None = None
         best: Found | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
-        for attempt in self._attempts(corridor, near):
+        for attempt in self._attempts.in_order(corridor, near):
             try:
                 used, path = attempt()
                 found = self._steered_in_class(corridor, used, path)
@@ -265,66 +260,6 @@ class ClassPlanner:
         """Whether a path (n, 2) is of a corridor's class."""
         return self.problem.word(path) == corridor.channel.word
 
-    def _attempts(
-        self, corridor: Corridor, near: FloatArray | None
-    ) -> list[Callable[[], tuple[Corridor, FloatArray]]]:
-        """Ways to find a path that can be steered and stays in its class; the best first.
-
-        Eq. 4 as published rewards tacking against currents above v/2, where v + c·T is no convex
-        speed polar: such paths can't be steered. The crab model's path then can, as it is: making
-        room for it as well would double the time of a class that can't be sailed.
-        """
-        polars = dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True)))
-        ways = (_bulging, path_through_sections)
-        attempts: list[Callable[[], tuple[Corridor, FloatArray]]] = []
-        for polar in polars:
-            own = replace(corridor, polar=polar)
-            attempts.append(partial(self._least_fuel_path_near_first, own))
-            attempts += [partial(self._least_fuel_path, own, way) for way in ways]
-        if near is not None:
-            attempts.insert(0, partial(_refined, corridor, near))
-        return attempts
-
-    def _least_fuel_path_near_first(self, corridor: Corridor) -> tuple[Corridor, FloatArray]:
-        """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
-
-        Where that comes so close to land that it needs more padding, which then stays, or where
-        tacking pays, the path near the best one within the channel is taken if it needs less fuel.
-        """
-        near = self._least_fuel_path(corridor, near_first)
-        if near[0].padded is corridor.padded and not self._pays_tacking(*near):
-            return near
-        with contextlib.suppress(InfeasibleError):
-            bulging = self._least_fuel_path(corridor, _bulging)
-            return min(near, bulging, key=lambda found: self.problem.voyage.fuel(found[1]))
-        return near
-
-    def _pays_tacking(self, corridor: Corridor, path: FloatArray) -> bool:
-        """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): against more than v/2."""
-        if corridor.polar.crab:
-            return False
-        legs, voyage = np.diff(path, axis=0), self.problem.voyage
-        times = voyage.reading_times(path)[:-1]
-        velocity = velocities(voyage.table, path[:-1] + legs / 2, times)
-        course = legs / np.linalg.norm(legs, axis=1)[:, None]
-        along = (velocity * course).sum(axis=1)
-        speed = chosen_speeds(velocity, course, voyage.polar)
-        return bool((along < -speed / 2).any())
-
-    def _least_fuel_path(
-        self, corridor: Corridor, way: Callable[[Corridor], FloatArray]
-    ) -> tuple[Corridor, FloatArray]:
-        """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
-        rough = way(corridor)
-        shortfall = self.growth.crossed_shortfall(corridor, rough)
-        if shortfall is None:
-            return _refined(corridor, rough)
-        corridor = grown(corridor, shortfall)
-        try:
-            return _refined(corridor, rough)
-        except InfeasibleError:
-            return _refined(corridor, way(corridor))
-
     def check_current(self, trajectory: FloatArray) -> None:
         """Refuse a trajectory through a current as strong as the vessel, or no longer known."""
         voyage = self.problem.voyage
@@ -357,19 +292,3 @@ class ClassPlanner:
             if found is not None:
                 return found._replace(harmonic_mean=class_mean)
         raise first or InfeasibleError("no chain was found")
-
-
-def near_first(corridor: Corridor) -> FloatArray:
-    """Rough path (n, 2) near the one by which the class was found."""
-    voyage = corridor.voyage
-    return path_near(corridor, corridor.channel.way(voyage.start, voyage.goal))
-
-
-def _bulging(corridor: Corridor) -> FloatArray:
-    """Rough path (n, 2) near the best one within the channel."""
-    return path_near(corridor, path_through_sections(corridor))
-
-
-def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
-    """Corridor, and the least-fuel path (n, 2) near a rough one."""
-    return corridor, refined_path(corridor, rough)
