@@ -45,10 +45,6 @@ _CHEAP = 1.01
 _DEAR = 1.005
 
 
-class _TooNarrowError(InfeasibleError):
-    """Rounded corners cut into V: those of larger radii would too."""
-
-
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
@@ -61,22 +57,17 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     least, best = math.inf, None
     first: InfeasibleError | None = None
     # Mostly the path itself can be steered: it is thinned only when that is asked for.
-    for thinned in _thinned(path, corridor):
-        for rounding in _ROUNDINGS:
-            try:
-                steered = _steered(thinned, rounding, corridor)
-            except _TooNarrowError as error:
-                first = first or error
-                break
-            except InfeasibleError as error:
-                first = first or error
-                continue
-            fuel = voyage.fuel(steered[0])
-            if best is None or fuel < least:
-                least, best, drawn = fuel, steered, (thinned, rounding)
-            if fuel <= enough:
-                break
-        if least <= enough:
+    tries = ((path, rounding) for path in _thinned(path, corridor) for rounding in _ROUNDINGS)
+    for drawing in tries:
+        try:
+            steered = _steered(*drawing, corridor)
+        except InfeasibleError as error:
+            first = first or error
+            continue
+        fuel = voyage.fuel(steered[0])
+        if best is None or fuel < least:
+            least, best, drawn = fuel, steered, drawing
+        if fuel <= enough:
             break
     if best is None:
         raise first or InfeasibleError("no tolerance to try")
@@ -166,7 +157,7 @@ def steer_as_drawn(
     for stage, piece in corridor.stages(path):
         clear = stage.legs_clear(piece)
         if not clear.all():
-            raise _TooNarrowError(
+            raise InfeasibleError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]
             )
     trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure, speeds)
@@ -175,7 +166,7 @@ def steer_as_drawn(
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))
     clear = legs_are_clear(track[:-1], track[1:], land)
     if not clear.all():
-        raise _TooNarrowError(
+        raise InfeasibleError(
             "the corridor is too narrow to turn in: the track would touch land near {0}",
             track[clear.argmin()],
         )
@@ -211,17 +202,16 @@ def _with_rounded_corners(
         )
         if len(rounded) < 3:
             break
-        at = corners[drawn_for]
-        cut_off = _cut_off(path, corridor, rounded, at)
-        if cut_off.any():
-            leant_on |= cut_off
-            continue
-        needed, at = np.zeros(len(path)), at[1:-1]
-        np.maximum.at(needed, at, rounding * _corner_radius(rounded, corridor.voyage))
+        needed, at = np.zeros(len(path)), corners[drawn_for]
+        np.maximum.at(needed, at[1:-1], rounding * _corner_radius(rounded, corridor.voyage))
         short = sharp & (needed[1:-1] > _GROWTH * radius)
-        if not short.any():
+        if short.any():
+            radius = np.where(short, needed[1:-1], radius)
+            continue
+        cut_off = _cut_off(path, corridor, rounded, at)
+        if not cut_off.any():
             break
-        radius = np.where(short, needed[1:-1], radius)
+        leant_on |= cut_off
     return rounded
 
 
