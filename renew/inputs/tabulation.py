@@ -11,7 +11,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, table_of, velocities
+from renew.kernels.current_table import Table, largest_speed, table_of, velocities
 
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
@@ -61,11 +61,11 @@ def _made(
         middles = _middles(uv)
         if not cells_asked:
             by_cubics, middles = middles, field(_mesh(finer_x[1::2], finer_y[1::2]))
-            astray = _largest(middles - by_cubics)
-            if trust_cubics and astray <= _CUBIC_TOLERANCE * _largest(uv):
+            astray = largest_speed(middles - by_cubics)
+            if trust_cubics and astray <= _CUBIC_TOLERANCE * largest_speed(uv):
                 cells_asked = cells
         halfway = (uv[1:, 1:] + uv[1:, :-1] + uv[:-1, 1:] + uv[:-1, :-1]) / 4
-        error = _largest(middles - halfway)
+        error = largest_speed(middles - halfway)
         table = table_of(x, y, uv, error)
         if table.is_fine or cells >= _MAX_CELLS or error > _MAX_ERROR_RATIO * last:
             break
@@ -136,20 +136,11 @@ def _mesh(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
-@kernel
-def _largest(velocity: FloatArray) -> float:
-    """Largest length (m/s) of velocities (..., 2)."""
-    square = 0.0
-    for u, v in velocity.reshape(-1, 2):
-        square = max(square, u * u + v * v)
-    return math.sqrt(square)
-
-
 def _error_at_random(field: Callable[[FloatArray], FloatArray], table: Table) -> float:
     """Largest difference (m/s) between a field and its table at some points at random."""
     low, high = (table.x[0], table.y[0]), (table.x[-1], table.y[-1])
     points = np.random.default_rng(0).uniform(low, high, (_RANDOM_POINTS, 2))
-    return _largest(field(points) - velocities(table, points, np.zeros(_RANDOM_POINTS)))
+    return largest_speed(field(points) - velocities(table, points, np.zeros(_RANDOM_POINTS)))
 
 
 @kernel

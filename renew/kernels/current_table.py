@@ -93,13 +93,13 @@ def table_of(
     x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
     slices = uv.reshape(len(times), len(y), len(x), 2)
     per_x, per_y, per_second = map(_density, (x, y, times))
-    strongest = _strongest(slices)
+    strongest = largest_speed(slices)
     return Table(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
 
 
 @kernel
-def _strongest(uv: FloatArray) -> float:
-    """Largest length (m/s) of velocities (nt, ny, nx, 2)."""
+def largest_speed(uv: FloatArray) -> float:
+    """Largest length (m/s) of velocities (..., 2)."""
     square = 0.0
     for u, v in uv.reshape(-1, 2):
         square = max(square, u * u + v * v)
