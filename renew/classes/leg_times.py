@@ -20,8 +20,8 @@ from renew.kernels.ground_speed import Polar, ground_speed
 Extremes: TypeAlias = tuple[Table, Table, bool]
 """Tables of the least and of the largest velocity along x and y at any time; whether they agree."""
 
-# Largest length of a leg over which Simpson's rule is used once, in cells of the current's table:
-# about half of the smallest eddy that it holds.
+# Most columns or rows of the current's table that a leg crosses where Simpson's rule is used once:
+# about half of the smallest eddy that the table holds.
 _PANEL = 20.0
 # Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
 # that the path itself avoids.
@@ -36,7 +36,7 @@ def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
     if length == 0.0:
         return 0.0
     slowest = _MIN_SPEED * polar.speed
-    halves = 2 * _panels(length, table)
+    halves = 2 * _panels(leg, table)
     total, slowness, now = 0.0, 0.0, begin
     for k in range(halves + 1):
         # When the vessel is there at the pace of the place before.
@@ -48,11 +48,11 @@ def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
 
 
 @small_kernel
-def _panels(length: float, table: Table) -> int:
-    """Number of parts of a leg (m) to each of which Simpson's rule is applied."""
-    width, height = table.x[-1] - table.x[0], table.y[-1] - table.y[0]
-    per_metre = float(max((len(table.x) - 1) / width, (len(table.y) - 1) / height))
-    return max(1, math.ceil(per_metre * length / _PANEL))
+def _panels(leg: Segment, table: Table) -> int:
+    """Number of parts of a leg to each of which Simpson's rule is applied."""
+    columns = abs(leg.bx - leg.ax) * (len(table.x) - 1) / (table.x[-1] - table.x[0])
+    rows = abs(leg.by - leg.ay) * (len(table.y) - 1) / (table.y[-1] - table.y[0])
+    return max(1, math.ceil(float(max(columns, rows)) / _PANEL))
 
 
 @small_kernel
@@ -89,7 +89,7 @@ def least_times(
     tx, ty = dx / length, dy / length
     slowest = _MIN_SPEED * polar.speed
     least, largest, are_equal = extremes
-    halves = 2 * _panels(length, least)
+    halves = 2 * _panels(leg, least)
     time, back = 0.0, 0.0
     for k in range(halves + 1):
         if k in (0, halves):

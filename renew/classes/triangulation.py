@@ -147,11 +147,7 @@ def triangulate(
         )
     water = chart.water
     if closed is not None and not closed.is_empty:
-        parts = shapely.get_parts(shapely.difference(water, closed, grid_size=chart.precision))
-        # Where both only touch, the grid leaves lines and points.
-        water = shapely.multipolygons(
-            parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
-        )
+        water = chart.less(water, closed)
     if water.is_empty:
         raise UnreachableError("the current is as strong as the vessel on all of the water")
     corners = _by_triangle(water, chart.precision) if backend == "triangle" else _by_shapely(water)

@@ -67,7 +67,12 @@ class Chart:
         what `without` took away."""
         self._land = bare
         if self.water.is_empty:
-            raise GeometryError("chart: the no-go zone covers the whole extent; no water is left")
+            raise GeometryError(
+                "chart: the no-go zone covers the whole extent; no water is left"
+                if self.no_go
+                else f"chart: the extent is thinner than {self.precision:.3g} m, which is "
+                f"{_PRECISION:g} of its diagonal; no water is left"
+            )
 
     def without(self, areas: Iterable[Polygon], *, is_land: bool) -> Chart:
         """Return the chart with areas (m) as no-go; land keeps its numbers in names of classes.
@@ -92,7 +97,7 @@ class Chart:
     @cached_property
     def water(self) -> BaseGeometry:
         """The extent minus L: a Polygon, or a MultiPolygon where land parts it."""
-        return shapely.difference(self.extent, self.hard_no_go, grid_size=self.precision)
+        return self.less(self.extent, self.hard_no_go)
 
     @cached_property
     def open_water(self) -> BaseGeometry:
@@ -101,7 +106,15 @@ class Chart:
             return self.water
         land = shapely.union_all(np.array(self._land, dtype=object), grid_size=self.precision)
         uncrossable = shapely.intersection(land, self.hard_no_go, grid_size=self.precision)
-        return shapely.difference(self.extent, uncrossable, grid_size=self.precision)
+        return self.less(self.extent, uncrossable)
+
+    def less(self, area: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+        """Return an area less another on the chart's grid: a Polygon or a MultiPolygon."""
+        rest = shapely.difference(area, other, grid_size=self.precision)
+        if isinstance(rest, Polygon | MultiPolygon):
+            return rest
+        # Where both only touch, the grid leaves lines and points.
+        return MultiPolygon(_polygons(rest))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

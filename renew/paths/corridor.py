@@ -23,6 +23,8 @@ from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
 # planned: so points closer than that to the line past them can be dropped, and corners be rounded,
 # without touching V.
 SLACK = 0.01
+# Share of the largest coordinate below which a capsule's radius is lost to rounding.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,12 @@ class Corridor:
 
     @cached_property
     def hard_capsules(self) -> Capsules:
-        """What paths must keep out of: V, and the outline, which may not be touched."""
-        return self._capsules(np.where(self._padding > 0, self._padding, -1.0))
+        """What paths must keep out of: V, and the outline, which may not be touched.
+
+        Nor may edges with a padding so thin that rounding would hide that a leg crosses them.
+        """
+        thinnest = _ROUNDING * np.abs(self.corners).max()
+        return self._capsules(np.where(self._padding > thinnest, self._padding, -1.0))
 
     @cached_property
     def exempt(self) -> BoolArray:

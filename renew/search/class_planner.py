@@ -221,12 +221,16 @@ class ClassPlanner:
                 continue
             if found is None:
                 slipped.append((used, path))
+                if near is not None and not self._is_of(corridor, near):
+                    # So did each attempt while the padding was smaller.
+                    break
                 continue
             if best is None or found.fuel < best.fuel:
                 best = found
-            if found.fuel <= _DEAR * self.problem.voyage.fuel(path):
+            if near is not None or found.fuel <= _DEAR * self.problem.voyage.fuel(path):
                 break
-            # Much room had to be made to turn in: another way may need less of it.
+            # Much room had to be made to turn in: another way may need less of it. Where the
+            # padding has only grown, the others have been tried before.
         if best is None and slipped:
             best = self._steered(corridor, *slipped[0])
         if best is None:

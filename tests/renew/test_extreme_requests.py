@@ -41,6 +41,18 @@ def test_endpoints_close_together_plan_as_fast_as_far_ones(metres: float) -> Non
     assert close <= 2 * far
 
 
+def test_a_strip_of_water_is_planned_as_fast_as_a_square() -> None:
+    still = renew.UniformCurrent(0.0, 0.0)
+
+    def plan_over(height: float) -> renew.Plan:
+        chart = renew.Chart(box(0, 0, 5e6, height))
+        ends = (1e6, height / 2), (4e6, height / 2)
+        return renew.plan(chart, still, PAPER_VESSEL, *ends, padding="none")
+
+    assert plan_over(0.1).best.length == pytest.approx(3e6)
+    assert cpu_seconds(lambda: plan_over(0.1)) <= 2 * cpu_seconds(lambda: plan_over(5e6))
+
+
 def test_endpoints_on_both_sides_of_a_wall_go_round_it() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(49.95, -1, 50.05, 60)])
     still = renew.UniformCurrent(0.0, 0.0)

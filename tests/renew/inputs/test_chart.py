@@ -26,6 +26,11 @@ def test_all_bad_geometry_is_named() -> None:
         chart_of([box(-1, -1, 101, 101)])
 
 
+def test_an_extent_thinner_than_the_charts_grid_is_refused() -> None:
+    with pytest.raises(renew.GeometryError, match=r"the extent is thinner than 0\.005 m"):
+        renew.Chart(box(0, 0, 5e6, 1e-6))
+
+
 def test_land_and_water_add_up_to_the_extent() -> None:
     lake = box(60, 60, 70, 70)
     # They overlap, touch, stick out of the extent and have a lake.
