@@ -154,7 +154,7 @@ def plan(
     CurrentTooStrongError
         The current at the start or at the goal is as strong as the vessel.
     ViaInNoGoError
-        The same of a via point; all faults of start, goal and via points are told at once.
+        The same of a via point; one message names all faults of start, goal and via points.
     UnreachableError
         No water joins start and goal, or every class was rejected; says why, and what would help.
     ArrivalError

@@ -71,7 +71,7 @@ class Offing:
 
     @property
     def note(self) -> str:
-        """What a reader is told."""
+        """Sentence for a reader."""
         kept = f"an offing of at least {self.metres:.0f} m" if self.metres else "no offing"
         why = "chosen for this vessel and chart"
         if self.metres < math.floor(self.wanted_m):

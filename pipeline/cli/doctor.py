@@ -1,4 +1,4 @@
-"""The command `doctor`: what of this machine a run needs, checked before one is started.
+"""The command `doctor`: what a run needs of this machine, checked before one is started.
 
 A fault is what makes every run fail or its results wrong; what only some runs need, such as an
 account, is a warning. Checks that may hang run in threads of their own, all at once, and are given

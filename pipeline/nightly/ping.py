@@ -19,7 +19,7 @@ from pipeline.nightly.prometheus import SUCCESSES
 
 Ping = Literal["start", "success", "failure"]
 _ENDINGS: dict[Ping, str] = {"start": "/start", "success": "", "failure": "/fail"}
-# Exit codes of which nothing is told: another job is at work, and the currents are not there yet.
+# Exit codes that are not reported: another job is at work, and the currents are not there yet.
 # If no later try succeeds, the service misses the success, and says so.
 _UNTOLD = frozenset({4, 5})
 # Time for each step of a connection, and for all of it, s: looking a name up knows no limit.

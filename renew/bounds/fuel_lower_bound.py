@@ -40,8 +40,8 @@ What is proven for which current: everything for `UniformCurrent`, `GyreCurrent`
 `GriddedCurrent`, whose deviation r is bounded in closed form. Any other field is known by its
 values alone: r is four times the error that the second differences between neighbouring nodes
 suggest, so the bound holds for fields that the grid resolves (a cell is under 1 % of a square
-extent's side). Of a current that changes r is the largest of all its slices, and where it is not
-linear between them, as much again as second differences in time suggest.
+extent's side). Of a current that changes r is the largest of all its slices; where it is not linear
+between them, what second differences in time suggest is added.
 
 Where the vessel chooses her speed v, and has to be there by a deadline D, let λ be a price of time.
 (1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
@@ -103,7 +103,7 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     """Fuel below which no route from start to goal can stay, over all homotopy classes.
 
     Infinite if no water joins them. See the module for the proof and for which currents it holds.
-    The grid has at least so many `cells`, as far as a changing current's slices leave room: where
+    The grid has at least `cells` cells, as far as a changing current's slices leave room: where
     narrow land matters, a coarse one lets the front through.
 
     With via points the bounds of the parts add up. Each holds for a part begun no earlier than the

@@ -161,7 +161,7 @@ def _by_clock(
 
 @kernel
 def _bucket_of(ratio: float) -> int:
-    """Bucket of labels whose whole time is so many times the least."""
+    """Bucket of labels whose whole time is some multiple of the least."""
     return min(max(int(math.log(ratio) / _BUCKET_SIZE), 0), _BUCKETS - 1)
 
 

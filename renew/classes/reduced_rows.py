@@ -99,7 +99,7 @@ def no_words() -> Words:
 
 @kernel
 def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
-    """An array with room for so many rows: twice as many, where it is too small."""
+    """The array, with room for `size` rows: doubled until it has."""
     while len(array) < size:
         array = np.concatenate((array, np.full_like(array, UNKNOWN)))
     return array

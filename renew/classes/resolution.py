@@ -47,7 +47,7 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
 
 
 class Tube(NamedTuple):
-    """The water beside some paths (n, 2), a few cells of so many metres to either side."""
+    """The water beside some paths (n, 2), a few cells of a size (m) to either side."""
 
     paths: Sequence[FloatArray]
     cell: float
@@ -58,7 +58,7 @@ class Tube(NamedTuple):
         return np.asarray(np.isfinite(distance))
 
     def holds_nodes(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether it holds each node (ny, nx) of a grid: far quicker than for so many points."""
+        """Whether it holds each node (ny, nx) of a grid: far quicker than point by point."""
         return np.asarray(_nodes_near(x, y, self._along, _TUBE * self.cell))
 
     @property

@@ -117,7 +117,7 @@ def _axes(voyage: Voyage, cells: int) -> tuple[FloatArray, FloatArray]:
     xmin, ymin, xmax, ymax = voyage.chart.bounds
     cell = math.sqrt((xmax - xmin) * (ymax - ymin) / cells)
     fine = math.dist(voyage.start, voyage.goal) / _WAY_CELLS
-    # A strip of a chart would have far more cells along it than so many.
+    # A strip of a chart would have far more than `cells` along it.
     wide, high = (max(cell, side / cells) for side in (xmax - xmin, ymax - ymin))
     return (
         _axis(xmin, xmax, wide, fine, sorted((voyage.start[0], voyage.goal[0]))),

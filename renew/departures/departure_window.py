@@ -105,7 +105,7 @@ class DepartureWindow:
         return max(0.0, self.best.duration - bound)
 
     def refine(self, tolerance: float) -> None:
-        """Plan more departures until none between can beat the best by more than so many seconds.
+        """Plan more departures until none between can beat the best by more than `tolerance` s.
 
         Where nothing bounds an arrival, departures a tolerance apart have to do.
         """

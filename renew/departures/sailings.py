@@ -109,7 +109,7 @@ class DeparturePlanner(Protocol):
 
 
 class Sailings:
-    """Plans the best route of each departure: the best of so many classes."""
+    """Plans the best route of each departure: the best of a number of classes."""
 
     def __init__(self, planner: ClassPlanner, classes: int) -> None:
         self._planner, self._classes = planner, classes

@@ -63,8 +63,8 @@ class Chart:
         self.no_go: tuple[Polygon, ...] = tuple(_polygons(clipped))
         """The hard no-go zone inside the extent as disjoint polygons."""
         self.islands: tuple[tuple[Polygon, ...], ...] = (self.no_go,)
-        """What classes are told apart by, in kinds that are numbered one after the other: land, and
-        what `without` took away."""
+        """Islands that tell classes apart, in kinds numbered one after the other: land, and what
+        `without` took away."""
         self._land = bare
         if self.water.is_empty:
             raise GeometryError(

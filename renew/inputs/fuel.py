@@ -194,7 +194,7 @@ def passage(
 
 
 def _by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
-    """Speeds (n,) through water of so many legs: as given, or the vessel's."""
+    """Speeds (n,) through water of n legs: as given, or the vessel's."""
     if speeds is None:
         return np.full(legs, vessel.speed)
     speeds = np.asarray(speeds, dtype=float)

@@ -75,7 +75,7 @@ class Voyage:
         """When the voyage begins, and how closely the search for paths follows the clock.
 
         The current changes by no more than a share of the vessel's speed while she goes one step,
-        unless it is only known less often; and no more than so many steps cross the chart.
+        unless it is only known less often; the number of steps across the chart is limited.
         """
         table, speed = self.table, self.vessel.speed
         if table.is_steady:

@@ -184,8 +184,8 @@ def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]
 class Bend(NamedTuple):
     """The current at a site around the `time` (s) of a slice, before and after which it is linear.
 
-    u, v (m/s) are those of that time, and `u_before` and so on their change (m/s²) for so many
-    seconds `before` and `after` it.
+    u, v (m/s) are those of that time, and `u_before` and so on their change (m/s²) in the
+    `before` seconds up to it, and the `after` seconds from it.
     """
 
     time: float

@@ -29,7 +29,7 @@ class _Pass(NamedTuple):
     """A pass over transversals: half-width and spacing (shares of the path), points on each.
 
     `bend` is the angle (rad) from which a turn has its legs halved. In each row the least fuel is
-    known at so many `times`, within a share `leeway` of those at which it may be passed.
+    known at `times` times, within a share `leeway` of those at which it may be passed.
     """
 
     window: float

@@ -88,7 +88,7 @@ def _shortened(
 ) -> tuple[float, FloatArray]:
     """Time (s) and quickest path (m, 2) between places on a path (n, 2); inf where none is clear.
 
-    In each round the path is cut into about so many pieces, evenly.
+    In each round the path is cut evenly into about `pieces` pieces.
     """
     time = math.inf
     for _ in range(rounds):

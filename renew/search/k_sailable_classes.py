@@ -121,7 +121,7 @@ class Results:
             self.look_closer(scout)
 
     def least(self, classes: int) -> ClassResults:
-        """Routes of so many classes, least fuel first; also those that slipped out of others."""
+        """Routes of `classes` classes, least fuel first; also those that slipped out of others."""
         self._add_slipped()
         best = sorted(self.found.values(), key=lambda found: found.fuel)[:classes]
         rejected = (one for word, one in self.rejected.items() if word not in self.found)

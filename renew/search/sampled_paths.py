@@ -31,7 +31,7 @@ def sampled_paths(
 ) -> tuple[Iterable[FloatArray], float]:
     """Paths (n, 2) of a class to try, the best first, and the harmonic mean of its fuels.
 
-    InfeasibleError where none of so many samples can be sailed.
+    InfeasibleError where none of the samples can be sailed.
     """
     voyage = corridor.voyage
     rng = np.random.default_rng([seed, *corridor.channel.triangles.tolist()])

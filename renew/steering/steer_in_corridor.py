@@ -256,15 +256,15 @@ def _cut_off(
 ) -> BoolArray:
     """Inner corners (n - 2,) that were in the way, but without which a rounded path cuts into V.
 
-    Of those left out along each leg that does, the one that lies furthest from it. Points (m,) of
+    Of those omitted along each leg that does, the one that lies furthest from it. Points (m,) of
     the rounded path (m, 2) are drawn for those of the path (n, 2).
     """
     cut_off = np.zeros(len(path), dtype=bool)
     for leg in np.flatnonzero(~corridor.legs_clear(rounded)):
-        left_out = np.arange(drawn_for[leg] + 1, drawn_for[leg + 1])
-        if len(left_out):
-            away = segment_distance(path[left_out], rounded[leg], rounded[leg + 1])
-            cut_off[left_out[away.argmax()]] = True
+        omitted = np.arange(drawn_for[leg] + 1, drawn_for[leg + 1])
+        if len(omitted):
+            away = segment_distance(path[omitted], rounded[leg], rounded[leg + 1])
+            cut_off[omitted[away.argmax()]] = True
     return cut_off[1:-1]
 
 

@@ -24,12 +24,12 @@ from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
 # Margin (share of v/ω) by which land is taken as wider, so that draws of another seed, or the field
-# between two stations, don't find what the verification missed; growing adds as much again.
+# between two stations, don't find what the verification missed; growing adds the same again.
 _MARGIN = 0.05
 # Factor by which padding grows beyond what it lacks: the re-planned path meets another current.
 _OVERSHOOT = 1.3
-# What perturbs the current carries a turn off by so many times what it does in one turn's water: a
-# track that is carried off meets other water.
+# Factor by which a perturbed current may carry a turn further off than the current of one turn's
+# water suggests: a track that is carried off meets other water.
 _ELSEWHERE = 2.0
 # Distance between stations (share of v/ω), and the largest number of stations.
 _SPACING, _MAX_STATIONS = 0.6, 1_000_000

@@ -53,7 +53,7 @@ class Graph:
 
 
 def best_of_classes(graph: Graph, rays: Rays, classes: int) -> list[FloatArray]:
-    """The shortest path (n, 2) of each of so many classes at most, the shortest first."""
+    """The shortest path (n, 2) of each of the first `classes` classes, the shortest first."""
     count = len(graph.nodes)
     matrix = csr_array((graph.cost, (graph.edges[:, 1], graph.edges[:, 0])), shape=(count, count))
     to_go = dijkstra(matrix, indices=list(graph.goals), min_only=True)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # The eight neighbours in the order of their directions, 45 degrees apart.
 _STEPS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
-# Start and goal are joined to the nodes within so many cells.
+# Start and goal are joined to the nodes within this number of cells.
 _REACH = 1.5
 
 

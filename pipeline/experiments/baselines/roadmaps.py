@@ -62,7 +62,7 @@ def prm(
 def roadmap(
     planner: object, space: Space, nodes: int, ends: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, IntArray]:
-    """Grow a roadmap of OMPL to so many nodes, or till the calls of the space are used up.
+    """Grow a roadmap of OMPL to a number of nodes, or until the calls of the space are used up.
 
     Returns points (n, 2), start and goal first, and directed edges (m, 2), each both ways.
     """

@@ -58,7 +58,7 @@ class TradeOff:
         return float(np.interp(duration_s, self.durations_s, self.fuels, left=np.nan))
 
     def moment(self, duration_s: float) -> datetime:
-        """When she is there after so many seconds, UTC."""
+        """Time (UTC) after a duration, s."""
         return self.departure + timedelta(seconds=round(duration_s))
 
 

@@ -1,1 +1,1 @@
-"""What is told: tables, map layers, the page, what changed, and how it was made."""
+"""What is published: tables, map layers, the page, what changed, and how it was made."""

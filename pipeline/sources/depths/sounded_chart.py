@@ -165,7 +165,7 @@ def _covered_share(heights: Heights, region: Polygon) -> float:
 
 
 def _without_land(shallow: Geometries, land: Land) -> BaseGeometry:
-    """Return what of shallow polygons is water, for maps."""
+    """Return the part of shallow polygons that is water, for maps."""
     ground = np.array(land.polygons, dtype=object)
     meets = np.unique(shapely.STRtree(ground).query(shallow, predicate="intersects")[1])
     dry = shapely.disjoint_subset_union_all(ground[meets])

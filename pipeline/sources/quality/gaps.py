@@ -36,7 +36,7 @@ class WaterWithoutData:
 
     @property
     def note(self) -> str:
-        """What a reader is told."""
+        """Sentence for a reader."""
         share = f"{self.share:.0%}" if self.share >= 0.01 else "less than 1%"
         return (
             f"the current has no data for {share} of the region's water, which lies up to "
