@@ -56,7 +56,7 @@ class _Pass(NamedTuple):
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
 _WIDE = tuple(
     _Pass(window, max(1 / 80, window / 4), points, math.inf)
-    for window, points in zip(_WINDOWS, (25, 17, 13), strict=False)
+    for window, points in zip(_WINDOWS, (17, 13, 9), strict=False)
 )
 _NARROWING = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
 # Before the narrowest Newton's method leaves little to find.
@@ -69,7 +69,7 @@ _NARROW_IN_EDDIES = (
     *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),
 )
 # How far Newton's method moves points, as a share of the path.
-_FARTHEST = 0.05
+_FARTHEST = 0.075
 # A point (x, y) as x + iy, so that points can be looked up among others.
 _AS_COMPLEX = np.array([1, 1j])
 

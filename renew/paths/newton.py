@@ -25,7 +25,7 @@ from renew.paths.refinement import Water
 # counts there, as a share of the path.
 _STEP, _SHORTEST = 0.05, 1e-6
 # Iterations, and tries with ever more damping, or more points held, in each of them.
-_ITERATIONS, _TRIES = 8, 6
+_ITERATIONS, _TRIES = 12, 6
 # Damping of the first try, as a share of the mean second derivative, its factor from try to try,
 # and the share below which there is none.
 _DAMPING, _MORE, _LEAST_DAMPING = 0.05, 8.0, 1e-4
@@ -68,7 +68,9 @@ def straightened(
         quadratic = _quadratic(path, normals, times, stream)
         for _ in range(_TRIES):
             shift, found = _newton_step(quadratic, damping, movable)
-            if found and np.abs(shift).max() <= farthest / _ITERATIONS:
+            if found:
+                # A step that is too long still leads towards the least time.
+                shift *= min(1.0, farthest / _ITERATIONS / max(np.abs(shift).max(), 1e-300))
                 moved = path + shift.reshape(-1, 1) * normals
                 moved_times = arrivals(moved, stream)
                 if moved_times[-1] <= before:

@@ -45,6 +45,16 @@ def test_the_sampled_method_beats_the_published_figure_on_the_single_gyre() -> N
         assert best.fuel * (1 - 1e-3) <= plan.best.fuel < 88.0
 
 
+@pytest.mark.parametrize("seed", range(24))
+def test_the_best_route_over_open_water_without_a_current_is_straight(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    size = 10 ** rng.uniform(2, 5) * np.array([1.0, rng.uniform(0.15, 1.0)])
+    start, goal = rng.uniform(0.05, 0.95, (2, 2)) * size
+    chart = renew.Chart(box(0, 0, *size))
+    best = renew.plan(chart, STILL, PAPER_VESSEL, start, goal, padding="none").best
+    assert best.length <= (1 + 2e-5) * math.dist(start, goal)
+
+
 def test_the_same_seed_gives_the_same_plan() -> None:
     for method in ("optimal", "sampled"):
         one, other = gyre_plan(method=method, seed=4), gyre_plan(method=method, seed=4)

@@ -28,6 +28,13 @@ def test_a_long_slight_bulge_is_straight_afterwards_in_still_water() -> None:
     assert found[[0, -1]].tolist() == path[[0, -1]].tolist()
 
 
+def test_a_bulge_of_a_sixteenth_of_the_way_is_straight_afterwards_too() -> None:
+    along = np.linspace(0, 100, 81)
+    path = np.column_stack([along, 6.0 * np.sin(np.pi * along / 100)])
+    found = straightened(path, 7.5, CALM, NOTHING_WHOLE)
+    assert np.abs(found[:, 1]).max() < 1e-2
+
+
 def test_no_point_moves_farther_than_it_may() -> None:
     along = np.linspace(0, 100, 81)
     path = np.column_stack([along, 20 * np.sin(np.pi * along / 100)])
