@@ -66,8 +66,8 @@ def go(
     depart: Annotated[
         str,
         typer.Option(
-            help="Departure with its zone, as 2026-11-22T06:00Z: the currents of --currents change "
-            "on the way, with all their time steps; in place of --month."
+            help="Departure with its zone, as 2026-11-22T06:00Z: the currents change on the way, "
+            "by all time steps of --currents, or the service's hours; in place of --month."
         ),
     ] = "",
     until: Annotated[

@@ -68,6 +68,13 @@ class CurrentGrid:
         return len(self.times_s) > 1
 
     @property
+    def change_notes(self) -> tuple[str, ...]:
+        """Say by how many time steps it changes; nothing of a steady one."""
+        if not self.changes:
+            return ()
+        return (f"the current changes on the way, by {len(self.times_s)} time steps",)
+
+    @property
     def at_departure(self) -> tuple[FloatArray, FloatArray]:
         """The components (ny, nx) at departure, linear between the times around it."""
         if not self.changes:
@@ -118,6 +125,7 @@ def current_notes(currents: Iterable[CurrentGrid]) -> tuple[str, ...]:
         season_notes(
             {
                 grid.season: (
+                    *grid.change_notes,
                     *grid.notes,
                     *(passed.reason for passed in grid.passed_over),
                     *grid.stand_in_notes,

@@ -34,6 +34,10 @@ _SERVICE = (
 )
 
 
+# Its dataset of hours, with tide and Stokes drift, for currents that change on the way.
+_SERVICE_STEPS = "copernicus-total-hourly"
+
+
 @dataclass(frozen=True, slots=True)
 class VoyageRequest:
     """A voyage as it is asked for; all that may be left out is empty.
@@ -112,7 +116,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": vessel.model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [departing_at.season(asked_currents(request.currents))]
+        "seasons": [departing_at.season(asked_currents(request.currents) or [_SERVICE_STEPS])]
         if departing_at is not None and not is_steady
         else [
             {
@@ -181,11 +185,10 @@ def _departing(request: VoyageRequest) -> Departing | None:
             "--until looks for the best departure in currents that change; leave it out, or give a "
             "file of time steps with --currents alone"
         )
-    has_steps = bool(request.currents) and request.currents != (STILL,)
-    if request.depart and not has_steps and not _has_steady_speeds(request):
+    if request.depart and request.currents == (STILL,) and not request.speeds:
         faults.append(
-            "--depart needs currents with time steps: give the file with --currents tide.nc"
-            + (", or --month for steady ones" if request.speeds else "")
+            "--depart needs currents with time steps: give the file with --currents tide.nc, or "
+            "leave --currents out for the service's"
         )
     if faults:
         raise RequestError(faults)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -95,16 +96,23 @@ class VaryingCurrent(CurrentField):
 
     def table(self, bounds: tuple[float, float, float, float]) -> Table:
         """The field as nodes, a slice for each time."""
-        nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
         if self._slices and all(one is self._slices[0] for one in self._slices):
             return self._slices[0].table(bounds)
-        if len(nodes) == self._times.size and all(_same_axes(nodes[0], one) for one in nodes):
-            uv = np.concatenate([one.uv for one in nodes])
-            return table_of(nodes[0].x, nodes[0].y, uv, times=self._times)
-        return tabulated_in_time(self.velocity, self._times, bounds)
+        return self._nodes or tabulated_in_time(self.velocity, self._times, bounds)
+
+    @cached_property
+    def _nodes(self) -> Table | None:
+        """All slices as one table, where each is a table of the same nodes."""
+        nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
+        if len(nodes) != self._times.size or not all(_same_axes(nodes[0], one) for one in nodes):
+            return None
+        uv = np.concatenate([one.uv for one in nodes])
+        return table_of(nodes[0].x, nodes[0].y, uv, times=self._times)
 
     def _between(self, points: FloatArray, times: FloatArray) -> FloatArray:
         """Velocity (..., 2), linear between slices."""
+        if self._nodes is not None:
+            return TabulatedCurrent(self._nodes).velocity(points, times)
         flat, when = points.reshape(-1, 2), times.ravel()
         at = np.clip(np.searchsorted(self._times, when, side="right") - 1, 0, len(self._slices) - 2)
         share = (when - self._times[at]) / np.diff(self._times)[at]

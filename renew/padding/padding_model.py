@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -38,6 +38,18 @@ _LAYERS = 2
 
 # Number of triangles that are surveyed beside those asked for: fewer cost no less time.
 _BATCH = 128
+
+
+# Factor by which edges are looked for further off than a reach asks for: the next may be larger.
+_ROOM = 1.5
+
+
+class _Around(NamedTuple):
+    """Constrained edges (e,) around a triangle up to a `reach`, and how far `apart` they are, m."""
+
+    reach: float
+    edges: IntArray
+    apart: FloatArray
 
 
 def region_of(triangulation: Triangulation, channel: Channel) -> dict[int, int]:
@@ -70,6 +82,7 @@ class PaddingModel:
         )
         self._row: dict[_Place, int] = {}
         self._near: list[IntArray] = []
+        self._around: dict[int, _Around] = {}
         self._known: dict[_Crossing, tuple[IntArray, FloatArray]] = {}
 
     def padded_edges(
@@ -197,16 +210,36 @@ class PaddingModel:
         corners = self._triangulation.corners[triangles]
         windows = np.stack([first, last], axis=1) * self._clock_step
         statistics = self._current.statistics(corners, windows)
-        row, edge = self._triangulation.constrained_edge_tree.query(
-            shapely.polygons(corners), predicate="dwithin", distance=self._furthest(statistics)
-        )
-        order = np.lexsort((edge, row))
-        bounds = np.searchsorted(row[order], np.arange(len(new) + 1))
         self._row |= {one: len(self._row) + at for at, one in enumerate(new)}
-        self._near += np.split(edge[order], bounds[1:-1])
+        self._near += self._edges_within(triangles, self._furthest(statistics))
         self._statistics = CurrentStatistics(
             *(np.concatenate(both) for both in zip(self._statistics, statistics, strict=True))
         )
+
+    def _edges_within(self, triangles: IntArray, reach: FloatArray) -> list[IntArray]:
+        """Constrained edges within a reach (n,), m, of each of some triangles (n,).
+
+        A triangle is passed in many windows of time, each with a reach of its own.
+        """
+        known = np.array([self._around[t].reach if t in self._around else -1.0 for t in triangles])
+        further: dict[int, float] = {}
+        for at in np.flatnonzero(known < reach).tolist():
+            triangle = int(triangles[at])
+            further[triangle] = max(further.get(triangle, 0.0), _ROOM * reach[at])
+        if further:
+            lacking, distance = np.array(list(further)), np.array(list(further.values()))
+            tree = self._triangulation.constrained_edge_tree
+            shapes = shapely.polygons(self._triangulation.corners[lacking])
+            row, edge = tree.query(shapes, predicate="dwithin", distance=distance)
+            order = np.lexsort((edge, row))
+            row, edge = row[order], edge[order]
+            apart = shapely.distance(shapes[row], tree.geometries[edge])
+            bounds = np.searchsorted(row, np.arange(len(lacking) + 1))
+            for at, (triangle, most) in enumerate(further.items()):
+                own = slice(bounds[at], bounds[at + 1])
+                self._around[triangle] = _Around(most, edge[own], apart[own])
+        around = [self._around[t] for t in triangles.tolist()]
+        return [one.edges[one.apart <= r] for one, r in zip(around, reach.tolist(), strict=True)]
 
     def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
         """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""

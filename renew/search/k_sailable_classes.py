@@ -88,10 +88,12 @@ class Results:
         """Look for the best path of the first classes: of a few, if the dearest is clearly dearer.
 
         Classes come in the order of what they need at first sight, which tells nearly what they
-        come to; most of the time goes into finding many.
+        come to; most of the time goes into finding many. Of the ways past islands that tell no
+        classes apart only the first is planned, and one beside the best route: others differ from
+        it by far less than departures do.
         """
         few = min(classes, _FEW)
-        self.look_for(few)
+        self.look_for(few, variants=1, beside=1)
         known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
         if few == classes or (
             len(known) >= few
@@ -99,17 +101,21 @@ class Results:
             and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
         ):
             return
-        self.look_for(classes)
+        self.look_for(classes, variants=1, beside=1)
 
-    def look_for(self, classes: int) -> None:
-        """Look for paths of the first k classes; see :func:`plan_classes`."""
+    def look_for(self, classes: int, variants: int = _VARIANTS, beside: int = _BESIDE) -> None:
+        """Look for paths of the first k classes; see :func:`plan_classes`.
+
+        The best route is looked for among so many `variants` of ways past islands that tell no
+        classes apart, and so many `beside` it.
+        """
         problem, policy, method = self._planner.problem, self._planner.policy, self._planner.method
         clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
         scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
         is_free = problem.order == "fuel" and method.method == "optimal" and method.is_thorough
         if is_free and problem.rays.omits_islands:
             # The best of all channels is the best of its class, whichever islands tell those apart.
-            self.plan_in_rounds(scout, min(classes, _VARIANTS), self.add_variant)
+            self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())
         is_enough = count >= classes or (self.found and enumerator.has_many_triangles)
@@ -118,7 +124,7 @@ class Results:
                 if channel.word not in self.rejected:
                     self.add(channel)
         if is_free and scout.has_many_triangles:
-            self.look_closer(scout)
+            self.look_closer(scout, beside)
 
     def least(self, classes: int) -> ClassResults:
         """Routes of `classes` classes, least fuel first; also those that slipped out of others."""
@@ -157,14 +163,14 @@ class Results:
         """The same for a channel that more islands tell apart: a class takes its best."""
         return self._add(channel, self._rays.of_word(channel.word))
 
-    def look_closer(self, scout: ClassEnumerator | ViaEnumerator) -> None:
-        """Look closer beside the best routes for better ways on other sides of islands."""
+    def look_closer(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
+        """Look closer beside the best routes for so many ways on other sides of islands."""
         self._add_slipped()
         if not self.found:
             return
         enough = _NEARLY_BEST * min(found.fuel for found in self.found.values())
         best = [found.path for found in self.found.values() if found.fuel <= enough]
-        for channel in scout.channels_beside(best, _BESIDE):
+        for channel in scout.channels_beside(best, count):
             self._done.discard(channel.word)
             self.add_variant(channel)
 

@@ -18,6 +18,10 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.search.growing_padding import PaddingGrowth, grown
 
+# Ratio by which padding grows that may spoil a path. As the current changes, it grows by some per
+# cent each time: a path is passed at other hours than the way by which its class was found.
+_MUCH = 1.1
+
 
 class PathAttempts:
     """Looks for the least-fuel path of a corridor, whose padding may grow."""
@@ -48,11 +52,12 @@ class PathAttempts:
     def _near_first(self, corridor: Corridor) -> tuple[Corridor, FloatArray]:
         """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
 
-        Where that comes so close to land that it needs more padding, which then stays, or where
-        tacking pays, the path near the best one within the channel is taken if it needs less fuel.
+        Where that comes so close to land that it needs much more padding, which then stays, or
+        where tacking pays, the path near the best one within the channel is taken if it needs less
+        fuel.
         """
         near = self.from_rough(corridor, near_first)
-        if near[0].padded is corridor.padded and not self._pays_tacking(*near):
+        if not _is_much_wider(near[0], corridor) and not self._pays_tacking(*near):
             return near
         with contextlib.suppress(InfeasibleError):
             bulging = self.from_rough(corridor, _bulging)
@@ -84,6 +89,14 @@ class PathAttempts:
             return _refined(corridor, rough)
         except InfeasibleError:
             return _refined(corridor, way(corridor))
+
+
+def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
+    """Whether the padding of a corridor has grown by much somewhere."""
+    return any(
+        bool((after.padding > _MUCH * before.padding).any())
+        for before, after in zip(corridor.paddings, grown.paddings, strict=True)
+    )
 
 
 def near_first(corridor: Corridor) -> FloatArray:

@@ -14,6 +14,7 @@ from renew.inputs.current import CurrentField
 from renew.inputs.fuel import reading_times, times_under_way
 from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
+from renew.inputs.voyage import shares
 from renew.kernels.angles import wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
 from renew.steering.turning_radius import corner_radius, course_changes
@@ -59,7 +60,8 @@ def steer(
         curve = _rounded(corners, radius)
         middles = (curve.points[:-1] + curve.points[1:]) / 2
         through_water = speeds_along(middles, path, own)
-        trajectory = _crab_along(curve, current, through_water, departure)
+        guess = np.interp(shares(curve.points), shares(path), times)
+        trajectory = _crab_along(curve, current, through_water, guess)
         turning = np.abs(np.diff(trajectory[:, 3]))
         fast = turning > vessel.turn_rate * np.diff(trajectory[:, 0]) * (1 + 1e-9)
         if not fast.any():
@@ -182,10 +184,11 @@ def _densified(
 
 
 def _crab_along(
-    curve: _Curve, current: CurrentField, through_water: FloatArray, departure: float
+    curve: _Curve, current: CurrentField, through_water: FloatArray, guess: FloatArray
 ) -> FloatArray:
     """Trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
 
+    It begins at the first of the times (m,), s, of a guess, from which the others are found sooner.
     Between its points it is sailed at speeds (m - 1,) through water; where these change the heading
     is that of their mean.
     """
@@ -199,7 +202,9 @@ def _crab_along(
             curve.points[ends], curve.course[ends], velocity[ends], through_water[some]
         )
 
-    time = times_under_way(durations, len(through_water), departure, is_steady=current.is_steady)
+    time = times_under_way(
+        durations, len(through_water), float(guess[0]), is_steady=current.is_steady, guess=guess
+    )
     if not math.isfinite(time[-1]):
         at = curve.points[~np.isfinite(time)][0]
         raise InfeasibleError("the current at {0} is too strong to hold the course", at)

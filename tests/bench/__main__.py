@@ -28,6 +28,7 @@ from tests.bench import (
     planner_figures,
     sea_figures,
     speed_figures,
+    tide_figures,
     writing,
 )
 
@@ -60,6 +61,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
     "clock": clock_figures.figures,
+    "tide": tide_figures.figures,
     "speeds": speed_figures.figures,
     "nightly": nightly_figures.figures,
     "nightly-faults": night_fault_figures.figures,

@@ -40,8 +40,8 @@ _TOUCH_M = 0.5
 def figures() -> Iterator[Figure]:
     """Yield fuel and time beside the grid's, for each clearance and season."""
     scenario = load_scenario("palawan-usv")
-    fetched = _fetched(scenario)
-    scene = _scene(scenario, fetched)
+    fetched = fetched_data(scenario)
+    scene = scene_of(scenario, fetched)
     for miles in CLEARANCES_NM:
         clearance = miles * NAUTICAL_MILE
         barred = yardstick.keep_out(scene.land, clearance)
@@ -135,13 +135,13 @@ def _time(name: str, took: Took, limit: Took) -> Figure:
     return Figure(name, "<= 0.2", text, share <= 0.2)
 
 
-def _fetched(scenario: Scenario) -> Fetched:
+def fetched_data(scenario: Scenario) -> Fetched:
     """Land, and both seasons' currents of the embedded table."""
     with tempfile.TemporaryDirectory() as folder:
         return fetch(scenario, Store(Path(folder)), offline=True).fetched
 
 
-def _scene(scenario: Scenario, fetched: Fetched) -> Scene:
+def scene_of(scenario: Scenario, fetched: Fetched) -> Scene:
     """The planner's world, as a run makes it."""
     if scenario.region is None:
         raise ValueError(f"{scenario.name} has no region")

@@ -110,6 +110,17 @@ def season(valid: str) -> Season:
     return Season(name="season", valid=valid, currents=("copernicus",))
 
 
+def changing_season(name: str, departure: datetime, max_hours: float) -> Season:
+    """Return a season from a departure on, in which the currents of an entry change."""
+    return Season(
+        name="season",
+        time_method="changing",
+        departure=departure,
+        max_hours=max_hours,
+        currents=(name,),
+    )
+
+
 def today() -> datetime:
     """Return today's midnight, UTC."""
     return datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
@@ -148,10 +159,11 @@ def max_error_m_s(
     northward: str,
     *moments: datetime,
     ocean: Ocean = OCEAN,
+    step: int = 0,
 ) -> float:
     """Return a field's largest error against the ocean's mean; infinite where gaps differ."""
     largest = 0.0
-    for values, name in ((grid.u[0], eastward), (grid.v[0], northward)):
+    for values, name in ((grid.u[step], eastward), (grid.v[step], northward)):
         true_values = np.mean(
             [ocean.value(name, moment, grid.lon, grid.lat) for moment in moments], axis=0
         )

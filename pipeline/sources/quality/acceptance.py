@@ -1,4 +1,4 @@
-"""Acceptance check of a downloaded field: is it what was requested? Nothing is planned on before.
+"""Acceptance check of downloaded fields: are they what was requested? Nothing is planned on before.
 
 A chunk that fails to download arrives as NaN without an error, a truncated file may still open, and
 a field shifted by half a degree looks like any other. So the axes are compared with the request,
@@ -14,12 +14,14 @@ import numpy as np
 import shapely
 
 from pipeline.errors import StageError
-from pipeline.sources.quality.coverage import sides_beyond, widened
+from pipeline.sources.quality.coverage import around_missing, sides_beyond, widened
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
-from pipeline.sources.quality.plausibility import assess, count_misplaced, dilated
+from pipeline.sources.quality.plausibility import count_misplaced, dilated
+from pipeline.sources.quality.series import assess_series
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     import numpy.typing as npt
@@ -54,10 +56,10 @@ _MAX_MISPLACED_SHARE = 0.02
 class Expected:
     """What was requested: time steps, a region, and how the dataset behaves.
 
-    The field is the sum of the steps times their `weights`; `labels` are the steps' times in
-    `label_format` (strftime). `missing_boxes` hold the centres of the cells for which the service
-    has no chunk, which should be land. `gaps_vary` where ice comes and goes. `outline` is the
-    region's shape where that is no box.
+    The field is the sum of the steps times their `weights`; without any each step is a field of
+    its own. `labels` are the steps' times in `label_format` (strftime). `missing_boxes` hold the
+    centres of the cells for which the service has no chunk, which should be land. `gaps_vary` where
+    ice comes and goes. `outline` is the region's shape where that is no box.
     """
 
     labels: tuple[str, ...]
@@ -73,8 +75,28 @@ class Expected:
     outline: Polygon | None = None
 
 
-def accept(path: Path, expected: Expected, land: Land) -> Field:
-    """Read a NetCDF file and return its field, or refuse it with all reasons.
+@dataclass(frozen=True, slots=True)
+class AcceptedFields:
+    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (nt, ny, nx) in m/s, NaN where no data.
+
+    The gaps are the same at all times. `warnings` say what is suspicious about the fields but not
+    enough to refuse them.
+    """
+
+    lon: FloatArray
+    lat: FloatArray
+    u: FloatArray
+    v: FloatArray
+    warnings: tuple[str, ...] = ()
+
+    def at_each_time(self) -> Iterator[Field]:
+        """Return the fields one by one."""
+        for u, v in zip(self.u, self.v, strict=True):
+            yield Field(self.lon, self.lat, u, v)
+
+
+def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
+    """Read a NetCDF file and return its fields, or refuse it with all reasons.
 
     Raises
     ------
@@ -85,27 +107,31 @@ def accept(path: Path, expected: Expected, land: Land) -> Field:
 
     try:
         with netCDF4.Dataset(path) as dataset:
-            faults, field = _read(dataset, expected)
+            faults, fields = _read(dataset, expected)
     except (OSError, RuntimeError, KeyError, ValueError, IndexError) as error:
         raise StageError(f"{path.name} can't be read as NetCDF: {error}") from None
-    if field is not None:
+    if fields is not None:
         mask = LandMask.from_land(land, expected.region)
-        faults = _missing_chunk_faults(field, expected, mask) + faults + _gap_faults(field, mask)
+        first = next(fields.at_each_time())
+        faults = _missing_chunk_faults(first, expected, mask) + faults + _gap_faults(first, mask)
         if not faults:
-            assessment = assess(field, mask, expected.speed_limit_m_s)
+            labels = expected.labels[: len(fields.u)]
+            assessment = assess_series(
+                fields.at_each_time(), labels, mask, expected.speed_limit_m_s
+            )
             faults = list(assessment.faults)
             lacking = water_without_data(
-                field, mask, expected.outline or shapely.box(*expected.region)
+                first, mask, expected.outline or shapely.box(*expected.region)
             )
             gaps = (lacking.note,) if lacking else ()
-            field = replace(field, warnings=(*assessment.warnings, *gaps))
-    if faults or field is None:
+            fields = replace(fields, warnings=(*assessment.warnings, *gaps))
+    if faults or fields is None:
         raise StageError(f"{path.name} is not what was requested: {'; '.join(faults)}")
-    return field
+    return fields
 
 
-def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:
-    """Read axes and field, with the faults of both; no field where the axes are wrong."""
+def _read(dataset: Any, expected: Expected) -> tuple[list[str], AcceptedFields | None]:
+    """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
     wanted = {"eastward": expected.eastward, "northward": expected.northward}
     absent = [name for name in wanted.values() if name not in dataset.variables]
     if absent:
@@ -121,25 +147,26 @@ def _read(dataset: Any, expected: Expected) -> tuple[list[str], Field | None]:
     faults += _depth_faults(dataset)
     if faults:
         return faults, None
-    faults, u, v = _weighted_sum(dataset, expected, (lat.size, lon.size))
+    faults, u, v = _read_fields(dataset, expected, (lat.size, lon.size))
     # Longitudes a whole turn away are the same place.
     west, _, east, _ = expected.region
     lon = lon + 360 * np.round(((west + east) / 2 - lon.mean()) / 360)
     faults += _extent_faults(lon, lat, expected)
-    ascending = (slice(None, None, lat_step), slice(None, None, lon_step))
-    return faults, Field(lon, lat, u[ascending], v[ascending])
+    ascending = (..., slice(None, None, lat_step), slice(None, None, lon_step))
+    return faults, AcceptedFields(lon, lat, u[ascending], v[ascending])
 
 
-def _weighted_sum(
+def _read_fields(
     dataset: Any, expected: Expected, shape: tuple[int, int]
 ) -> tuple[list[str], FloatArray, FloatArray]:
-    """Weighted sum of the steps of both components (ny, nx), and the first faulty step's faults.
+    """Both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
-    Step by step, so that a month of hours need not fit in memory.
+    Step by step, so that a month of hours need not fit in memory where its mean is the field.
     """
-    u_sum, v_sum = np.zeros(shape), np.zeros(shape)
+    count = 1 if expected.weights else len(expected.labels)
+    u_fields, v_fields = np.zeros((count, *shape)), np.zeros((count, *shape))
     first_gap = None
-    for step, (label, weight) in enumerate(zip(expected.labels, expected.weights, strict=True)):
+    for step, label in enumerate(expected.labels):
         u, v = (
             _layer(dataset[name], step, shape) for name in (expected.eastward, expected.northward)
         )
@@ -165,10 +192,14 @@ def _weighted_sum(
                 f"at {label} a cell stands out from its neighbours by {spike:.3g} m/s: damaged"
             )
         if faults:
-            return faults, u, v
-        u_sum += weight * u
-        v_sum += weight * v
-    return [], u_sum, v_sum
+            return faults, u[None], v[None]
+        field, weight = (0, expected.weights[step]) if expected.weights else (step, 1.0)
+        u_fields[field] += weight * u
+        v_fields[field] += weight * v
+    # Where they vary, a gap at one time is one at all times, as in a mean.
+    gap = np.logical_not(np.isfinite(u_fields).all(axis=0))
+    u_fields[:, gap] = v_fields[:, gap] = np.nan
+    return [], u_fields, v_fields
 
 
 def largest_spike(values: FloatArray, limit_m_s: float) -> float:
@@ -233,7 +264,9 @@ def _time_faults(dataset: Any, expected: Expected) -> list[str]:
     labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)
     if labels == expected.labels:
         return []
-    return [f"its times are {_shortened(labels)}, not {_shortened(expected.labels)}"]
+    lacking = [label for label in expected.labels if label not in labels]
+    first = f"; {lacking[0]} is missing{around_missing(labels, lacking[0])}" if lacking else ""
+    return [f"its times are {_shortened(labels)}, not {_shortened(expected.labels)}{first}"]
 
 
 def _shortened(labels: tuple[str, ...]) -> str:

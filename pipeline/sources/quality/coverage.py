@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     import numpy.typing as npt
 
@@ -32,6 +34,13 @@ def cell_bounds(lon: FloatArray, lat: FloatArray) -> Bounds:
         float(lon[-1] + half_lon),
         float(lat[-1] + half_lat),
     )
+
+
+def around_missing(steps: Sequence[str], missing: str) -> str:
+    """Say between which steps, by their ascending labels, one is missing; empty at an end."""
+    before = [step for step in steps if step < missing]
+    after = [step for step in steps if step > missing]
+    return f", between {before[-1]} and {after[0]}" if before and after else ""
 
 
 def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:

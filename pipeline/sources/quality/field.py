@@ -26,16 +26,12 @@ _POINTS_AT_A_TIME = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) in m/s, NaN where no data.
-
-    `warnings` say what is suspicious about it but not enough to refuse it.
-    """
+    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) in m/s, NaN where no data."""
 
     lon: FloatArray
     lat: FloatArray
     u: FloatArray
     v: FloatArray
-    warnings: tuple[str, ...] = ()
 
     @property
     def gap(self) -> BoolArray:

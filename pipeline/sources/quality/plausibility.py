@@ -59,14 +59,6 @@ class Assessment:
         return Assessment(self.faults + other.faults, self.warnings + other.warnings)
 
 
-def assess(field: Field, mask: LandMask, limit_m_s: float) -> Assessment:
-    """Assess a field's speeds (against a limit in m/s), its position and its directions."""
-    speeds = assess_speeds(field, limit_m_s)
-    if speeds.faults:
-        return speeds
-    return speeds + assess_position(field, mask) + assess_directions(field)
-
-
 def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
     """Whether there is water, it moves, not the same everywhere, and not impossibly fast."""
     u, v = field.u[~field.gap], field.v[~field.gap]

@@ -98,6 +98,17 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
         voyage_scenario(late)
 
 
+@pytest.mark.parametrize("speeds", ["", "4..9kn"])
+def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> None:
+    today = datetime.now(UTC).replace(minute=0, second=0, microsecond=0)
+    asked = replace(PALAWAN, months=(), currents=(), depart=today.isoformat(), speeds=speeds)
+    if speeds:
+        asked = replace(asked, arrive_by=(today + timedelta(days=3)).isoformat())
+    (season,) = voyage_scenario(asked)[0].seasons
+    assert season.is_changing
+    assert season.currents == ("copernicus-total-hourly",)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -114,7 +125,10 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
             {"until": "2026-11-23T05:00Z", "arrive_by": "2026-11-24T05:00Z"},
             ["--until and --arrive-by both say"],
         ),
-        ({"depart": "soon", "currents": ()}, ["soon is not a time", "--depart needs currents"]),
+        (
+            {"depart": "soon", "currents": ("still",)},
+            ["soon is not a time", "--depart needs currents"],
+        ),
     ],
 )
 def test_departures_that_say_too_little_or_too_much(
@@ -180,7 +194,6 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
             {"until": "2026-11-23T06:00Z", "arrive_by": "", "speeds": "9..4kn"},
             ["add --arrive-by", "begins above its end", "--until looks for the best departure"],
         ),
-        ({"months": (), "currents": ()}, ["or --month for steady ones"]),
         ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
     ],
 )

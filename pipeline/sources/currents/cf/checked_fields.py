@@ -11,20 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.sources.currents.cf.grid import read_field
+from pipeline.sources.currents.cf.grid import FieldReader
 from pipeline.sources.quality.field import Field
 from pipeline.sources.quality.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
-    assess_directions,
-    assess_position,
-    assess_speeds,
     count_misplaced,
     dilated,
 )
+from pipeline.sources.quality.series import assess_series
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     import numpy.typing as npt
 
@@ -46,8 +44,6 @@ _GAP_FAULT_SHARE = 0.2
 _FILLED_LAND_SHARE = 0.5
 # Zeros mean "no data" where at least this share of land and at most this share of water is zero.
 _MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
-# Largest number of times that a message names.
-_MAX_TIMES = 3
 
 
 @dataclass(frozen=True)
@@ -81,69 +77,25 @@ def read_checked_fields(
     ValueError
         The file is damaged.
     """
-    first = read_field(contents, slices.weights[0], window)
-    last = read_field(contents, slices.weights[-1], window) if len(slices.weights) > 1 else first
-    zeros, notes = _zeros_on_land((first, last), mask)
-    first = _without(first, zeros)
     kept: list[Field] = []
-    speeds: list[Assessment] = []
-    directions: list[Assessment] = []
-    changed: dict[str, int] = {}
-    for label, weights in zip(slices.labels, slices.weights, strict=True):
-        wide = _without(read_field(contents, weights, window), zeros) if kept else first
-        speeds.append(assess_speeds(wide, _SPEED_LIMIT_M_S))
-        directions.append(Assessment() if speeds[-1].faults else assess_directions(wide))
-        if cells := int((wide.gap != first.gap).sum()):
-            changed[label] = cells
-        kept.append(_cropped(wide, bounds))
-    assessment = _at_times(speeds, slices.labels)
-    if not assessment.faults:
-        assessment += assess_position(first, mask) + _at_most_times(directions)
-    assessment += _assess_changed_gaps(changed, slices.labels[0])
+    with FieldReader(contents, window) as reader:
+        first = reader.field(slices.weights[0])
+        last = reader.field(slices.weights[-1]) if len(slices.weights) > 1 else first
+        zeros, notes = _zeros_on_land((first, last), mask)
+        first = _without(first, zeros)
+
+        def fields() -> Iterator[Field]:
+            for weights in slices.weights:
+                wide = _without(reader.field(weights), zeros) if kept else first
+                kept.append(_cropped(wide, bounds))
+                yield wide
+
+        assessment = assess_series(fields(), slices.labels, mask, _SPEED_LIMIT_M_S)
     assessment += _assess_gaps(first, mask, region)
     if kept[0].gap.all():
         assessment += Assessment(("it has no data in the region",))
     u, v = (np.stack([getattr(field, name) for field in kept]) for name in "uv")
     return CheckedFields(kept[0].lon, kept[0].lat, u, v, first, assessment, notes)
-
-
-def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
-    """What is wrong at the times of some fields, each with its time."""
-    if len(each) == 1:
-        return each[0]
-    times = list(zip(each, labels, strict=True))
-    faults = [f"at {label} {fault}" for one, label in times for fault in one.faults]
-    warnings = [f"at {label} {warning}" for one, label in times for warning in one.warnings]
-    return Assessment(_first_few(faults), _first_few(warnings))
-
-
-def _at_most_times(each: Sequence[Assessment]) -> Assessment:
-    """What is wrong with the directions of some fields, if it is so at most of their times.
-
-    Water that is just turning may look as if it ran the wrong way.
-    """
-    wrong = [one for one in each if one.faults]
-    doubtful = [one for one in each if one.warnings]
-    for some in (wrong, doubtful):
-        if 2 * len(some) > len(each):
-            return some[0]
-    return Assessment()
-
-
-def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
-    """The first messages, and how many more there are."""
-    more = len(messages) - _MAX_TIMES
-    return (*messages[:_MAX_TIMES], *([f"and so at {more} other times"] if more > 0 else []))
-
-
-def _assess_changed_gaps(changed: dict[str, int], first: str) -> Assessment:
-    """Whether all fields have data in the same cells; `changed` are cells that differ, by time."""
-    faults = [
-        f"{cells} cells have data either at {label} or at {first}, not at both: its land and its "
-        "gaps must be the same at all times"
-        for label, cells in changed.items()
-    ]
-    return Assessment(_first_few(faults))
 
 
 def _cropped(field: Field, bounds: Bounds) -> Field:

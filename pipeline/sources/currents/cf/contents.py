@@ -6,7 +6,6 @@ was found and what is needed.
 
 from __future__ import annotations
 
-import contextlib
 import glob
 import os
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     import numpy as np
     import numpy.typing as npt
@@ -88,14 +87,9 @@ class Component:
     fixed: dict[str, int]
     unit_m_s: float
 
-    @contextlib.contextmanager
-    def lazy(self) -> Iterator[xr.DataArray]:
-        """Open the variable without reading it; the file is closed when the block ends."""
-        dataset = open_dataset(self.file)
-        try:
-            yield dataset[self.name].isel(self.fixed)
-        finally:
-            dataset.close()
+    def lazy(self, dataset: xr.Dataset) -> xr.DataArray:
+        """Return the variable of its open file, not yet read."""
+        return dataset[self.name].isel(self.fixed)
 
 
 @dataclass(frozen=True)

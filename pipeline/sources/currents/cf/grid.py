@@ -6,17 +6,18 @@ The window is cut out of each step before Dask sums the steps, some megabytes at
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
 from pipeline.sources.currents.cf.axes import SAME_SHARE
-from pipeline.sources.currents.cf.dataset import reading
+from pipeline.sources.currents.cf.dataset import open_dataset, reading
 from pipeline.sources.quality.coverage import common_bounds, sides_beyond, widened
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     import numpy.typing as npt
     import xarray as xr
@@ -32,6 +33,8 @@ _CHUNK_BYTES = 32 << 20
 _MAX_NODES = 2_000_000
 # Spacing of neighbouring nodes in largest steps of the axis, above which there is a gap between.
 _GAP_STEPS = 1.5
+# Number of files that are open at a time: one for each component.
+_MAX_OPEN = 2
 
 
 class Axes(Protocol):
@@ -143,57 +146,89 @@ def _outer_edges(window: Window, lon_step: float, lat_step: float) -> Bounds:
     return widened(nodes, lon_step / 2, lat_step / 2)
 
 
-def read_field(contents: Contents, weights: Mapping[int, float], window: Window) -> Field:
-    """Read a window's field: the weighted steps, with a gap where any step or component has one.
+class FieldReader:
+    """Reads fields of a window, one after the other; a context manager that closes the files.
 
-    Raises
-    ------
-    ValueError
-        The file is damaged.
+    The last files read from stay open, as the next field is in the same ones most often.
     """
-    u = _weighted_sum(contents.u, contents.u_index, weights, window)
-    v = _weighted_sum(contents.v, contents.v_index, weights, window)
-    gap = ~(np.isfinite(u) & np.isfinite(v))
-    u[gap] = v[gap] = np.nan
-    return Field(window.lon, window.lat, u, v)
 
+    def __init__(self, contents: Contents, window: Window) -> None:
+        self._contents, self._window = contents, window
+        self._open: dict[Path, xr.Dataset] = {}
 
-def _weighted_sum(
-    files: Sequence[Component],
-    index: Sequence[tuple[int, int]],
-    weights: Mapping[int, float],
-    window: Window,
-) -> FloatArray:
-    """Weighted sum (ny, nx) of a component's steps in m/s."""
-    by_file: dict[int, list[tuple[int, float]]] = {}
-    for step, weight in weights.items():
-        file, step_in_file = index[step]
-        by_file.setdefault(file, []).append((step_in_file, weight))
-    total = np.zeros((window.lat.size, window.lon.size))
-    for file, steps in by_file.items():
-        total += _weighted_sum_of_file(files[file], sorted(steps), window)
-    return total
+    def __enter__(self) -> Self:
+        """Return itself; files are opened when they are needed."""
+        return self
 
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self._close_all_but(0)
 
-def _weighted_sum_of_file(
-    component: Component, steps: Sequence[tuple[int, float]], window: Window
-) -> FloatArray:
-    """Weighted sum (ny, nx) of some steps (index, weight) of one file, in m/s."""
-    import xarray as xr
+    def field(self, weights: Mapping[int, float]) -> Field:
+        """Read the weighted sum of steps, with a gap where any step or component has one.
 
-    lat, lon = component.lat, component.lon
-    try:
-        with component.lazy() as array, reading():
-            runs = [
-                _lazy_weighted_sum(array.isel({lat: window.rows, lon: run}), component.time, steps)
-                for run in window.columns
-            ]
-            joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
-            # In this process, even if there is a Dask cluster: its workers may not have the file.
-            values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
-    except ValueError as error:
-        raise ValueError(f"{component.file.name}: {error}") from None
-    return np.asarray(values, dtype=float) * component.unit_m_s
+        Raises
+        ------
+        ValueError
+            The file is damaged.
+        """
+        contents, window = self._contents, self._window
+        u = self._weighted_sum(contents.u, contents.u_index, weights)
+        v = self._weighted_sum(contents.v, contents.v_index, weights)
+        gap = ~(np.isfinite(u) & np.isfinite(v))
+        u[gap] = v[gap] = np.nan
+        return Field(window.lon, window.lat, u, v)
+
+    def _weighted_sum(
+        self,
+        files: Sequence[Component],
+        index: Sequence[tuple[int, int]],
+        weights: Mapping[int, float],
+    ) -> FloatArray:
+        """Weighted sum (ny, nx) of a component's steps in m/s."""
+        by_file: dict[int, list[tuple[int, float]]] = {}
+        for step, weight in weights.items():
+            file, step_in_file = index[step]
+            by_file.setdefault(file, []).append((step_in_file, weight))
+        total = np.zeros((self._window.lat.size, self._window.lon.size))
+        for file, steps in by_file.items():
+            total += self._weighted_sum_of_file(files[file], sorted(steps))
+        return total
+
+    def _weighted_sum_of_file(
+        self, component: Component, steps: Sequence[tuple[int, float]]
+    ) -> FloatArray:
+        """Weighted sum (ny, nx) of some steps (index, weight) of one file, in m/s."""
+        import xarray as xr
+
+        lat, lon, window = component.lat, component.lon, self._window
+        try:
+            array = component.lazy(self._dataset(component.file))
+            with reading():
+                runs = [
+                    _lazy_weighted_sum(
+                        array.isel({lat: window.rows, lon: run}), component.time, steps
+                    )
+                    for run in window.columns
+                ]
+                joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
+                # In this process, even if there is a Dask cluster: its workers may lack the file.
+                values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
+        except ValueError as error:
+            raise ValueError(f"{component.file.name}: {error}") from None
+        return np.asarray(values, dtype=float) * component.unit_m_s
+
+    def _dataset(self, file: Path) -> xr.Dataset:
+        """Return an open file."""
+        if file not in self._open:
+            self._close_all_but(_MAX_OPEN - 1)
+            self._open[file] = open_dataset(file)
+        return self._open[file]
+
+    def _close_all_but(self, count: int) -> None:
+        """Close files, the longest open first, until so many are left."""
+        while len(self._open) > count:
+            self._open.pop(next(iter(self._open))).close()
 
 
 def _lazy_weighted_sum(

@@ -83,7 +83,6 @@ def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
         times_s=tuple(times[first : last + 1].tolist()),
         labels=labels,
         valid=f"{labels[0]}/{labels[-1]}",
-        notes=(f"the current changes on the way, by {len(labels)} time steps",),
     )
 
 

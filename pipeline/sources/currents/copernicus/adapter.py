@@ -16,28 +16,37 @@ from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
-from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
+from pipeline.sources.currents.copernicus.steps import (
+    TimeResolution,
+    select_all_steps,
+    select_steps,
+)
 from pipeline.sources.interfaces import Issue
 from pipeline.sources.quality.acceptance import Expected, accept
 from pipeline.sources.quality.coverage import MARGIN_CELLS, common_bounds, widened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
+    import numpy.typing as npt
     from shapely.geometry import Polygon
 
     from pipeline.model import Land
     from pipeline.scenario.catalogue import CopernicusSpec
     from pipeline.scenario.season import Season
     from pipeline.sources.currents.copernicus.steps import SelectedSteps
+    from pipeline.sources.quality.acceptance import AcceptedFields
     from pipeline.sources.quality.coverage import Bounds
-    from pipeline.sources.quality.field import Field
+
+    FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +90,7 @@ class Copernicus:
         return (
             self.spec.name,
             self.spec.model_dump_json(),
-            season.valid,
+            _asked_time(season),
             season.resolved_time_method,
             "" if is_settled else now.date().isoformat(),
         )
@@ -98,11 +107,6 @@ class Copernicus:
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
         spec = self.spec
-        if season.is_changing:
-            return (
-                f"{spec.name} can't be asked for currents that change on the way; fetch its time "
-                "steps with `copernicusmarine subset`, and give the file in 'currents'"
-            )
         remedy = "name another source in 'currents'"
         (west, south, east, north), (lowest, highest) = region.bounds, spec.latitudes
         if south < lowest or north > highest:
@@ -119,9 +123,9 @@ class Copernicus:
         try:
             steps = self.select_steps(season)
         except ValueError as error:
-            return f"{spec.name}, asked for {season.valid}, {error}; {remedy}"
+            return f"{spec.name}, asked for {_asked_time(season)}, {error}; {remedy}"
         if not self._may_cover(steps):
-            return f"{spec.name} covers {spec.covers}, not {season.valid}; {remedy}"
+            return f"{spec.name} covers {spec.covers}, not {_asked_time(season)}; {remedy}"
         return ""
 
     def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
@@ -144,23 +148,25 @@ class Copernicus:
         request = self._request(region, season)
         cached = self.cached_download(region, season, folder)
 
-        def check(file: Path, metadata: dict[str, Any]) -> Field:
+        def check(file: Path, metadata: dict[str, Any]) -> AcceptedFields:
             return accept(file, self._expected(region, request, metadata), land)
 
-        field, metadata = None, self._fresh_metadata(request, cached)
+        fields, metadata = None, self._fresh_metadata(request, cached)
         if metadata is not None:
             # A file from the cache may fail checks that were added since: it is downloaded again.
             with contextlib.suppress(StageError):
-                field = check(cached.file, metadata)
-        if field is None or metadata is None:
-            field, metadata = self._downloaded(request, cached, check)
+                fields = check(cached.file, metadata)
+        if fields is None or metadata is None:
+            fields, metadata = self._downloaded(request, cached, check)
+        steps = _obtained(request, metadata)
         return CurrentGrid(
             season=season.name,
-            lon=field.lon,
-            lat=field.lat,
-            u=field.u[None],
-            v=field.v[None],
-            valid=self._valid(season, request.steps),
+            lon=fields.lon,
+            lat=fields.lat,
+            u=fields.u,
+            v=fields.v,
+            times_s=self._times_s(season, steps),
+            valid=self._valid(season, steps),
             credit=Credit(
                 name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",
                 kind="current",
@@ -169,7 +175,7 @@ class Copernicus:
                 url=self.spec.url,
                 retrieved=metadata["retrieved_utc"],
             ),
-            notes=field.warnings,
+            notes=(*self._step_notes(steps), *fields.warnings),
             files=((cached.file.name, metadata["sha256"]),),
         )
 
@@ -196,12 +202,15 @@ class Copernicus:
 
     def cached_download(self, region: Polygon, season: Season, folder: Path) -> CachedDownload:
         """Return the place of the season's file in the cache."""
-        valid = season.valid.replace(":", "")
-        fingerprint = self._request(region, season).fingerprint
-        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc")
+        request = self._request(region, season)
+        labels = request.steps.labels
+        valid = season.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
+        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{request.fingerprint}.nc")
 
     def select_steps(self, season: Season) -> SelectedSteps:
-        """Select the time steps of the season's field; ValueError where there can be none."""
+        """Select the time steps of the season's fields; ValueError where there can be none."""
+        if season.is_changing:
+            return select_all_steps(season.period, self._resolution)
         return select_steps(season.period, self._resolution, season.resolved_time_method)
 
     @property
@@ -221,7 +230,9 @@ class Copernicus:
         today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
         last = today + timedelta(days=self.spec.days_ahead + 1)
         first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
-        return first <= steps.starts[0] and steps.end <= last
+        # Where the current changes, the steps around the departure will do for a short voyage.
+        end = steps.starts[1] if steps.are_fields else steps.end
+        return first <= steps.starts[0] and end <= last
 
     def _is_settled(self, steps: SelectedSteps, moment: datetime) -> bool:
         """Whether the data of some steps were final at a moment."""
@@ -246,21 +257,21 @@ class Copernicus:
         self,
         request: _Request,
         cached: CachedDownload,
-        check: Callable[[Path, dict[str, Any]], Field],
-    ) -> tuple[Field, dict[str, Any]]:
-        """Download a file, and cache it once it has passed; its field and its sidecar."""
+        check: Callable[[Path, dict[str, Any]], AcceptedFields],
+    ) -> tuple[AcceptedFields, dict[str, Any]]:
+        """Download a file, and cache it once it has passed; its fields and its sidecar."""
         with cached.staging_folder() as staging:
             staged = staging / cached.file.name
 
-            def check_answer(answer: dict[str, Any]) -> tuple[Field, dict[str, Any]]:
+            def check_answer(answer: dict[str, Any]) -> tuple[AcceptedFields, dict[str, Any]]:
                 metadata = self._metadata(request, answer)
                 return check(staged, metadata), metadata
 
             label_format = self._resolution.label_format
-            field, metadata = download(
+            fields, metadata = download(
                 self.spec, request.arguments, label_format, request.steps, staged, check_answer
             )
-            return field, cached.save(staged, metadata)
+            return fields, cached.save(staged, metadata)
 
     def _metadata(self, request: _Request, answer: dict[str, Any]) -> dict[str, Any]:
         """What a file is and where it comes from; no credentials."""
@@ -280,9 +291,10 @@ class Copernicus:
 
     def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
         """What the file must contain."""
+        steps = _obtained(request, metadata)
         return Expected(
-            labels=request.steps.labels,
-            weights=request.steps.weights,
+            labels=steps.labels,
+            weights=steps.weights,
             label_format=self._resolution.label_format,
             region=region.bounds,
             cell_deg=self.spec.cell_deg,
@@ -295,7 +307,36 @@ class Copernicus:
         )
 
     def _valid(self, season: Season, steps: SelectedSteps) -> str:
-        """The time that the field is valid for, which may be near the one asked for."""
+        """The time that the fields are valid for, which may be near the one asked for."""
+        if steps.are_fields:
+            ends = (self._resolution.valid_time(steps.starts[i]) for i in (0, -1))
+            return "/".join(f"{end:%Y-%m-%dT%H:%MZ}" for end in ends)
         if self.spec.kind == "climatology":
             return f"month {steps.labels[0]} of the mean year"
         return season.valid if len(steps.labels) > 1 else steps.labels[0]
+
+    def _times_s(self, season: Season, steps: SelectedSteps) -> FloatArray:
+        """Times (nt,) of the fields, seconds since departure; 0 for a single one."""
+        if not steps.are_fields:
+            return np.zeros(1)
+        moments = [self._resolution.valid_time(start) for start in steps.starts]
+        return np.array([(moment - season.period.begin).total_seconds() for moment in moments])
+
+    def _step_notes(self, steps: SelectedSteps) -> tuple[str, ...]:
+        """Say what steps of a current that changes can't show."""
+        if steps.are_fields and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
+            return (f"its time steps are means of a {self.spec.step}, without the tide",)
+        return ()
+
+
+def _obtained(request: _Request, metadata: Mapping[str, Any]) -> SelectedSteps:
+    """Return the steps that a file has of those requested, by its sidecar."""
+    return request.steps.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
+
+
+def _asked_time(season: Season) -> str:
+    """The time that a season asks for: that of its one field, or the way from its departure on."""
+    if not season.is_changing:
+        return season.valid
+    ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (season.period.begin, season.period.end))
+    return "/".join(dict.fromkeys(ends))

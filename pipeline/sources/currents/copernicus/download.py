@@ -87,6 +87,8 @@ def download(
         "version": spec.version,
         "label_format": label_format,
         "labels": steps.labels,
+        # A voyage may be over before the last possible arrival.
+        "may_lack": steps.are_fields,
         "subset": {**arguments, "output_directory": str(file.parent), "output_filename": file.name},
     }
     pause, attempt = spec.pause_s, 1

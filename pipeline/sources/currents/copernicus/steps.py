@@ -1,4 +1,4 @@
-"""Which time steps of a dataset make up a season's field, and with which weights.
+"""Which time steps of a dataset make up a season's field, with which weights; or all of a voyage.
 
 The service labels the mean of a month or a day with its first moment, that of an hour with its
 first or its middle, and an instantaneous field with its own time. So a step is identified here by a
@@ -7,7 +7,7 @@ label as coarse as the step itself: "2024-07", "2024-07-15", "2024-07-15T18".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -58,12 +58,27 @@ class TimeResolution:
 
 @dataclass(frozen=True, slots=True)
 class SelectedSteps:
-    """Starts (UTC, ascending), labels and weights (sum 1) of time steps; the end of the last."""
+    """Starts (UTC, ascending), labels and weights (sum 1) of time steps; the end of the last.
+
+    Without weights each step is a field of its own, of a current that changes.
+    """
 
     starts: tuple[datetime, ...]
     labels: tuple[str, ...]
     weights: tuple[float, ...]
     end: datetime
+
+    @property
+    def are_fields(self) -> bool:
+        """Whether each step is a field of its own."""
+        return not self.weights
+
+    def until(self, last: datetime) -> SelectedSteps:
+        """Those that start at a moment or before, where each is a field of its own."""
+        if not self.are_fields:
+            return self
+        count = sum(start <= last for start in self.starts)
+        return replace(self, starts=self.starts[:count], labels=self.labels[:count])
 
 
 def select_steps(period: Period, resolution: TimeResolution, method: TimeMethod) -> SelectedSteps:
@@ -91,6 +106,24 @@ def select_steps(period: Period, resolution: TimeResolution, method: TimeMethod)
     if not starts:
         raise ValueError(f"has time steps of a {resolution.length}, which are longer than that")
     return _with_equal_weights(starts, resolution)
+
+
+def select_all_steps(period: Period, resolution: TimeResolution) -> SelectedSteps:
+    """Select all steps from the one valid before a period's begin to the one after its end.
+
+    Raises
+    ------
+    ValueError
+        It is a climatology.
+    """
+    if resolution.kind == "climatology":
+        raise ValueError("is a climatology of months, which says nothing of how currents change")
+    starts = [resolution.start(period.begin)]
+    if resolution.valid_time(starts[0]) > period.begin:
+        starts = [resolution.start(starts[0] - timedelta(hours=1))]
+    while len(starts) < 2 or resolution.valid_time(starts[-1]) < period.end:
+        starts.append(resolution.next_start(starts[-1]))
+    return _labelled(starts, (), resolution)
 
 
 def _nearest(moment: datetime, resolution: TimeResolution) -> SelectedSteps:

@@ -1,9 +1,9 @@
 """A single download by the Copernicus Marine client, run as a process of its own.
 
-Reads the request as JSON from standard input: the dataset, the labels of the time steps, and the
-other arguments of `copernicusmarine.subset`. It looks up the dataset's own time axis, downloads
-exactly those steps, and writes as JSON to standard output what it got, or its `error`. Without
-`subset` it only looks which steps there are. Exit code
+Reads the request as JSON from standard input: the dataset, the labels of the time steps, whether
+the last of them `may_lack`, and the other arguments of `copernicusmarine.subset`. It looks up the
+dataset's own time axis, downloads exactly those steps, and writes as JSON to standard output what
+it got, or its `error`. Without `subset` it only looks which steps there are. Exit code
 NO_ANSWER: the client returned nothing and raised nothing, as it does without credentials.
 """
 
@@ -20,6 +20,8 @@ import time
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
+
+from pipeline.sources.quality.coverage import around_missing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,7 +114,12 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
     times = _time_axis(part, arguments["variables"][0])
     if "subset" not in request:
         return {"version": version.label, "last_step": times[-1].isoformat()}
-    stamps = _with_labels(times, request["label_format"], request["labels"])
+    label_format, labels = request["label_format"], request["labels"]
+    if request["may_lack"]:
+        last = times[-1].strftime(label_format)
+        # One step alone says nothing of how currents change.
+        labels = labels[:2] + [label for label in labels[2:] if label <= last]
+    stamps = _with_labels(times, label_format, labels)
     answer = copernicusmarine.subset(
         **arguments,
         dataset_version=version.label,
@@ -165,9 +172,10 @@ def _with_labels(
     found = [time for time in times if time.strftime(label_format) in wanted]
     lacking = sorted(wanted - {time.strftime(label_format) for time in found})
     if lacking:
+        around = around_missing([time.strftime(label_format) for time in times], lacking[0])
         raise NotCoveredError(
             f"it covers {times[0]:%Y-%m-%d} to {times[-1]:%Y-%m-%d}, and lacks {len(lacking)} of "
-            f"the {len(wanted)} steps requested, the first {lacking[0]}"
+            f"the {len(wanted)} steps requested, the first {lacking[0]}{around}"
         )
     return found
 

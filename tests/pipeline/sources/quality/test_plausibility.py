@@ -18,7 +18,8 @@ from pipeline.scenario.season import Season
 from pipeline.sources.currents.embedded import EmbeddedTable
 from pipeline.sources.quality.component_signs import FLIPPED, SWAPPED
 from pipeline.sources.quality.field import Field, LandMask
-from pipeline.sources.quality.plausibility import Assessment, assess, count_misplaced
+from pipeline.sources.quality.plausibility import Assessment, count_misplaced
+from pipeline.sources.quality.series import assess_series
 from tests.pipeline.sources.quality.faulty_fields import (
     ISLANDS,
     OCEAN,
@@ -37,6 +38,11 @@ if TYPE_CHECKING:
 NO_LAND = Land((), (), 0.0)
 LIMIT_M_S = 10.0
 PLAUSIBLE = Assessment()
+
+
+def assess(field: Field, mask: LandMask, limit_m_s: float) -> Assessment:
+    """Assess a single field."""
+    return assess_series((field,), ("",), mask, limit_m_s)
 
 
 @pytest.mark.parametrize("axes", [ISLANDS, OCEAN])

@@ -11,7 +11,7 @@ import xarray as xr
 
 from pipeline.errors import RequestError
 from pipeline.sources.currents.cf.contents import find_files, read_contents
-from pipeline.sources.currents.cf.grid import find_window, read_field
+from pipeline.sources.currents.cf.grid import FieldReader, find_window
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ SEA = sea(LON, LAT)
 def read(*paths: Path, weights: dict[int, float] | None = None, box: Bounds = BOX) -> Field:
     """Read a box from files: the first step, unless weights are given."""
     contents = read_contents(find_files([str(path) for path in paths]))
-    return read_field(contents, weights or {0: 1.0}, find_window(contents, box))
+    with FieldReader(contents, find_window(contents, box)) as reader:
+        return reader.field(weights or {0: 1.0})
 
 
 def expected(field: Field = SEA, box: Bounds = BOX) -> Field:

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.sources.currents.cf.contents import Contents, read_contents
-from pipeline.sources.currents.cf.grid import coverage_faults, find_window, read_field
+from pipeline.sources.currents.cf.grid import FieldReader, coverage_faults, find_window
 from pipeline.sources.currents.cf.time import TimeSteps
 from tests.pipeline.sources.currents.cf.sample_files import BOX, LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, sea, write
@@ -155,13 +155,14 @@ def test_a_region_beyond_both_ends_of_the_grid_is_not_covered(tmp_path: Path) ->
 READ_BIG_FILE = """
 import resource, sys
 from pipeline.sources.currents.cf.contents import find_files, read_contents
-from pipeline.sources.currents.cf.grid import find_window, read_field
+from pipeline.sources.currents.cf.grid import FieldReader, find_window
 import dask.array, netCDF4, numcodecs, xarray, zarr
 contents = read_contents(find_files(sys.argv[1:]))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 steps = len(contents.steps.labels)
 window = find_window(contents, (116.0, 7.0, 122.0, 13.0))
-field = read_field(contents, {i: 1 / steps for i in range(steps)}, window)
+with FieldReader(contents, window) as reader:
+    field = reader.field({i: 1 / steps for i in range(steps)})
 grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
 print(grown >> 10, field.u.min(), field.u.max(), field.v.min(), field.v.max())
 """
@@ -258,7 +259,8 @@ def test_real_files_node_by_node(shared: Path, name: str, box: Bounds) -> None:
         assert name == "cwb"
         return
     last = len(contents.steps.labels) - 1
-    field = read_field(contents, {last: 1.0}, find_window(contents, box))
+    with FieldReader(contents, find_window(contents, box)) as reader:
+        field = reader.field({last: 1.0})
     with netCDF4.Dataset(path) as raw:
         lon, lat = np.asarray(raw["longitude"][:]), np.asarray(raw["latitude"][:])
         u, v = (np.ma.filled(raw[key][last].astype(float), np.nan) for key in (u_name, v_name))

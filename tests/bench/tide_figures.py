@@ -1,0 +1,103 @@
+"""Figures of a tide that turns while a vessel rounds Palawan, on ten days of hourly currents."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import renew
+from pipeline.loading import load_scenario
+from pipeline.model import Credit, CurrentGrid
+from pipeline.scenario.model import Scenario
+from tests.bench.figure import Figure, at_most
+from tests.bench.palawan_figures import fetched_data, scene_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_FIRST = datetime(2026, 11, 22, tzinfo=UTC)
+# Departure, and length of the series: hours after its first step.
+_DEPARTURE_H, _HOURS = 6.0, 10 * 24
+# Period of the tide M2, and from spring tide to spring tide, h; strengths of tide and eddies, m/s.
+_M2_H, _SPRING_H, _TIDE_M_S, _EDDIES_M_S = 12.4206, 14.77 * 24, 0.5, 0.25
+_CELL_DEG = 1 / 12
+# Number of classes that are planned, and distance (m) from turn to turn.
+_CLASSES, _SPACING_M = 8, 100.0
+
+
+def figures() -> Iterator[Figure]:
+    """Yield turns early, on time and late that touch land, and the memory that the field takes."""
+    given = load_scenario("palawan-usv")
+    table = given.model_dump(mode="json", exclude_defaults=True)
+    table["seasons"] = [
+        {
+            "name": "tide",
+            "time_method": "changing",
+            "departure": (_FIRST.replace(hour=int(_DEPARTURE_H))).isoformat(),
+            "currents": ["./tide.nc"],
+        }
+    ]
+    scenario = Scenario.model_validate(table)
+    fetched = fetched_data(given)
+    tracemalloc.start()
+    scene = scene_of(scenario, replace(fetched, currents=(_tide(scenario),)))
+    current = scene.currents["tide"]
+    current.table(scene.chart.bounds)
+    field, _ = tracemalloc.get_traced_memory()
+    plan = renew.plan(
+        scene.chart,
+        current,
+        scene.vessel,
+        scene.start,
+        scene.goal,
+        classes=_CLASSES,
+        distinct_by=scenario.planner.distinct_by,
+        drift="crab",
+        min_lateness=3600.0,
+    )
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    name = f"{len(current.slice_times)} hours of a field round Palawan"
+    yield at_most(f"{name}: memory", field / 2**20, 300, " MB", 0)
+    yield Figure(
+        f"{name}: memory with the plan of {_CLASSES} classes", "", f"{peak / 2**20:.0f} MB"
+    )
+    trials = collisions = 0
+    for route in plan.routes:
+        flown = renew.contingency(
+            route,
+            scene.chart,
+            current,
+            scene.vessel,
+            spacing=_SPACING_M,
+            drift="crab",
+            min_lateness=3600.0,
+        )
+        trials, collisions = trials + flown.trials, collisions + flown.collisions
+    yield Figure(
+        f"turns early, on time and late on {len(plan.routes)} routes round Palawan, touching land",
+        "0 of 100,000",
+        f"{collisions} of {trials:,}",
+        collisions == 0 and trials >= 100_000,
+    )
+
+
+def _tide(scenario: Scenario) -> CurrentGrid:
+    """Eddies, and a tide that turns along ellipses and runs through the region as a wave."""
+    assert scenario.region is not None
+    west, south, east, north = scenario.region.shape.bounds
+    lon = np.arange(west - 3 * _CELL_DEG, east + 3 * _CELL_DEG, _CELL_DEG)
+    lat = np.arange(south - 3 * _CELL_DEG, north + 3 * _CELL_DEG, _CELL_DEG)
+    x, y = np.meshgrid(2 * np.radians(lon) * 60, 2 * np.radians(lat) * 60)
+    hours = np.arange(_HOURS + 1.0)
+    phase = 2 * np.pi * hours[:, None, None] / _M2_H - np.radians(30) * (x + y) / 2
+    spring = 1 + 0.3 * np.cos(2 * np.pi * hours / _SPRING_H)[:, None, None]
+    u = _EDDIES_M_S * np.sin(x) * np.cos(y) + _TIDE_M_S * spring * np.cos(phase)
+    v = -_EDDIES_M_S * np.cos(x) * np.sin(y) + 0.5 * _TIDE_M_S * spring * np.sin(phase)
+    credit = Credit("A tide made up for a figure", "current", "", "CC0")
+    times_s = 3600 * (hours - _DEPARTURE_H)
+    return CurrentGrid("tide", lon, lat, u, v, "2026-11-22", credit, times_s=times_s)
