@@ -38,9 +38,8 @@ _LAYERS = 2
 
 # Number of triangles that are surveyed beside those asked for: fewer cost no less time.
 _BATCH = 128
-
-
-# Factor by which edges are looked for further off than a reach asks for: the next may be larger.
+# Factor by which edges are looked for further off than a reach asks for, as the current changes: in
+# the next window of time it may be larger.
 _ROOM = 1.5
 
 
@@ -221,11 +220,12 @@ class PaddingModel:
 
         A triangle is passed in many windows of time, each with a reach of its own.
         """
+        room = 1.0 if self._current.is_steady else _ROOM
         known = np.array([self._around[t].reach if t in self._around else -1.0 for t in triangles])
         further: dict[int, float] = {}
         for at in np.flatnonzero(known < reach).tolist():
             triangle = int(triangles[at])
-            further[triangle] = max(further.get(triangle, 0.0), _ROOM * reach[at])
+            further[triangle] = max(further.get(triangle, 0.0), room * reach[at])
         if further:
             lacking, distance = np.array(list(further)), np.array(list(further.values()))
             tree = self._triangulation.constrained_edge_tree

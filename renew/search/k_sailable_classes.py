@@ -106,8 +106,8 @@ class Results:
     def look_for(self, classes: int, variants: int = _VARIANTS, beside: int = _BESIDE) -> None:
         """Look for paths of the first k classes; see :func:`plan_classes`.
 
-        The best route is looked for among so many `variants` of ways past islands that tell no
-        classes apart, and so many `beside` it.
+        Of the ways past islands that tell no classes apart, the first `variants` are tried, and the
+        first `beside` of those beside the best route.
         """
         problem, policy, method = self._planner.problem, self._planner.policy, self._planner.method
         clearance = policy.likely_width(problem.voyage.vessel.turning_radius)
@@ -164,7 +164,7 @@ class Results:
         return self._add(channel, self._rays.of_word(channel.word))
 
     def look_closer(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
-        """Look closer beside the best routes for so many ways on other sides of islands."""
+        """Look closer beside the best routes for `count` ways on other sides of islands."""
         self._add_slipped()
         if not self.found:
             return
