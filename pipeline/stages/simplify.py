@@ -284,7 +284,7 @@ def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tupl
     lon, lat = plane.to_lonlat(cover.narrowest)
     note = (
         f"the margin of {margin_m:g} m would close every passage between start and goal: it was "
-        f"narrowed on the way; the narrowest place has {cover.width_m:.0f} m between its coasts, "
+        f"narrowed on the way; the narrowest place has {cover.width_m:.0f} m between its sides, "
         f"at {lon:.4f} E {lat:.4f} N"
     )
     return (note,)

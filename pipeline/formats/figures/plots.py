@@ -131,7 +131,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     # The nearest mark is the lowest, so that text left of a line crosses no other line.
     for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
         _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
-    plot_title(axes, "How far hard-over turns reach to land", "% of turns")
+    plot_title(axes, "How far hard-over turns reach", "% of turns")
     axes.set_xlabel(
         f"reach from the tightest place, {unit}",
         fontsize=_TEXT_PT,
@@ -241,7 +241,7 @@ class _ProfilePlot:
         plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
-        """Draw the distance to land, the padding of that coast, and the least distance."""
+        """Draw the distance to no-go areas, the padding of that coast, and the least distance."""
         unit, unit_m = _unit(float(self.profile.clearance_m.max()))
         clearance, padding = self.profile.clearance_m / unit_m, self._padding_m() / unit_m
         least = int(np.argmin(clearance))
@@ -268,7 +268,8 @@ class _ProfilePlot:
             clip_on=False,
             zorder=4,
         )
-        text = f"Distance to land, {unit}: least {kept(self.profile.clearance_m[least])}"
+        least_text = kept(self.profile.clearance_m[least])
+        text = f"Distance to {self.ranked.metrics.no_go_name}, {unit}: least {least_text}"
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:

@@ -120,18 +120,19 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     through = f"{speeds.min():.2f} kn"
     if has_speeds(points):
         through = f"{speeds.min():.2f} to {speeds.max():.2f} kn, leg by leg,"
-    length = sailed.length_m / NAUTICAL_MILE_M
+    length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
     ship = f"{vessel_name(result)}; {through} through the water"
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
-    turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met land"
-    least, gap = distance_text(planned.clearance_m), percent(planned.optimality_gap)
+    turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
+    least = distance_text(planned.clearance_m)
+    gap = f"Optimality gap {percent(planned.optimality_gap)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     current = result.valid_text(planned.season)
     return [
         f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
         f"Way: {way}, {passage}.",
         _times_text(points, result),
-        f"Least clearance of the planned path: {least}; {turns}. Optimality gap {gap}.",
+        f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
         tightest_text(points, result),
         f"Current: {current}." if current else "",
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",

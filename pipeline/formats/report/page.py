@@ -73,6 +73,8 @@ class Report:
     comparison: tuple[Comparison, ...]
     comparison_origin: str
     polygons: int
+    no_go_name: str
+    land_label: str
     has_shoals: bool
     has_hazards: bool
     has_class_islands: bool
@@ -169,6 +171,8 @@ def gather(result: RunResult) -> Report:
         comparison=comparison(result),
         comparison_origin=scenario.published.origin if scenario.published else "",
         polygons=len(result.fetched.land.polygons),
+        no_go_name=result.fetched.land.no_go_name,
+        land_label=result.land_label,
         has_shoals=bool(result.shoals),
         has_hazards=bool(result.hazards),
         has_class_islands=bool(result.evaluation.class_islands),

@@ -116,6 +116,12 @@ class RunResult:
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
     @property
+    def land_label(self) -> str:
+        """Legend of all that no route may enter, where shoals and hazards are drawn over it."""
+        is_charted = all(zone.kind != "uncharted" for zone in self.fetched.land.zones)
+        return "land" if is_charted else "land or uncharted"
+
+    @property
     def hazards(self) -> tuple[BaseGeometry, ...]:
         """Rocks, wrecks, marks and the like with the room around them, lon/lat degrees: no-go."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "hazard")

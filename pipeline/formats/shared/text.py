@@ -130,7 +130,7 @@ def route_summary(metrics: RouteMetrics) -> str:
     parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if metrics.has_land:
-        parts.append(f"{distance(metrics.clearance_m)} or more from land")
+        parts.append(f"{distance(metrics.clearance_m)} or more from {metrics.no_go_name}")
     return f"{', '.join(parts)}."
 
 
@@ -142,14 +142,14 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
-def gap_text(gap: GapShares) -> str:
-    """Say in a sentence what an optimality gap is made of."""
+def gap_text(gap: GapShares, no_go: str) -> str:
+    """Say in a sentence what an optimality gap is made of, on a chart of so named no-go."""
     whole = gap.chart + gap.padding + gap.bound
     return (
         f"Of the optimality gap of {percent(whole)}, {percent(gap.chart)} is the chart's "
         f"(simplification, margin and offing), {percent(gap.padding)} is the padding's "
-        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route off the "
-        "land itself was found that is nearer to it."
+        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route that only "
+        f"stays off the {no_go} was found that is nearer to it."
     )
 
 

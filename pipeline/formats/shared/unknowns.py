@@ -109,5 +109,5 @@ def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[str]:
     count = "1 strait is" if len(straits) == 1 else f"{len(straits)} straits are"
     yield (
         f"{count} shut by margin or padding, the widest at {place(widest.lon, widest.lat)}: "
-        f"{widest.width_m:.0f} m between its coasts, and {widest.needed_m:.0f} m are needed"
+        f"{widest.width_m:.0f} m between its sides, and {widest.needed_m:.0f} m are needed"
     )

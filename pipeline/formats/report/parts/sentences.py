@@ -138,7 +138,7 @@ class Season:
             sentences.append("It is also the shortest route found.")
         sentences.append(_safety(best))
         if self.gap is not None:
-            sentences.append(gap_text(self.gap))
+            sentences.append(gap_text(self.gap, best.no_go_name))
         if self.worth is not None:
             sentences.append(clock_text(self.worth))
         return tuple(sentences)
@@ -221,22 +221,21 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
-    # The share without depths is known of charts that have any: shoals are no-go there.
-    shores = "land" if math.isnan(best.uncharted_share) else "land, shoals and hazards"
+    no_go = best.no_go_name
     safe = (
-        f"It keeps at least {clearance(best.clearance_m)} from {shores}"
+        f"It keeps at least {clearance(best.clearance_m)} from {no_go}"
         if best.has_land
-        else "There is no land to keep clear of"
+        else f"The chart has no {no_go} to keep clear of"
     )
     if best.collisions:
-        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met {no_go}"
     elif best.has_land:
-        safe += f"; none of {best.trials:,} simulated hard-over turns met land"
+        safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
     gap = ""
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
         gap = (
-            f". No route of any class, however close to land, can need less fuel than "
+            f". No route of any class, however close to {no_go}, can need less fuel than "
             f"{number(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
         )
     return f"{safe}{gap}."

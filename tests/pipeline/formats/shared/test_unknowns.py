@@ -70,7 +70,7 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
     assert unknowns(result)[1] == (
         "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1579 m "
-        "between its coasts, and 1714 m are needed"
+        "between its sides, and 1714 m are needed"
     )
     (one,) = unknowns(replace(result, straits=(widest,)))[1:]
     assert one.startswith("1 strait is shut")
