@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
+import shapely
 from matplotlib.text import Text
 
 from pipeline.cli.summary import season_table
@@ -122,8 +123,14 @@ def test_a_chart_of_land_speaks_of_land(result: RunResult, tmp_path: Path) -> No
     assert result.land_label == "land"
 
 
-def test_uncharted_water_is_not_called_land(with_depths: RunResult) -> None:
+def test_uncharted_water_in_the_chart_is_not_called_land(with_depths: RunResult) -> None:
     land = with_depths.fetched.land
-    zone = replace(land.zones[0], kind="uncharted")
-    fetched = replace(with_depths.fetched, land=replace(land, zones=(zone,)))
-    assert replace(with_depths, fetched=fetched).land_label == "land or uncharted"
+
+    def label(area: shapely.Polygon) -> str:
+        zone = replace(land.zones[0], kind="uncharted", area=area)
+        fetched = replace(with_depths.fetched, land=replace(land, zones=(zone,)))
+        return replace(with_depths, fetched=fetched).land_label
+
+    west, south, east, north = with_depths.scenario.area.bounds
+    assert label(shapely.box(west - 1, south, west + 0.1, north)) == "land or uncharted"
+    assert label(shapely.box(east + 0.1, south, east + 1, north)) == "land"
