@@ -9,5 +9,4 @@ def position_text(lon: float, lat: float) -> str:
     Longitudes of a chart across 180 degrees may be beyond it.
     """
     east = (lon + 180) % 360 - 180
-    sides = "EW"[east < 0], "NS"[lat < 0]
-    return f"{abs(east):.4f} {sides[0]} {abs(lat):.4f} {sides[1]}"
+    return f"{abs(east):.4f} {'W' if east < 0 else 'E'} {abs(lat):.4f} {'S' if lat < 0 else 'N'}"
