@@ -127,18 +127,29 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     least = distance_text(planned.clearance_m)
     gap = f"Optimality gap {percent(planned.optimality_gap)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
-    current = result.valid_text(planned.season)
     return [
         f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
         f"Way: {way}, {passage}.",
         _times_text(points, result),
         f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
         tightest_text(points, result),
-        f"Current: {current}." if current else "",
+        _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]
+
+
+def _current_text(result: RunResult, season: str) -> str:
+    """Say which current a season was planned on; empty where it was a formula."""
+    valid = result.valid_text(season)
+    for grid in result.fetched.currents:
+        if grid.season == season:
+            # Still water has no time for which it is valid.
+            moves = np.nan_to_num(grid.u).any() or np.nan_to_num(grid.v).any()
+            parts = (grid.credit.name, valid if moves else "")
+            return f"Current: {', '.join(part for part in parts if part)}."
+    return ""
 
 
 def _times_text(points: Waypoints, result: RunResult) -> str:

@@ -141,7 +141,7 @@ def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures.maps.arrows import speed_scale
+    from pipeline.formats.figures.maps.arrows import has_arrows, speed_scale
     from pipeline.formats.report.live_map.encode import json_for_script
     from pipeline.formats.report.live_map.map_data import map_data
     from pipeline.formats.report.parts.comparison import comparison
@@ -164,7 +164,7 @@ def gather(result: RunResult) -> Report:
             season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
         ),
         season_colours=len(SEASON_COLOURS),
-        speed_labels=speeds.labels,
+        speed_labels=speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
         map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
         map_ratio=_ratio(result.scene.chart.bounds),
