@@ -189,3 +189,8 @@ def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
     *_, with_depths = Season([replace(BEST, uncharted_share=0.0)]).verdict()
     assert " from land; " in plain
     assert " from no-go areas; " in with_depths
+
+
+def test_the_bound_is_written_as_fuel_is() -> None:
+    (*_, text) = Season([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict()
+    assert "can need less fuel than 16.28 million; this one is within 3.0 %" in text
