@@ -189,7 +189,8 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
     """Plot the best route's profile, and the reach of turns at its tightest place."""
-    from pipeline.formats.figures.plots import padding_svg, profile_svg
+    from pipeline.formats.figures.plots import profile_svg
+    from pipeline.formats.figures.reach_histogram import padding_svg
 
     m = best.metrics
     profile = profile_svg(
