@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Literal
 
 from pipeline.formats.shared.text import season_name, season_text
+from pipeline.geo.position import position_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,8 +64,8 @@ class Outcome:
         seasons = [f"{season_text(p.season)}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
             f"{season_text(row.season)}: route {row.rank} crosses {row.land_m:.0f} m of the "
-            f"original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N; raise "
-            "chart.margin_m"
+            f"original {row.no_go_name}, the most at {position_text(row.land_lon, row.land_lat)}; "
+            "raise chart.margin_m"
             for row in self.evaluation.routes
             if row.land_m > 0
         ]
@@ -77,15 +78,16 @@ class Outcome:
 
     def _repr_html_(self) -> str:
         """Return the routes as a table for a notebook."""
+        no_go = self.fetched.land.no_go_name
         header = (
             "season",
             "rank",
             "way",
             "fuel",
             "km",
-            "clear of land, km",
+            f"clear of {no_go}, km",
             "gap",
-            "turns met land",
+            f"turns met {no_go}",
         )
         rows = [
             (

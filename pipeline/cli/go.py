@@ -97,7 +97,7 @@ def go(
         ),
     ] = None,
     clearance: Annotated[
-        str, typer.Option(help="Least distance from land, true metres; chosen if left out.")
+        str, typer.Option(help="Least distance from no-go areas, true metres; chosen if left out.")
     ] = "",
     name: Annotated[str, typer.Option(help="Name of the folder of results.")] = "",
     charts: ChartsOption = None,

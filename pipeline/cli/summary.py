@@ -84,8 +84,10 @@ def season_table(outcome: Outcome) -> str:
         if island.label in passed
     ]:
         lines.append(f"\nPassed: {'; '.join(places)}.")
+    no_go = outcome.fetched.land.no_go_name
     lines += [
-        f"\n{season_name(one.season)}: {gap_text(one)}" for one in outcome.evaluation.gap_shares
+        f"\n{season_name(one.season)}: {gap_text(one, no_go)}"
+        for one in outcome.evaluation.gap_shares
     ]
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     routes = count(len(outcome.evaluation.routes), "route", "routes")

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
+from pipeline.model.land import no_go_name
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
@@ -108,6 +110,11 @@ class RouteMetrics:
             return ""
         main = self.passages[0]
         return main.text if main.side == "between" else main.side
+
+    @property
+    def no_go_name(self) -> str:
+        """What it keeps clear of, for readers: only a chart with depths has a share without."""
+        return no_go_name(has_depths=not math.isnan(self.uncharted_share))
 
     @property
     def has_land(self) -> bool:

@@ -89,3 +89,13 @@ class Land:
     places: tuple[PlaceName, ...] = ()
     depths: DepthCover | None = None
     depth_areas: tuple[DepthArea, ...] = ()
+
+    @property
+    def no_go_name(self) -> str:
+        """What no route may enter, for readers."""
+        return no_go_name(has_depths=self.depths is not None)
+
+
+def no_go_name(*, has_depths: bool) -> str:
+    """What no route may enter, for readers: on a chart with depths it is more than land."""
+    return "no-go areas" if has_depths else "land"

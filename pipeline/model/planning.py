@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
+from pipeline.geo.position import position_text
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
@@ -128,11 +130,11 @@ class Scene:
         return {"via": self.via, "avoid": self.areas.get(season, ())}
 
     def place_text(self, place: FloatArray) -> str:
-        """Name a place (2,), planar metres, for a message: as a scenario would give it."""
+        """Name a place (2,), planar metres, for a message: by degrees, in a plane by metres."""
         if self.is_planar:
             return f"({place[0]:.6g}, {place[1]:.6g}) m"
         lon, lat = self.projection.to_lonlat(place)
-        return f"{lon:.4f} E {lat:.4f} N"
+        return position_text(float(lon), float(lat))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.geo.position import position_text
 from pipeline.model import ShoreCrossing, season_notes
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def _places(crossings: Sequence[ShoreCrossing], season: str) -> list[str]:
         for group in there.values()
     ]
     return [
-        f"{longest.length_m:.0f} m at {longest.lon:.4f} E {longest.lat:.4f} N on "
+        f"{longest.length_m:.0f} m at {position_text(longest.lon, longest.lat)} on "
         + ", ".join(f"route {rank}" for rank in sorted({one.rank for one in group}))
         for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
     ]

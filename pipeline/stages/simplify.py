@@ -23,6 +23,7 @@ import shapely
 from pipeline.errors import StageError
 from pipeline.geo.coast.covering_land import covering_land, inner_land
 from pipeline.geo.coast.open_water import OpenWater, opened
+from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Simplified
 
@@ -230,7 +231,7 @@ def check(
 def _place(area: BaseGeometry, plane: Projection) -> str:
     """Name a place in an area of the plane."""
     lon, lat = plane.to_lonlat(shapely.get_coordinates(shapely.point_on_surface(area))[0])
-    return f"at {lon:.4f} E {lat:.4f} N"
+    return f"at {position_text(lon, lat)}"
 
 
 def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
@@ -284,7 +285,7 @@ def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tupl
     lon, lat = plane.to_lonlat(cover.narrowest)
     note = (
         f"the margin of {margin_m:g} m would close every passage between start and goal: it was "
-        f"narrowed on the way; the narrowest place has {cover.width_m:.0f} m between its coasts, "
-        f"at {lon:.4f} E {lat:.4f} N"
+        f"narrowed on the way; the narrowest place has {cover.width_m:.0f} m between its sides, "
+        f"at {position_text(lon, lat)}"
     )
     return (note,)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     from pipeline.formats.passage.waypoints import Waypoints
     from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.model import RouteMetrics
 
 # Maximum distance between points of the track, true metres: between them, the planned line and the
 # line that a plotter draws are at most 0.2 m apart.
@@ -89,7 +90,7 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
         name=xml_text(route_name(ranked, result)),
-        description=xml_text(_summary(ranked, result)),
+        description=xml_text(_summary(points.metrics, result)),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
@@ -108,7 +109,7 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     told = {
         "start": waypoint_name(0, count),
         "end": waypoint_name(count - 1, count),
-        "planned_speed": _knots(speed_over_ground(ranked.metrics)),
+        "planned_speed": _knots(speed_over_ground(points.metrics)),
     }
     if departure is not None:
         told["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
@@ -148,13 +149,13 @@ def _track(
     ]
     track = gpxpy.gpx.GPXTrack(
         name=xml_text(f"{route_name(ranked, result)}, as planned"),
-        description=xml_text(_summary(ranked, result)),
+        description=xml_text(_summary(ranked.metrics, result)),
     )
     track.segments = [segment]
     return track
 
 
-def _summary(ranked: RankedRoute, result: RunResult) -> str:
+def _summary(metrics: RouteMetrics, result: RunResult) -> str:
     """Way, length, duration and clearance of a route, and what is not known of it."""
-    known = limits_text(result, ranked.metrics)
-    return " ".join(part for part in (route_summary(ranked.metrics), known) if part)
+    known = limits_text(result, metrics)
+    return " ".join(part for part in (route_summary(metrics), known) if part)

@@ -97,7 +97,7 @@ def _put_route(document: Element, points: Waypoints, result: RunResult) -> None:
     """Add the legs of a route as one line; what crosses 180 degrees in parts."""
     placemark = _child(document, "Placemark")
     _child(placemark, "name", route_name(points.ranked, result))
-    _child(placemark, "description", route_summary(points.ranked.metrics))
+    _child(placemark, "description", route_summary(points.metrics))
     _child(placemark, "styleUrl", "#best" if points.ranked.rank == 1 else "#other")
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat

@@ -1,8 +1,8 @@
 """The season's best route as a mission: QGroundControl's `.plan`, ArduPilot's `.waypoints`.
 
 Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
-speed is that over ground by which the vessel, in the season's current, keeps its planned speed
-through the water. Altitudes are 0 above home: a surface vessel has none.
+speed is that over ground which the vessel makes there, in the season's current, at its planned
+speed through the water. Altitudes are 0 above home: a surface vessel has none.
 
 Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
@@ -57,7 +57,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
     """
     points = season_waypoints(result, season)[0]
     start = _position(points, 0)
-    speed = round(speed_over_ground(points.ranked.metrics), _SPEED_DIGITS)
+    speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
     items = [
         {
             "type": "SimpleItem",

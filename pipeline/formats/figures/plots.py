@@ -1,4 +1,4 @@
-"""Plots of one route for a page: its profile, and the reach of turns at its tightest place.
+"""The profile of a route for a page, and the panels that its other plots are drawn in.
 
 They are as wide as a phone, in the maps' colours by role, which the page sets (see `page_svg`).
 """
@@ -17,7 +17,7 @@ from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.route_profile import route_profile
 from pipeline.formats.shared.still_water import still_fuel_per_metre
 from pipeline.formats.shared.text import clearance as kept
-from pipeline.formats.shared.text import distance, number, percent, plain
+from pipeline.formats.shared.text import number, plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    import renew
     from pipeline.formats.shared.result import RankedRoute, RunResult
     from pipeline.formats.shared.route_profile import RouteProfile
 
@@ -35,19 +34,11 @@ if TYPE_CHECKING:
 _WIDTH_PT, _POINTS_PER_INCH = 374.0, 72.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
 _PANEL_PT, _GAP_PT = 66.0, 30.0
-_TITLE_PT, _TEXT_PT = 10.0, 9.0
-_HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
-_BINS = 30
+_TITLE_PT, TEXT_PT = 10.0, 9.0
 # Ratio of the greatest to the least distance to land above which the axis is logarithmic.
 _LOG_AXIS_RATIO = 6.0
 # Minimum padding that is drawn, as a share of the least clearance.
 _MIN_PADDING_SHARE = 0.02
-# Maximum distance to the coast that is drawn, in greatest reaches; beyond it is only written.
-_MAX_GAP_REACHES = 2.0
-# Length of an axis, as a factor on the greatest value.
-_AXIS_FACTOR = 1.06
-# Position of a line, as a share of the axis, from which its text is on the left.
-_TEXT_LEFT_FROM = 0.4
 _KILOMETRES_FROM_M = 2_000.0
 _DASHES = (0, (4, 3))
 # Minimum fuel, unit, and name of the unit: fuel has the units of the vessel's rate, so it may be
@@ -65,27 +56,10 @@ def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
     return page_svg(profile_figure(result, ranked), identity=identity, label=label)
 
 
-def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
-    """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
-    import renew
-
-    scene = result.scene
-    tightest = renew.tightest(
-        ranked.route,
-        scene.currents[ranked.season],
-        scene.vessel_in(ranked.season),
-        seed=result.scenario.planner.seed,
-    )
-    if tightest is None:
-        return ""
-    figure = padding_figure(tightest, scene.projection.scale)
-    return page_svg(figure, identity=identity, label=label)
-
-
 def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
     """Figure for `profile_svg`: four panels, or three without land."""
     profile = route_profile(ranked, result)
-    plot = _ProfilePlot(result, ranked, profile, *_unit(float(profile.distance_m[-1])))
+    plot = _ProfilePlot(result, ranked, profile, *distance_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
     if np.isfinite(profile.clearance_m).all():
         draws.append(plot.draw_clearance)
@@ -95,84 +69,9 @@ def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | Non
         axes.set_xlim(0, plot.run[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
     panels[-1].set_xlabel(
-        f"distance run, {plot.unit}", fontsize=_TEXT_PT, color=COLOURS["ink"], labelpad=3
+        f"distance run, {plot.unit}", fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3
     )
     return figure
-
-
-def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
-    """Histogram of the reaches of hard-over turns, with the padding and the distance to the coast.
-
-    `scale` is true metres to a planar metre.
-    """
-    reach_m = np.asarray(tightest.reaches, dtype=float) * scale
-    padding_m, gap_m = tightest.padding * scale, tightest.gap * scale
-    beyond = float((reach_m > padding_m).mean())
-    marks = [
-        _Mark(float(np.median(reach_m)), "median", "ink"),
-        _Mark(padding_m, "padding", "other", f", exceeded by {percent(beyond)}"),
-        _Mark(gap_m, "route to no-go zone", "best"),
-    ]
-    furthest_m = max(float(reach_m.max()), padding_m)
-    shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
-    end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
-    unit, unit_m = _unit(end_m)
-
-    figure, (axes,) = plot_panels(1, _HISTOGRAM_PT, 0.0)
-    counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
-    shares = 100 * counts / reach_m.size
-    axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
-    over = np.maximum(edges, padding_m / unit_m)
-    axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
-    # Above the bars, each mark has a row for its text.
-    rows = len(marks) * _ROW_PT / _HISTOGRAM_PT
-    axes.set_xlim(0, end_m / unit_m)
-    axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
-    # The nearest mark is the lowest, so that text left of a line crosses no other line.
-    for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
-        _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
-    plot_title(axes, "How far hard-over turns reach to land", "% of turns")
-    axes.set_xlabel(
-        f"reach from the tightest place, {unit}",
-        fontsize=_TEXT_PT,
-        color=COLOURS["ink"],
-        labelpad=3,
-    )
-    return figure
-
-
-@dataclass(frozen=True)
-class _Mark:
-    """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
-
-    value_m: float
-    name: str
-    role: str
-    remark: str = ""
-
-
-def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
-    """Draw a mark as a line up to its text, at a share of the panel's height."""
-    x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    text = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
-    if x <= end:
-        axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
-    else:
-        text += " \N{RIGHTWARDS ARROW}"
-    on_left = x > _TEXT_LEFT_FROM * end
-    axes.annotate(
-        text,
-        (min(x, end), height),
-        xycoords=axes.get_xaxis_transform(),
-        xytext=(-4 if on_left else 4, 0),
-        textcoords="offset points",
-        ha="right" if on_left else "left",
-        va="center",
-        fontsize=_TEXT_PT,
-        color=COLOURS["ink"],
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"},
-        zorder=4,
-    )
 
 
 @dataclass(frozen=True)
@@ -241,8 +140,8 @@ class _ProfilePlot:
         plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
-        """Draw the distance to land, the padding of that coast, and the least distance."""
-        unit, unit_m = _unit(float(self.profile.clearance_m.max()))
+        """Draw the distance to no-go areas, the padding of that coast, and the least distance."""
+        unit, unit_m = distance_unit(float(self.profile.clearance_m.max()))
         clearance, padding = self.profile.clearance_m / unit_m, self._padding_m() / unit_m
         least = int(np.argmin(clearance))
         min_padding = _MIN_PADDING_SHARE * clearance[least]
@@ -268,7 +167,8 @@ class _ProfilePlot:
             clip_on=False,
             zorder=4,
         )
-        text = f"Distance to land, {unit}: least {kept(self.profile.clearance_m[least])}"
+        least_text = kept(self.profile.clearance_m[least])
+        text = f"Distance to {self.ranked.metrics.no_go_name}, {unit}: least {least_text}"
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:
@@ -288,7 +188,7 @@ def fuel_unit(maximum: float) -> tuple[float, str]:
     return next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
 
 
-def _unit(longest_m: float) -> tuple[str, float]:
+def distance_unit(longest_m: float) -> tuple[str, float]:
     """Unit for distances up to `longest_m`, and its length in metres."""
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
@@ -319,7 +219,7 @@ def plot_panels(
         axes.grid(color=COLOURS["grid"], linewidth=0.6)
         axes.set_axisbelow(True)
         axes.tick_params(
-            labelsize=_TEXT_PT, labelcolor=COLOURS["ink"], color=COLOURS["frame"], length=3, pad=2
+            labelsize=TEXT_PT, labelcolor=COLOURS["ink"], color=COLOURS["frame"], length=3, pad=2
         )
         for side, spine in axes.spines.items():
             spine.set_visible(side in {"left", "bottom"})
@@ -341,12 +241,12 @@ def plot_title(axes: Axes, title: str, note: str) -> None:
         title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5, y=1.0
     )
     room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * _POINTS_PER_INCH
-    wide = text_width(title, _TITLE_PT, bold=True) + text_width(note, _TEXT_PT)
-    if wide + _TEXT_PT <= room:
-        axes.set_title(note, loc="right", fontsize=_TEXT_PT, color=ink, pad=5, y=1.0)
+    wide = text_width(title, _TITLE_PT, bold=True) + text_width(note, TEXT_PT)
+    if wide + TEXT_PT <= room:
+        axes.set_title(note, loc="right", fontsize=TEXT_PT, color=ink, pad=5, y=1.0)
     else:
         axes.set_title(
-            title, loc="left", fontsize=_TEXT_PT, fontweight="bold", color=ink, pad=5, y=1.0
+            title, loc="left", fontsize=TEXT_PT, fontweight="bold", color=ink, pad=5, y=1.0
         )
         axes.text(
             1.0, 0.98, note, transform=axes.transAxes, ha="right", va="top", fontsize=7, color=ink

@@ -15,9 +15,10 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
+from pipeline.formats.passage.leg_times import steps_along_legs
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
-from pipeline.formats.shared.legs import steps
+from pipeline.formats.shared.legs import cumulative
 from pipeline.formats.shared.route_profile import coast_index
 from pipeline.formats.shared.text import to_minute
 
@@ -77,10 +78,10 @@ _TWO_SPEEDS = "Speed, kn\nSOG / STW"
 
 def headings(points: Waypoints) -> Row:
     """Headings of the table of a route."""
-    return HEADINGS._replace(speed_kn=_TWO_SPEEDS) if _has_speeds(points) else HEADINGS
+    return HEADINGS._replace(speed_kn=_TWO_SPEEDS) if has_speeds(points) else HEADINGS
 
 
-def _has_speeds(points: Waypoints) -> bool:
+def has_speeds(points: Waypoints) -> bool:
     """Whether a route is sailed at several speeds through water."""
     return bool(np.ptp(points.ranked.route.speeds) > 0)
 
@@ -98,7 +99,7 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
         own = ("",) * 6
         if index:
             speed_kn = f"{points.speed_m_s[leg] * KNOTS_PER_M_S:.2f}"
-            if _has_speeds(points):
+            if has_speeds(points):
                 speed_kn += f" / {points.through_water_m_s[leg] * KNOTS_PER_M_S:.2f}"
             own = (
                 f"{round(float(points.course_deg[leg]), 1) % 360:05.1f}",
@@ -156,10 +157,10 @@ def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
     """Mean current on each leg, when it is sailed: where it sets to, and its speed in knots."""
     scene = result.scene
     line, ends = drawn.chain
-    planned_s = np.append(0.0, np.cumsum(steps(line, points.ranked, result).planner_s))
+    times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
     field = scene.currents[points.ranked.season]
     lonlat = scene.projection.to_lonlat(line)
-    velocity = scene.projection.rotate_to_lonlat(lonlat, field.velocity(line, planned_s))
+    velocity = scene.projection.rotate_to_lonlat(lonlat, field.velocity(line, times))
     texts = []
     for first, last in itertools.pairwise(ends.tolist()):
         lengths = np.linalg.norm(np.diff(line[first : last + 1], axis=0), axis=1)

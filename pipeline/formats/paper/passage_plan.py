@@ -20,10 +20,16 @@ from pipeline.formats.exchange.text import (
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.maps.layers import DETAIL_PT, visible
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.paper.legs_table import distance_text, headings, rows, tightest_text
+from pipeline.formats.paper.legs_table import (
+    distance_text,
+    has_speeds,
+    headings,
+    rows,
+    tightest_text,
+)
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.text import moment_text, percent, speed_over_ground
+from pipeline.formats.shared.text import moment_text, percent, speed_over_ground, to_minute
 from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 if TYPE_CHECKING:
@@ -108,34 +114,66 @@ def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
 
 def _facts(points: Waypoints, result: RunResult) -> list[str]:
     """Facts of the route, a paragraph each."""
-    metrics, vessel = points.ranked.metrics, result.scenario.vessel
-    departure = next(one.departure for one in result.scenario.seasons if one.name == metrics.season)
-    when = "Times are since departure: none was given."
-    if departure is not None:
-        arrival = time_after(departure, metrics.duration_s)
-        when = f"Departure {moment_text(time_after(departure, 0))}, arrival {moment_text(arrival)}."
-    knots = speed_over_ground(metrics) * KNOTS_PER_M_S
-    speeds = points.ranked.route.speeds * KNOTS_PER_M_S
+    planned, sailed, vessel = points.ranked.metrics, points.metrics, result.scenario.vessel
+    knots = speed_over_ground(sailed) * KNOTS_PER_M_S
+    speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
-    if np.ptp(speeds) > 0:
+    if has_speeds(points):
         through = f"{speeds.min():.2f} to {speeds.max():.2f} kn, leg by leg,"
-    length = points.length_m[:-1].sum() / NAUTICAL_MILE_M
+    length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
     ship = f"{vessel_name(result)}; {through} through the water"
-    way = f"{metrics.way or 'the only one'}; {length:.1f} NM by waypoints"
-    turns = f"{metrics.collisions:,} of {metrics.trials:,} simulated hard-over turns met land"
-    least, gap = distance_text(metrics.clearance_m), percent(metrics.optimality_gap)
-    passage = f"{duration(metrics.duration_s)}, {knots:.2f} kn over ground on average"
-    current = result.valid_text(metrics.season)
+    way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
+    turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
+    least = distance_text(planned.clearance_m)
+    gap = f"Optimality gap {percent(planned.optimality_gap)}."
+    passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
-        f"Way: {way}, {passage}. {when}",
-        f"Least clearance of the planned path: {least}; {turns}. Optimality gap {gap}.",
+        f"Way: {way}, {passage}.",
+        _times_text(points, result),
+        f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
         tightest_text(points, result),
-        f"Current: {current}." if current else "",
-        "Depths are charted all along the planned path." if has_all_depths(metrics) else "",
+        _current_text(result, planned.season),
+        "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]
+
+
+def _current_text(result: RunResult, season: str) -> str:
+    """Say which current a season was planned on; empty where it was a formula."""
+    valid = result.valid_text(season)
+    for grid in result.fetched.currents:
+        if grid.season == season:
+            # Still water has no time for which it is valid.
+            moves = np.nan_to_num(grid.u).any() or np.nan_to_num(grid.v).any()
+            parts = (grid.credit.name, valid if moves else "")
+            return f"Current: {', '.join(part for part in parts if part)}."
+    return ""
+
+
+def _times_text(points: Waypoints, result: RunResult) -> str:
+    """Say when she leaves and arrives by the legs, and how that differs from the planned path."""
+    planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
+    season = points.ranked.season
+    spec = next(one for one in result.scenario.seasons if one.name == season)
+    texts = ["Times are since departure: none was given."]
+    if spec.departure is not None:
+        arrival = time_after(spec.departure, sailed_s)
+        leaves = moment_text(time_after(spec.departure, 0))
+        texts = [f"Departure {leaves}, arrival {moment_text(arrival)}."]
+        choice = result.departure_choice(season)
+        by = spec.arrive_by if choice is None else choice.arrive_by
+        if by is not None and to_minute(arrival) > to_minute(by):
+            late = duration((to_minute(arrival) - to_minute(by)).total_seconds())
+            texts += [f"That is {late} after {moment_text(by)}: leave so much earlier."]
+    if duration(planned_s) != duration(sailed_s):
+        planned = duration(planned_s)
+        texts += [
+            "Times are those of the legs, with the vessel heading into the cross-current;",
+            f"the planned path takes {planned}.",
+        ]
+    return " ".join(texts)
 
 
 def _notes(points: Waypoints, result: RunResult) -> list[str]:

@@ -44,7 +44,11 @@ def cross_track_limits(
     count = len(legs.lines)
     sides = _Sides.of(legs, cap)
     limits = np.full(2 * count, cap)
-    soft = IndexedEdges(_edges_near(edges_of([soft_no_go]), sides.areas))
+    # Most of V is far from the legs, and to index all of its edges takes long.
+    way, parts = shapely.multilinestrings(legs.lines), shapely.get_parts(soft_no_go)
+    shapely.prepare(way)
+    near = list(parts[shapely.dwithin(way, parts, cap)])
+    soft = IndexedEdges(sides.edges_within(cap, edges_of(near)))
     for edges in (obstacles.edges, soft):
         _lower_to(limits, sides, edges)
     limits[np.tile(shapely.intersects(soft_no_go, legs.lines), 2)] = 0.0
@@ -115,6 +119,19 @@ class _Sides:
             np.tile(offsets, 2),
         )
 
+    def edges_within(self, distance: float, edges: FloatArray) -> FloatArray:
+        """Those of some edges (n, 2, 2) that may be within a distance of a leg."""
+        middle = edges.mean(axis=1)
+        reach = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) / 2 + distance
+        near = np.zeros(len(edges), dtype=bool)
+        legs = len(self.chords) // 2
+        for (begin, end), offset in zip(self.chords[:legs], self.offsets[:legs], strict=True):
+            way, chord = middle - begin, end - begin
+            share = np.clip(way @ chord / (chord @ chord), 0.0, 1.0)
+            apart = way - share[:, None] * chord
+            near |= np.einsum("ij,ij->i", apart, apart) < (reach + offset) ** 2
+        return edges[near]
+
     def least_distance(self, side: IntArray, ends: FloatArray) -> FloatArray:
         """Distance (n,) that edges (n, 2, 2) have at least from the legs of their sides."""
         half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
@@ -175,11 +192,3 @@ def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
         parts = shapely.intersection(sides.areas[of], edges.lines[tried])
         np.minimum.at(limits, of, shapely.distance(parts, sides.lines[of]))
         order = order[~first]
-
-
-def _edges_near(edges: FloatArray, areas: ObjectArray) -> FloatArray:
-    """Edges (n, 2, 2) whose bounding box meets an area's: faster than a tree of all edges."""
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    west, south, east, north = shapely.bounds(areas).T[..., None]
-    apart = (low[:, 0] > east) | (high[:, 0] < west) | (low[:, 1] > north) | (high[:, 1] < south)
-    return np.asarray(edges[~apart.all(axis=0)])

@@ -9,17 +9,12 @@ import numpy as np
 import shapely
 
 from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
+from pipeline.formats.passage.leg_times import steps_along_legs
 from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
 from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.thinning import thin
 from pipeline.formats.passage.tracks import Drawing, Tracks, curve_for, initial_course_deg, tracks
-from pipeline.formats.shared.legs import (
-    at_speeds_sailed,
-    mean_speed,
-    metres_along,
-    steps,
-    times_at,
-)
+from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed
 from renew.route import unite_soft_no_go
 
 if TYPE_CHECKING:
@@ -28,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.formats.passage.safe_corridor import SafeCorridor
     from pipeline.formats.passage.tracks import Curve
     from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.model import RouteMetrics
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -62,8 +58,8 @@ class Waypoints:
     curve : geometry of the legs: loxodromes, or in high latitudes orthodromes.
     course_deg : (n,) true course at the leg's start.
     length_m : (n,) true metres along the leg.
-    time_s : (n,) seconds since departure, on these legs; at the goal, the route's duration.
-    speed_m_s : (n,) mean speed over ground on the leg.
+    time_s : (n,) seconds since departure, on these legs: a little more than on the planned line.
+    speed_m_s : (n,) mean speed over ground on the leg, which the vessel can make there.
     through_water_m_s : (n,) mean speed through water on the leg, over time.
     port_m, starboard_m : (n,) cross-track limits of the leg, true metres.
     radius_m : (n,) of the turn at the waypoint, true metres; 0 at start and goal.
@@ -80,6 +76,12 @@ class Waypoints:
     port_m: FloatArray
     starboard_m: FloatArray
     radius_m: FloatArray
+
+    @property
+    def metrics(self) -> RouteMetrics:
+        """The route's metrics, with length and duration of these legs."""
+        length_m, duration_s = float(self.length_m[:-1].sum()), float(self.time_s[-1])
+        return replace(self.ranked.metrics, length_m=length_m, duration_s=duration_s)
 
 
 def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
@@ -171,8 +173,8 @@ def _described(
     radius = float(ranked.route.speeds.max()) / scene.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
-    time = times_at(metres_along(line)[ends], line, ranked, result)
-    found = steps(line, ranked, result)
+    found = steps_along_legs(line, ranked, result)
+    time = cumulative(found.true_s)[ends]
     through_water = np.add.reduceat(found.through_water_m_s * found.planner_s, ends[:-1])
     through_water /= np.add.reduceat(found.planner_s, ends[:-1])
     length = legs.length_m

@@ -73,6 +73,8 @@ class Report:
     comparison: tuple[Comparison, ...]
     comparison_origin: str
     polygons: int
+    no_go_name: str
+    land_label: str
     has_shoals: bool
     has_hazards: bool
     has_class_islands: bool
@@ -139,7 +141,7 @@ def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     from markupsafe import Markup
 
-    from pipeline.formats.figures.maps.arrows import speed_scale
+    from pipeline.formats.figures.maps.arrows import has_arrows, speed_scale
     from pipeline.formats.report.live_map.encode import json_for_script
     from pipeline.formats.report.live_map.map_data import map_data
     from pipeline.formats.report.parts.comparison import comparison
@@ -162,13 +164,15 @@ def gather(result: RunResult) -> Report:
             season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
         ),
         season_colours=len(SEASON_COLOURS),
-        speed_labels=speeds.labels,
+        speed_labels=speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
         map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
         map_ratio=_ratio(result.scene.chart.bounds),
         comparison=comparison(result),
         comparison_origin=scenario.published.origin if scenario.published else "",
         polygons=len(result.fetched.land.polygons),
+        no_go_name=result.fetched.land.no_go_name,
+        land_label=result.land_label,
         has_shoals=bool(result.shoals),
         has_hazards=bool(result.hazards),
         has_class_islands=bool(result.evaluation.class_islands),

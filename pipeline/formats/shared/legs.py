@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.model import Scene
+    from renew.inputs.fuel import Drift
 
     FloatArray = npt.NDArray[np.float64]
 
@@ -42,12 +44,12 @@ class Legs:
 
 @dataclass(frozen=True)
 class Steps:
-    """n - 1 steps between points of the plane along a route.
+    """n - 1 steps between points of the plane.
 
     Attributes
     ----------
     planner_s : (n - 1,) by the drift model in planar metres.
-    true_s : (n - 1,) at true scale, and in proportion so that they add up to the route's duration.
+    true_s : (n - 1,) at true scale.
     through_water_m_s : (n - 1,) mean speed through water, over time.
     """
 
@@ -91,7 +93,7 @@ def times_at(
 ) -> FloatArray:
     """Seconds since departure (n,) at distances `along` (n,) a path (m, 2), in planar metres.
 
-    The path is the route's own or close to it; the goal is reached at the route's duration.
+    The path is the route's own, or has more points; the goal is reached at the route's duration.
     """
     points = densified(path, _PIECE_M / result.scene.projection.scale)
     found = steps(points, ranked, result)
@@ -99,33 +101,43 @@ def times_at(
 
 
 def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
-    """Steps between points (n, 2) of the plane along a route, at the speeds at which it is sailed.
+    """Steps between points (n, 2) of a route's path; their true times add up to its duration.
 
-    Where the plane is stretched, a planar metre takes less true time. Where the current changes,
-    the planner's own times count, by whose clock it was read.
+    Where the current changes, the planner's own times count, by whose clock it was read.
+    """
+    scene, drift = result.scene, result.scenario.planner.drift
+    found = sailed(*at_speeds_sailed(points, ranked), scene, ranked.season, drift)
+    times = found.true_s if scene.currents[ranked.season].is_steady else found.planner_s
+    return replace(found, true_s=times * (ranked.metrics.duration_s / times.sum()))
+
+
+def sailed(
+    pieces: FloatArray,
+    first: npt.NDArray[np.int64],
+    speeds: FloatArray,
+    scene: Scene,
+    season: str,
+    drift: Drift,
+) -> Steps:
+    """Steps, each from its first piece (n - 1,) to that of the next, sailed in a season's current.
+
+    The pieces' ends (m, 2) are in the plane, and their speeds (m - 1,) through water. Where the
+    plane is stretched, a planar metre takes less true time.
     """
     from renew.inputs.fuel import passage_times
 
-    scene, season = result.scene, ranked.season
-    current = scene.currents[season]
-    pieces, first, speeds = at_speeds_sailed(points, ranked)
+    projection = scene.projection
     planar = passage_times(
-        pieces,
-        current,
-        scene.vessel_in(season),
-        drift=result.scenario.planner.drift,
-        speeds=speeds,
+        pieces, scene.currents[season], scene.vessel_in(season), drift=drift, speeds=speeds
     )
-    true = planar
-    if current.is_steady:
-        middles = scene.projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
-        true = planar / scene.projection.point_scale(middles)
+    middles = projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
+    true = planar * projection.scale / projection.point_scale(middles)
     planner_s = np.add.reduceat(planar, first)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.add.reduceat(planar * speeds, first) / planner_s
     return Steps(
         planner_s,
-        np.add.reduceat(true, first) * (ranked.metrics.duration_s / true.sum()),
+        np.add.reduceat(true, first),
         # No time passes between points that are the same.
         np.where(planner_s > 0, mean, speeds[first]),
     )

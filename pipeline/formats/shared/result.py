@@ -115,6 +115,11 @@ class RunResult:
         """Water too shallow for the vessel, lon/lat degrees: no-go like land."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
+    @cached_property
+    def land_label(self) -> str:
+        """Legend of all that no route may enter, where shoals and hazards are drawn over it."""
+        return "land or uncharted" if self._zones_in_chart({"uncharted"}) else "land"
+
     @property
     def hazards(self) -> tuple[BaseGeometry, ...]:
         """Rocks, wrecks, marks and the like with the room around them, lon/lat degrees: no-go."""
@@ -126,7 +131,11 @@ class RunResult:
 
         They may be entered, and routes may pass through them.
         """
-        zones = [z for z in self.fetched.land.zones if z.kind in {"restricted", "traffic", "shut"}]
+        return self._zones_in_chart({"restricted", "traffic", "shut"})
+
+    def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[Zone, BaseGeometry], ...]:
+        """Zones of some kinds that lie in the chart, if only in part, with planar areas."""
+        zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
             np.array([zone.area for zone in zones], dtype=object)
         )

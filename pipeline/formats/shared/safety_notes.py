@@ -16,7 +16,7 @@ def safety_notes(result: RunResult) -> tuple[str, ...]:
     """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
     return tuple(
         f"not safe everywhere: {season_name(row.season)}, {row.collisions:,} of {row.trials:,} "
-        f"hard-over turns along the best route met land, the first from "
+        f"hard-over turns along the best route met {row.no_go_name}, the first from "
         f"{_first_place(result, row.season)}; it was planned with padding = "
         f'{result.scenario.planner.padding!r}, and only "adaptive" is verified'
         for row in result.evaluation.routes

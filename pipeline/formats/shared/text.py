@@ -7,6 +7,7 @@ import re
 from datetime import UTC, timedelta
 from typing import TYPE_CHECKING
 
+from pipeline.geo.position import position_text
 from pipeline.scenario.departures import named_departure
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def number(value: float | None, digits: int = 4) -> str:
     """Format a number to significant digits without exponent, with thousands separators: 1,235."""
     if value is None or not math.isfinite(value):
         return ABSENT
-    magnitude = math.floor(math.log10(abs(value))) if value else 0
+    # Of the rounded value: 99.996 has three digits before the point as 100 has.
+    magnitude = int(f"{value:.{digits - 1}e}".partition("e")[2])
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}"
 
 
@@ -112,7 +114,7 @@ def share(value: float) -> str:
 
 def place(lon: float, lat: float) -> str:
     """Format a position in degrees: 119.8710 E 11.5244 N."""
-    return f"{lon:.4f} E {lat:.4f} N"
+    return position_text(lon, lat)
 
 
 def shortened(text: str, limit: int) -> str:
@@ -130,7 +132,7 @@ def route_summary(metrics: RouteMetrics) -> str:
     parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if metrics.has_land:
-        parts.append(f"{distance(metrics.clearance_m)} or more from land")
+        parts.append(f"{distance(metrics.clearance_m)} or more from {metrics.no_go_name}")
     return f"{', '.join(parts)}."
 
 
@@ -142,14 +144,14 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
-def gap_text(gap: GapShares) -> str:
-    """Say in a sentence what an optimality gap is made of."""
+def gap_text(gap: GapShares, no_go: str) -> str:
+    """Say in a sentence what an optimality gap is made of, on a chart of so named no-go."""
     whole = gap.chart + gap.padding + gap.bound
     return (
         f"Of the optimality gap of {percent(whole)}, {percent(gap.chart)} is the chart's "
         f"(simplification, margin and offing), {percent(gap.padding)} is the padding's "
-        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route off the "
-        "land itself was found that is nearer to it."
+        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route that only "
+        f"stays off the {no_go} was found that is nearer to it."
     )
 
 

@@ -91,7 +91,7 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
             # Tonight's best is the least of all routes that are safe tonight.
             look.append(
                 f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
-                "distance from land that tonight's current asks for"
+                "clearance that tonight's current asks for"
             )
         if saving is not None and saving > rules.look_percent:
             look.append(f"changing the route saves {saving:.1f} %")

@@ -88,6 +88,11 @@ def speed_scale(result: RunResult) -> SpeedScale:
     return SpeedScale(tuple(round(step * (i + 1), 10) for i in range(count)))
 
 
+def has_arrows(result: RunResult) -> bool:
+    """Whether any season has arrows: still water has none."""
+    return any(len(arrows(result, entry.season).speed) for entry in result.plans)
+
+
 def arrows(result: RunResult, season: str) -> Arrows:
     """Arrows of the planner's own current, on a regular, staggered lattice over the water."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds

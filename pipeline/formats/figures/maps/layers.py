@@ -115,7 +115,7 @@ def land_handles(result: RunResult) -> list[Artist]:
     added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
     hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
     return [
-        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label="land"),
+        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label=result.land_label),
         *([] if result.scenario.is_planar else added),
         *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
         *(hazards if result.hazards else []),

@@ -186,7 +186,7 @@ LAYERS = (
         "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
         "clearance_m are in true metres, fuel and fuel_per_distance in the planner's scaled "
         "units, optimality_gap is a share of the fuel, collisions counts those of the trials "
-        "hard-over turns that met land.",
+        "hard-over turns that met land or another no-go area.",
         "LineString",
         _routes,
     ),
@@ -289,7 +289,7 @@ LAYERS = (
         "contingency",
         "Contingency manoeuvres",
         "Points from which hard-over turns were simulated along each route, and whether one met "
-        "land: all points where one did, and at most 2000 others per route.",
+        "land or another no-go area: all points where one did, and at most 2000 others per route.",
         "Point",
         _contingency,
     ),

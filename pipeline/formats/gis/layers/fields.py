@@ -20,7 +20,7 @@ FIELDS = {
     "homotopy": Field(
         "Homotopy class",
         "Way round the islands: equal for two routes of a season that can be moved into each "
-        "other without crossing land",
+        "other without crossing a no-go area",
     ),
     "way": Field(
         "Way", "Islands that it passes, by their numbers or names: what tells it from other routes"
@@ -39,7 +39,7 @@ FIELDS = {
         "Upper limit of the fuel above the least possible: 0.02 is 2 percent",
     ),
     "trials": Field("Hard-over turns", "Hard-over turns simulated along the route"),
-    "collisions": Field("Collisions", "Hard-over turns that met land"),
+    "collisions": Field("Collisions", "Hard-over turns that met a no-go area"),
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
     "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
     "kind": Field(
@@ -84,6 +84,8 @@ FIELDS = {
     "v": Field("To north (m/s)", "Northward surface current"),
     "speed": Field("Speed (m/s)", "Speed of the surface current"),
     "direction": Field("Direction (° true)", "Direction towards which the current sets"),
-    "collided": Field("Met land", "Whether a hard-over turn from here met land"),
+    "collided": Field(
+        "Met a no-go area", "Whether a hard-over turn from here met land or another no-go area"
+    ),
 }
 """Column -> its field; a column has the same meaning in every layer."""

@@ -239,16 +239,16 @@ def _thinned(season: SeasonView, full_scale: float) -> str:
 
 
 def _contingency(view: View) -> Style:
-    """Mark turns that met land with a cross, all others with a dot."""
+    """Mark turns that met a no-go area with a cross, all others with a dot."""
 
     def rules(season: SeasonView) -> list[Rule]:
         dot = marker("circle", colour(season.colour, 0.75), _HALO, 0.8)
         faint = marker("circle", colour(season.colour, 0.4), _HALO, 0.6)
         cross = marker("cross2", colour(_COLLISION_COLOUR), colour(_COLLISION_COLOUR), 2.6, 0.7)
         return [
-            Rule("Clear of land", f'{_BEST} AND NOT "collided"', [dot]),
-            Rule("Clear of land, other classes", f'{_OTHER} AND NOT "collided"', [faint], on=False),
-            Rule("Met land", '"collided"', [cross]),
+            Rule("Clear", f'{_BEST} AND NOT "collided"', [dot]),
+            Rule("Clear, other classes", f'{_OTHER} AND NOT "collided"', [faint], on=False),
+            Rule("Met a no-go area", '"collided"', [cross]),
         ]
 
     return Style(rule_renderer("marker", _by_season(view, rules)))

@@ -51,6 +51,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
+        "noGoName": result.fetched.land.no_go_name,
         "origin": [float(value) * scene.projection.scale for value in lattice.origin],
         "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),

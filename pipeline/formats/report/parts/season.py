@@ -107,7 +107,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     metrics = [r.metrics for r in ranked]
     anchor = f"season-{number}"
     title = result.season_title(entry.season)
-    label = f"{title}: {_map_label(metrics)}"
+    label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
     picture = season_svg(result, entry.season, identity=anchor, label=f"Map of {label}")
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
     passage = result.scenario.passage(entry.season, round(metrics[0].duration_s)) if ranked else ()
@@ -189,7 +189,8 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
 
 def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
     """Plot the best route's profile, and the reach of turns at its tightest place."""
-    from pipeline.formats.figures.plots import padding_svg, profile_svg
+    from pipeline.formats.figures.plots import profile_svg
+    from pipeline.formats.figures.reach_histogram import padding_svg
 
     m = best.metrics
     profile = profile_svg(
@@ -197,7 +198,7 @@ def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tup
         best,
         identity=f"{anchor}-profile",
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
-        f"ground, current along the course, and distance to land, at least "
+        f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
     )
     padding = padding_svg(
@@ -209,14 +210,14 @@ def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tup
     return profile, padding
 
 
-def _map_label(metrics: list[RouteMetrics]) -> str:
+def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
     """Describe a map for a screen reader."""
     if not metrics:
-        return "land and currents; no route was found"
+        return f"{no_go} and currents; no route was found"
     way = f", {metrics[0].way}," if metrics[0].way else ""
     return (
         f"the best route{way} of {text.distance(metrics[0].length_m)} and "
-        f"{len(metrics) - 1} other routes among land and currents"
+        f"{len(metrics) - 1} other routes among {no_go} and currents"
     )
 
 
@@ -293,7 +294,8 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
         )
     if best.metrics.land_m > 0:
         remarks.append(
-            f"{text.distance(best.metrics.land_m)} of the route lies over land, the most at "
+            f"The route crosses {text.distance(best.metrics.land_m)} of "
+            f"{best.metrics.no_go_name}, the most at "
             f"{text.place(best.metrics.land_lon, best.metrics.land_lat)}."
         )
     path = shapely.LineString(best.route.path)

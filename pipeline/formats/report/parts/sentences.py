@@ -10,8 +10,8 @@ from pipeline.formats.shared.text import (
     clearance,
     count,
     distance,
+    fuel,
     gap_text,
-    number,
     percent,
     speed_over_ground,
 )
@@ -138,7 +138,7 @@ class Season:
             sentences.append("It is also the shortest route found.")
         sentences.append(_safety(best))
         if self.gap is not None:
-            sentences.append(gap_text(self.gap))
+            sentences.append(gap_text(self.gap, best.no_go_name))
         if self.worth is not None:
             sentences.append(clock_text(self.worth))
         return tuple(sentences)
@@ -165,9 +165,9 @@ class Season:
         name = f"The way {best.main_passage}" if is_other_side else "The best route"
         more = rival.fuel / best.fuel - 1
         if more >= 0:
-            fuel = f"needs the least fuel: {other} (rank {rival.rank}) needs {percent(more)} more"
+            needs = f"needs the least fuel: {other} (rank {rival.rank}) needs {percent(more)} more"
         else:  # the sampled method chooses by the mean of each class
-            fuel = (
+            needs = (
                 f"was chosen over {other} (rank {rival.rank}) by the mean fuel of its class, "
                 f"although that needs {percent(-more)} less fuel"
             )
@@ -180,7 +180,7 @@ class Season:
             length = f"and is {distance(-longer)} longer"
         ours, theirs = speed_over_ground(best), speed_over_ground(rival)
         if not (math.isfinite(ours) and math.isfinite(theirs)):
-            return f"{name} {fuel}, {length}."
+            return f"{name} {needs}, {length}."
         gains = _signed(_gain(best)), _signed(_gain(rival))
         if f"{ours:.2f}" == f"{theirs:.2f}":
             speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
@@ -189,7 +189,7 @@ class Season:
                 f"the best averages {ours:.2f} m/s over ground ({gains[0]} m/s from the current), "
                 f"the other {theirs:.2f} m/s ({gains[1]} m/s)"
             )
-        return f"{name} {fuel}, {length}: {speeds}."
+        return f"{name} {needs}, {length}: {speeds}."
 
 
 def clock_text(worth: ClockWorth) -> str:
@@ -221,23 +221,22 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 def _safety(best: RouteMetrics) -> str:
     """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
-    # The share without depths is known of charts that have any: shoals are no-go there.
-    shores = "land" if math.isnan(best.uncharted_share) else "land, shoals and hazards"
+    no_go = best.no_go_name
     safe = (
-        f"It keeps at least {clearance(best.clearance_m)} from {shores}"
+        f"It keeps at least {clearance(best.clearance_m)} from {no_go}"
         if best.has_land
-        else "There is no land to keep clear of"
+        else f"The chart has no {no_go} to keep clear of"
     )
     if best.collisions:
-        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met land"
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met {no_go}"
     elif best.has_land:
-        safe += f"; none of {best.trials:,} simulated hard-over turns met land"
+        safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
     gap = ""
     if math.isfinite(best.optimality_gap):
         bound = best.fuel / (1 + best.optimality_gap)
         gap = (
-            f". No route of any class, however close to land, can need less fuel than "
-            f"{number(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
+            f". No route of any class, however close to {no_go}, can need less fuel than "
+            f"{fuel(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
         )
     return f"{safe}{gap}."
 

@@ -56,6 +56,7 @@ function readData() {
   const lines = (rings) => rings.map((ring) => readLine(ring, stepM));
   return {
     planar: data.planar,
+    noGoName: data.noGoName,
     origin: data.origin,
     speedLimits: data.speedLimits,
     extent: lines(data.extent),

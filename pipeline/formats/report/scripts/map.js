@@ -325,7 +325,7 @@ class VoyageMap {
     const ends = [this.data.start, ...this.data.via.map(([via]) => via), this.data.goal];
     const room = NEAR_SHARE * Math.min(...this.data.size);
     const isNear = ends.some((end) => Math.hypot(end[0] - place[0], end[1] - place[1]) < room);
-    this.label(place, `${formatClearance(least)} to land`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
+    this.label(place, `${formatClearance(least)} to ${this.data.noGoName}`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
     this.toggle(this.closest, true);
   }
 

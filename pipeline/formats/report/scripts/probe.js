@@ -125,7 +125,7 @@ class Probe {
     return {
       place: this.position(place),
       current: dry ? ABSENT : this.currentText(place),
-      land: dry ? "on land" : this.distance(land, place) + (noGo && noGo.inside ? ", in the hard no-go zone" : ""),
+      land: dry ? (this.data.noGoName === "land" ? "on land" : "inside") : this.distance(land, place) + (noGo && noGo.inside ? ", in the hard no-go zone" : ""),
       soft: soft && soft.inside ? "inside" : dry ? ABSENT : this.distance(soft, place),
     };
   }

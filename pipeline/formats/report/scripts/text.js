@@ -14,7 +14,8 @@ const units = { nautical: false };
 function formatNumber(value, digits = 4) {
   if (value === null || !Number.isFinite(value)) return ABSENT;
   if (value === 0) return "0";
-  const magnitude = Math.floor(Math.log10(Math.abs(value)));
+  // Of the rounded value: 99.996 has three digits before the point as 100 has.
+  const magnitude = Number(value.toExponential(digits - 1).split("e")[1]);
   return formatDecimals(value, Math.max(0, digits - 1 - magnitude));
 }
 

@@ -9,6 +9,7 @@ class Voyage {
   /** `onMove(now, share)` is called with the vessel's state whenever it changes. */
   constructor(data, root, onMove) {
     this.planar = data.planar;
+    this.noGoName = data.noGoName;
     this.onMove = onMove;
     this.button = root.querySelector("#play");
     this.slider = root.querySelector("#time");
@@ -99,7 +100,7 @@ class Voyage {
       const now = this.texts(stateAt(this.route, this.share), whole);
       this.spoken.textContent =
         `After ${now.time}: ${now.place}, course ${now.course}, ${now.speed} over ground, ` +
-        `current along course ${now.current}, ${now.clearance} from land, fuel ${now.fuel}.`;
+        `current along course ${now.current}, ${now.clearance} from ${this.noGoName}, fuel ${now.fuel}.`;
     }, SPEAK_AFTER_MS);
   }
 }

@@ -137,9 +137,9 @@ def test_opencpn_is_told_speeds_and_departure(
     for route, points in zip(etree.parse(path).iter(f"{NAMESPACE}rte"), found, strict=True):
         told = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
         assert (told["start"], told["end"]) == ("Start", "Goal")
-        hours = points.ranked.metrics.duration_s / 3600
+        hours = points.time_s[-1] / 3600
         assert float(told["planned_speed"]) * hours * 1852 == pytest.approx(
-            points.ranked.metrics.length_m, rel=1e-4
+            points.length_m[:-1].sum(), rel=1e-4
         )
         assert told.get("planned_departure") == (departure and "2026-12-31T20:30:00Z")
         speeds = [
@@ -187,7 +187,7 @@ def test_times_run_from_departure_to_arrival(any_run: RunResult, tmp_path: Path)
     gpx = written(any_run, tmp_path / "a.gpx", departure=DEPARTURE)
     found = season_waypoints(any_run, any_run.plans[0].season)
     chains = [route.points for route in gpx.routes] + [gpx.tracks[0].segments[0].points]
-    durations = [p.ranked.metrics.duration_s for p in (*found, found[0])]
+    durations = [*[p.time_s[-1] for p in found], found[0].ranked.metrics.duration_s]
     for chain, duration in zip(chains, durations, strict=True):
         times = [point.time for point in chain if point.time is not None]
         assert len(times) == len(chain)

@@ -14,12 +14,8 @@ from matplotlib.text import Text
 
 import renew
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import (
-    padding_figure,
-    padding_svg,
-    profile_figure,
-    profile_svg,
-)
+from pipeline.formats.figures.plots import profile_figure, profile_svg
+from pipeline.formats.figures.reach_histogram import padding_figure, padding_svg
 from pipeline.formats.shared.route_profile import route_profile
 
 if TYPE_CHECKING:

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 import shapely
 
+import renew
 from pipeline.formats.paper.legs_table import distance_text, position, rows
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.report.page import gather
 from tests.pipeline.formats import oracles, runs, small_run
 
 if TYPE_CHECKING:
@@ -144,3 +146,25 @@ def test_the_same_run_is_the_same_file(result: RunResult, tmp_path: Path) -> Non
 def test_what_cannot_be_written_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
         write_passage_plan(result, tmp_path / "nowhere" / "a.pdf")
+
+
+def test_still_water_is_valid_at_no_time_and_has_no_arrows(
+    result: RunResult, tmp_path: Path
+) -> None:
+    write_passage_plan(result, tmp_path / "moving.pdf")
+    assert f"Current: {small_run.STAND_IN.name}, valid 2020-06-17." in texts(
+        tmp_path / "moving.pdf"
+    )[0].replace("\n", " ")
+    grids = tuple(replace(one, u=0 * one.u, v=0 * one.v) for one in result.fetched.currents)
+    currents = {one.season: renew.UniformCurrent(0.0, 0.0) for one in grids}
+    still = replace(
+        result,
+        fetched=replace(result.fetched, currents=grids),
+        scene=replace(result.scene, currents=currents),
+    )
+    write_passage_plan(still, tmp_path / "still.pdf")
+    assert f"Current: {small_run.STAND_IN.name}. " in " ".join(
+        texts(tmp_path / "still.pdf")[0].split()
+    )
+    assert gather(result).speed_labels
+    assert gather(still).speed_labels == ()

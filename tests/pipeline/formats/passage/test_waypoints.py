@@ -19,7 +19,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     waypoints,
 )
-from pipeline.formats.shared.legs import planned_times
 from tests.pipeline.formats import oracles, runs
 
 if TYPE_CHECKING:
@@ -182,29 +181,6 @@ def test_the_figures_of_legs_are_true(any_run: RunResult) -> None:
         for column in (points.course_deg, points.length_m, points.speed_m_s, points.port_m):
             assert np.isfinite(column[:-1]).all()
             assert np.isnan(column[-1])
-
-
-def test_times_are_those_of_the_plan(any_run: RunResult) -> None:
-    for points in every(any_run):
-        ranked = points.ranked
-        planned = planned_times(ranked, any_run)
-        assert points.time_s[0] == 0
-        assert points.time_s[-1] == pytest.approx(ranked.metrics.duration_s)
-        assert (np.diff(points.time_s) > 0).all()
-        # No leg is faster than the vessel in the strongest following current.
-        vessel = any_run.scene.vessel.speed
-        fastest = vessel + any_run.scene.currents[ranked.season].max_speed(
-            any_run.scene.chart.bounds
-        )
-        assert (points.speed_m_s[:-1] < (1 + MAX_EXTRA_FUEL) * fastest).all()
-        nearest = np.linalg.norm(
-            any_run.scene.projection.to_plane(points.lonlat)[:, None] - ranked.route.path, axis=-1
-        )
-        same = nearest.min(axis=1) < 1e-6
-        # Within the extra time that the thinned route may need.
-        assert points.time_s[same] == pytest.approx(
-            planned[nearest.argmin(axis=1)[same]], abs=MAX_EXTRA_FUEL * planned[-1]
-        )
 
 
 def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:

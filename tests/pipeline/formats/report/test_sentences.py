@@ -82,7 +82,7 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
 def test_where_there_is_no_land_no_turn_is_said_to_have_missed_it() -> None:
     alone = replace(BEST, collisions=0, clearance_m=math.inf)
     text = " ".join(Season([alone]).verdict())
-    assert "There is no land to keep clear of." in text
+    assert "The chart has no land to keep clear of." in text
     assert "turns" not in text
 
 
@@ -188,4 +188,9 @@ def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
     *_, plain = Season([BEST]).verdict()
     *_, with_depths = Season([replace(BEST, uncharted_share=0.0)]).verdict()
     assert " from land; " in plain
-    assert " from land, shoals and hazards; " in with_depths
+    assert " from no-go areas; " in with_depths
+
+
+def test_the_bound_is_written_as_fuel_is() -> None:
+    (*_, text) = Season([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict()
+    assert "can need less fuel than 16.28 million; this one is within 3.0 %" in text

@@ -19,6 +19,7 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
     [
         (texts.number(1234.567), "1,235"),
         (texts.number(0.0), "0.000"),
+        (texts.number(99.996, 3), "100"),
         (texts.number(-0.012345, 3), "-0.0123"),
         (texts.number(math.nan), "–"),
         (texts.number(None), "–"),

@@ -69,8 +69,8 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     straits = (widest, replace(widest, width_m=300.0))
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
     assert unknowns(result)[1] == (
-        "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1579 m "
-        "between its coasts, and 1714 m are needed"
+        "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1.58 km "
+        "between its sides, and 1.71 km are needed"
     )
     (one,) = unknowns(replace(result, straits=(widest,)))[1:]
     assert one.startswith("1 strait is shut")
