@@ -63,7 +63,7 @@ _NARROWING = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
 _NARROW = (*_NARROWING[:4], _NARROWING[5])
 # The same where eddies are small: a wide window holds several, between which the first path was
 # chosen already; and the path bends more often.
-_WIDE_IN_EDDIES = _WIDE[2:]
+_WIDE_IN_EDDIES = (_WIDE[2]._replace(points=13),)
 _NARROW_IN_EDDIES = (
     *_NARROWING[:3],
     *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),
