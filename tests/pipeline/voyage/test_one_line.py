@@ -419,4 +419,6 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     assert "offing of at least 69" in done.stdout
     assert "planned on Embedded table of surface currents around Palawan" in done.stderr
     (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
-    assert (best["way"], best["land_m"], best["collisions"]) == ("west of island 1", "0.0", "0")
+    # Palawan is island 1; ways past the smaller ones around it are named, too.
+    assert re.match(r"west of islands? 1\b", best["way"])
+    assert (best["land_m"], best["collisions"]) == ("0.0", "0")
