@@ -139,5 +139,9 @@ class InfeasibleError(PlanningError):
         return error
 
 
+class TooSharpError(InfeasibleError):
+    """A corner of the class's path turns more tightly than the vessel can."""
+
+
 class TooLateError(InfeasibleError):
     """The class's path would arrive after the last time of the current."""

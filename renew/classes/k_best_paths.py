@@ -10,7 +10,6 @@ islands there are.
 from __future__ import annotations
 
 import heapq
-import itertools
 import math
 
 import numpy as np
@@ -210,14 +209,23 @@ def _nodes(labels: IntArray, label: int) -> IntArray:
     return np.array(nodes[::-1], dtype=np.int64)
 
 
+@kernel
 def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
     """Triangles (c,) that a path over nodes (n,) leaves, and the last one's.
 
     A row of triangles leaves those out from which its path turns back.
     """
-    left = [nodes[:0]]
-    for node, after in itertools.pairwise(nodes.tolist()):
-        legs = slice(graph.first[node], graph.first[node + 1])
-        leg = graph.first[node] + int((graph.head[legs] == after).argmax())
-        left.append(graph.crossed[graph.first_crossed[leg] : graph.first_crossed[leg + 1]] // 3)
-    return np.append(np.concatenate(left), graph.triangle[nodes[-1]])
+    legs = np.empty(len(nodes) - 1, dtype=np.int64)
+    for k in range(len(legs)):
+        legs[k] = graph.first[nodes[k]]
+        while graph.head[legs[k]] != nodes[k + 1]:
+            legs[k] += 1
+    counts = graph.first_crossed[legs + 1] - graph.first_crossed[legs]
+    triangles = np.empty(counts.sum() + 1, dtype=np.int64)
+    at = 0
+    for leg, count in zip(legs, counts):  # noqa: B905 - kernels know no `strict`
+        first = graph.first_crossed[leg]
+        triangles[at : at + count] = graph.crossed[first : first + count] // 3
+        at += count
+    triangles[at] = graph.triangle[nodes[-1]]
+    return triangles

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterator
 
@@ -11,11 +10,12 @@ import shapely
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, TooSharpError
 from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
+from renew.steering.sharp_corners import crowding, sharp_corners
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
 
@@ -24,9 +24,6 @@ from renew.steering.turning_radius import corner_radius, course_changes
 _ROUNDINGS = (1.06, 1.2, 1.35)
 # How often discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
-# Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
-# rounding.
-_CROWDING = 1.5
 # Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
 # leave a sharp corner no room. The last ones only where the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
@@ -40,9 +37,7 @@ _MISS = 0.02
 # Makes a point a complex number, so that points can be looked for as values.
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
-_CHEAP = 1.01
-# The same from which discs that round several corners are also placed for all of them.
-_DEAR = 1.005
+_CHEAP = 1.005
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
@@ -56,25 +51,19 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     enough = _CHEAP * voyage.fuel(path)
     least, best = math.inf, None
     first: InfeasibleError | None = None
-    # Mostly the path itself can be steered: it is thinned only when that is asked for.
-    tries = ((path, rounding) for path in _thinned(path, corridor) for rounding in _ROUNDINGS)
-    for drawing in tries:
+    for variant, together in _tries(path, corridor):
         try:
-            steered = _steered(*drawing, corridor)
+            drawn, trajectory = _steered(variant, corridor, together=together)
         except InfeasibleError as error:
             first = first or error
             continue
-        fuel = voyage.fuel(steered[0])
+        fuel = voyage.fuel(drawn)
         if best is None or fuel < least:
-            least, best, drawn = fuel, steered, drawing
+            least, best = fuel, (drawn, trajectory)
         if fuel <= enough:
             break
     if best is None:
         raise first or InfeasibleError("no tolerance to try")
-    if least > _DEAR * voyage.fuel(path):
-        with contextlib.suppress(InfeasibleError):
-            other = _steered(*drawn, corridor, together=True)
-            best = min(best, other, key=lambda one: voyage.fuel(one[0]))
     return best
 
 
@@ -86,22 +75,34 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
     """
     path, stays = _tolerances_stood(path, corridor)
     reach = _AROUND * corridor.voyage.vessel.turning_radius
+    wanted = np.full(len(path), _FIRST_THINNED)
     first: InfeasibleError | None = None
-    for rounding in _ROUNDINGS:
-        wanted = np.full(len(path), _FIRST_THINNED)
-        for _ in range(_MAX_THINNINGS):
-            try:
-                return _steered(path[stays >= wanted], rounding, corridor)
-            except InfeasibleError as error:
-                first = first or error
-                if not error.places:
-                    break
-                near = np.linalg.norm(path - error.places[0], axis=1) <= reach
-            kept = near & (stays >= wanted) & (stays <= len(_TOLERANCES))
-            if not kept.any():
+    for _ in range(_MAX_THINNINGS):
+        try:
+            return _steered(path[stays >= wanted], corridor)
+        except InfeasibleError as error:
+            first = first or error
+            if not error.places:
                 break
-            wanted[near] = stays[kept].min() + 1
-    raise first or InfeasibleError("no rounding to try")
+            near = np.linalg.norm(path - error.places[0], axis=1) <= reach
+        kept = near & (stays >= wanted) & (stays <= len(_TOLERANCES))
+        if not kept.any():
+            break
+        wanted[near] = stays[kept].min() + 1
+    raise first or InfeasibleError("no tolerance to try")
+
+
+def _tries(path: FloatArray, corridor: Corridor) -> Iterator[tuple[FloatArray, bool]]:
+    """Variants of a path (n, 2), and whether discs are placed for all corners that they round.
+
+    Mostly the path itself can be steered: it is thinned only when that is asked for.
+    """
+    variants: list[FloatArray] = []
+    for variant in _thinned(path, corridor):
+        variants.append(variant)
+        yield variant, False
+    for variant in variants:
+        yield variant, True
 
 
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
@@ -137,12 +138,23 @@ def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 
 
 def _steered(
-    path: FloatArray, rounding: float, corridor: Corridor, *, together: bool = False
+    path: FloatArray, corridor: Corridor, *, together: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Round the sharp corners of a path and steer it."""
-    if len(path) > 2:
-        path = _with_rounded_corners(path, corridor, rounding, together=together)
-    return path, steer_as_drawn(path, corridor)
+    """Round the sharp corners of a path and steer it; discs that round several, for all of them."""
+    first: InfeasibleError | None = None
+    # Discs for several corners have to be larger.
+    for rounding in _ROUNDINGS[together:]:
+        try:
+            rounded = path
+            if len(path) > 2:
+                rounded = _with_rounded_corners(path, corridor, rounding, together=together)
+            return rounded, steer_as_drawn(rounded, corridor)
+        except InfeasibleError as error:
+            first = first or error
+            if not isinstance(error, TooSharpError):
+                # Larger discs take yet more room.
+                break
+    raise first or InfeasibleError("no rounding to try")
 
 
 def steer_as_drawn(
@@ -191,11 +203,12 @@ def _with_rounded_corners(
     radius = rounding * _corner_radius(path, corridor.voyage)
     rounded, leant_on = path, np.zeros(len(radius), dtype=bool)
     for _ in range(_MAX_GROWTHS):
-        sharp = _sharp_corners(path, corridor, radius) | _missing_via(path, corridor, radius)
+        sharp = sharp_corners(path, radius, corridor.hard_capsules)
+        sharp |= _missing_via(path, corridor, radius)
         sharp |= leant_on
         if not sharp.any():
             return path
-        kept = 1 + np.flatnonzero(~_crowding(path, sharp, radius))
+        kept = 1 + np.flatnonzero(~crowding(path, sharp, radius))
         corners = np.concatenate([[0], kept, [len(path) - 1]])
         rounded, drawn_for = round_corners(
             path[corners], sharp[kept - 1], radius[kept - 1], together=together
@@ -219,27 +232,6 @@ def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:
     """Smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them."""
     times = voyage.reading_times(path)[1:-1]
     return corner_radius(path, voyage.current, voyage.vessel, times)
-
-
-def _sharp_corners(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
-    """Inner corners (n - 2,) that can't be rounded inwards with a radius (n - 2,)."""
-    turns, bisectors = course_changes(path)
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    needed = radius * np.tan(np.abs(turns) / 2)
-    asked = np.concatenate([[0.0], needed]) + np.concatenate([needed, [0.0]])
-    # Where a leg has no room for both its corners, the one that asks for more of it is sharp.
-    cramped = asked > lengths
-    blame_first = np.append(np.inf, needed) >= np.append(needed, -np.inf)
-    blame_first[[0, -1]] = False, True
-    cut = radius * (1 / np.cos(turns / 2) - 1)
-    inner = path[1:-1] + cut[:, None] * bisectors
-    # Chords lie inside the arc, so test the chords, not the arc.
-    units = np.diff(path, axis=0) / np.maximum(lengths, 1e-300)[:, None]
-    begin = path[1:-1] - needed[:, None] * units[:-1]
-    end = path[1:-1] + needed[:, None] * units[1:]
-    hard = corridor.hard_capsules
-    intrudes = ~(legs_are_clear(begin, inner, hard) & legs_are_clear(inner, end, hard))
-    return np.asarray((cramped & ~blame_first)[:-1] | (cramped & blame_first)[1:] | intrudes)
 
 
 def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
@@ -266,14 +258,3 @@ def _cut_off(
             away = segment_distance(path[omitted], rounded[leg], rounded[leg + 1])
             cut_off[omitted[away.argmax()]] = True
     return cut_off[1:-1]
-
-
-def _crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
-    """Inner corners (n - 2,) that stand where a sharp one near them is to be rounded."""
-    turns, _ = course_changes(path)
-    # A disc that touches the corner from within cuts this chord off either leg.
-    chord = 2 * radius * np.sin(np.abs(turns) / 2)
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    along = np.cumsum(lengths)[:-1]
-    near = np.abs(along[:, None] - along[sharp]) <= _CROWDING * chord[sharp]
-    return np.asarray(near.any(axis=1) & ~sharp)

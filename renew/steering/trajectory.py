@@ -9,7 +9,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, TooSharpError
 from renew.inputs.current import CurrentField
 from renew.inputs.fuel import reading_times, times_under_way
 from renew.inputs.speeds_along import speeds_along
@@ -72,7 +72,7 @@ def steer(
             break
         radius[at[at >= 0]] *= _RADIUS_GROWTH
     where = trajectory[:-1][fast][0]
-    raise InfeasibleError(
+    raise TooSharpError(
         "to hold the course at {0} in the current there the vessel would have to turn faster than "
         f"{np.degrees(vessel.turn_rate):.1f} degrees a second",
         where[1:3],
@@ -92,7 +92,7 @@ def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
     """Round every corner of a path (n, 2) with its radius (n - 2,); samples on its legs."""
     points, course, corner, cramped, asked, length = _with_arcs(for_kernels(path), radius)
     if cramped >= 0:
-        raise InfeasibleError(
+        raise TooSharpError(
             f"the corners beside the leg at {{0}} need {asked:.2f} m to turn in; it has "
             f"{length:.2f} m",
             path[cramped],

@@ -36,8 +36,8 @@ def steerable(
     """
     lengths = np.linalg.norm(np.diff(paths, axis=-2), axis=-1)
     room = np.minimum(lengths[..., :-1], lengths[..., 1:]) / 2
-    turns, _ = course_changes(paths)
     course = np.arctan2(*np.moveaxis(np.diff(paths, axis=-2), -1, 0)[::-1])
+    turns = wrapped(np.diff(course, axis=-1))
     velocity = current.velocity(paths[..., 1:-1, :], times)
     radius = np.maximum(
         effective_turning_radius(velocity, course[..., :-1], vessel),
@@ -47,16 +47,23 @@ def steerable(
     return np.asarray((needed <= room).all(axis=-1))
 
 
-def course_changes(paths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Turns (..., n - 2) in rad, to port positive, and unit vectors (..., n - 2, 2) into them.
+@kernel
+def course_changes(path: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Turns (n - 2,) of a path (n, 2) in rad, to port positive, and unit vectors (n - 2, 2).
 
-    The unit vectors halve the corners of the paths (..., n, 2), on the inside of the turn.
+    These halve its corners, on the inside of the turn.
     """
-    legs = np.diff(paths, axis=-2)
-    course = np.arctan2(legs[..., 1], legs[..., 0])
-    turns = wrapped(np.diff(course, axis=-1))
-    inwards = course[..., :-1] + turns / 2 + np.where(turns >= 0, np.pi / 2, -np.pi / 2)
-    return turns, np.stack([np.cos(inwards), np.sin(inwards)], axis=-1)
+    turns, inwards = np.zeros(len(path) - 2), np.zeros((len(path) - 2, 2))
+    before = 0.0
+    for leg in range(len(path) - 1):
+        course = math.atan2(path[leg + 1, 1] - path[leg, 1], path[leg + 1, 0] - path[leg, 0])
+        if leg > 0:
+            turn = wrapped(course - before)
+            middle = before + turn / 2 + math.copysign(math.pi / 2, turn)
+            turns[leg - 1] = turn
+            inwards[leg - 1] = math.cos(middle), math.sin(middle)
+        before = course
+    return turns, inwards
 
 
 def corner_radius(

@@ -1,0 +1,72 @@
+"""Which corners of a path are rounded on their outer side, and which give way to those."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray
+from renew.kernels.capsules import Capsules, legs_are_clear
+from renew.steering.turning_radius import course_changes
+
+# Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
+# rounding.
+_CROWDING = 1.5
+
+
+@kernel
+def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> BoolArray:
+    """Inner corners (n - 2,) of a path (n, 2) that can't be rounded inwards.
+
+    With radii (n - 2,), m, their arcs would enter the no-go capsules, or there is no room on a leg.
+    """
+    corners = len(radius)
+    turns, bisectors = course_changes(path)
+    tangent = np.zeros(corners + 2)
+    begin, inner, end = path[1:-1].copy(), path[1:-1].copy(), path[1:-1].copy()
+    for k in range(corners):
+        half = abs(turns[k]) / 2
+        tangent[k + 1] = radius[k] * math.tan(half)
+        inner[k] += radius[k] * (1 / math.cos(half) - 1) * bisectors[k]
+        begin[k] += _towards(path[k + 1], path[k], tangent[k + 1])
+        end[k] += _towards(path[k + 1], path[k + 2], tangent[k + 1])
+    # Chords lie inside the arc, so test the chords, not the arc.
+    sharp = ~(legs_are_clear(begin, inner, no_go) & legs_are_clear(inner, end, no_go))
+    for leg in range(corners + 1):
+        dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
+        if tangent[leg] + tangent[leg + 1] > math.hypot(dx, dy):
+            # Of its corners the one that asks for more of it is sharp; the start is no corner.
+            asks_more = leg > 0 and tangent[leg] >= tangent[leg + 1]
+            sharp[leg - 1 if asks_more else leg] = True
+    return sharp
+
+
+@kernel
+def _towards(a: FloatArray, b: FloatArray, distance: float) -> FloatArray:
+    """Vector (2,), m, of some length from a point towards another; 0 where they coincide."""
+    x, y = b[0] - a[0], b[1] - a[1]
+    share = distance / max(math.hypot(x, y), 1e-300)
+    return np.array([share * x, share * y])
+
+
+@kernel
+def crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
+    """Inner corners (n - 2,) that stand where a sharp one near them is to be rounded.
+
+    Its disc has a radius (n - 2,), m; the path is (n, 2).
+    """
+    turns, _ = course_changes(path)
+    along = np.zeros(len(turns))
+    for k in range(1, len(turns)):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        along[k] = along[k - 1] + math.hypot(dx, dy)
+    crowding = np.zeros(len(turns), dtype=np.bool_)
+    for k in range(len(turns)):
+        if not sharp[k]:
+            continue
+        # A disc that touches the corner from within cuts this chord off either leg.
+        chord = 2 * radius[k] * math.sin(abs(turns[k]) / 2)
+        crowding |= np.abs(along - along[k]) <= _CROWDING * chord
+    return crowding & ~sharp
