@@ -23,8 +23,9 @@ from renew.steering.turning_radius import corner_radius, course_changes
 _ARC_STEP = math.radians(2)
 # Number of samples on the straight legs together: the heading follows a current that changes.
 _LEG_SAMPLES = 256
-# Factor by which radii grow until the heading rate is at most ω, and how often they may.
-_RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 20
+# By what factor arcs are wider than they need be at the corner itself, as the current changes along
+# them; by what they grow until the heading rate is at most ω, and how often they may.
+_MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.05, 20
 # Length of a leg that is none, as a share of the whole.
 _NO_LENGTH = 1e-9
 # Largest turn (rad) at a point where only the speed changes: rounding.
@@ -56,6 +57,8 @@ def steer(
         turn, _ = course_changes(path)
         is_corner = np.concatenate([[True], np.abs(turn) > _STRAIGHT, [True]])
         corners, radius = path[is_corner], radius[is_corner[1:-1]]
+    if _have_room(corners, _MARGIN * radius):
+        radius = _MARGIN * radius
     for _ in range(_MAX_GROWTHS):
         curve = _rounded(corners, radius)
         middles = (curve.points[:-1] + curve.points[1:]) / 2
@@ -86,6 +89,12 @@ class _Curve:
     points: FloatArray
     course: FloatArray
     corner: IntArray
+
+
+def _have_room(path: FloatArray, radius: FloatArray) -> bool:
+    """Whether a path's legs (n, 2) are long enough for arcs of radii (n - 2,) at its corners."""
+    _, _, _, cramped, *_ = _with_arcs(for_kernels(path), radius)
+    return cramped < 0
 
 
 def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
