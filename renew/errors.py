@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from renew._types import FloatArray
 
 Spelling: TypeAlias = Callable[[FloatArray], str]
@@ -140,7 +142,26 @@ class InfeasibleError(PlanningError):
 
 
 class TooSharpError(InfeasibleError):
-    """A corner of the class's path turns more tightly than the vessel can."""
+    """Corners of the class's path leave the vessel too little room to turn in.
+
+    `excess` (n,) says for each point of the path by what factor the arc there, or beside it, asks
+    for more of a leg than there is; at most 1 where there is enough.
+    """
+
+    excess: FloatArray
+
+    @classmethod
+    def at_points(cls, path: FloatArray, asked: FloatArray, length: FloatArray) -> TooSharpError:
+        """Blame the leg of a path (n, 2) that lacks most: lengths (n - 1,), m, asked and had."""
+        worst = int((asked - length).argmax())
+        error = cls(
+            f"the corners beside the leg at {{0}} need {asked[worst]:.2f} m to turn in; it has "
+            f"{length[worst]:.2f} m",
+            path[worst],
+        )
+        by_leg = asked / np.maximum(length, 1e-300)
+        error.excess = np.maximum(np.append(by_leg, 0.0), np.append(0.0, by_leg))
+        return error
 
 
 class TooLateError(InfeasibleError):

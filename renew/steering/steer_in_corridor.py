@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
 
@@ -19,9 +20,12 @@ from renew.steering.sharp_corners import crowding, sharp_corners
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
 
-# Multiples of the radius that can be steered at a corner: with the smallest the heading rate may
-# exceed ω while the current changes on the way round.
-_ROUNDINGS = (1.06, 1.2, 1.35)
+# Multiples of the radius that can be steered at a corner by which discs are drawn: the current
+# changes on the way round. Those for several corners are larger from the start.
+_ROUNDING, _TOGETHER = 1.06, 1.2
+# By what they grow, beyond what an arc lacks of room, where the vessel can't turn; by how much at
+# once, and up to what.
+_MARGIN, _MOST_AT_ONCE, _LARGEST = 1.01, 1.13, 1.5
 # How often discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
 # Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
@@ -38,6 +42,8 @@ _MISS = 0.02
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.005
+# The same from which it is also thinned in places.
+_DEAR = 1.01
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
@@ -64,6 +70,10 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
             break
     if best is None:
         raise first or InfeasibleError("no tolerance to try")
+    if least > _DEAR * voyage.fuel(path):
+        with contextlib.suppress(InfeasibleError):
+            other = steer_thinned_in_places(path, corridor)
+            best = min(best, other, key=lambda one: voyage.fuel(one[0]))
     return best
 
 
@@ -141,20 +151,23 @@ def _steered(
     path: FloatArray, corridor: Corridor, *, together: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Round the sharp corners of a path and steer it; discs that round several, for all of them."""
-    first: InfeasibleError | None = None
-    # Discs for several corners have to be larger.
-    for rounding in _ROUNDINGS[together:]:
+    rounding = np.full(len(path), _TOGETHER if together else _ROUNDING)
+    first: TooSharpError | None = None
+    while first is None or rounding.max() < _LARGEST:
         try:
-            rounded = path
-            if len(path) > 2:
-                rounded = _with_rounded_corners(path, corridor, rounding, together=together)
+            rounded, drawn_for = _with_rounded_corners(path, corridor, rounding, together=together)
             return rounded, steer_as_drawn(rounded, corridor)
-        except InfeasibleError as error:
+        except TooSharpError as error:
             first = first or error
-            if not isinstance(error, TooSharpError):
-                # Larger discs take yet more room.
-                break
-    raise first or InfeasibleError("no rounding to try")
+            lacking = error.excess > 1
+            growth = np.ones(len(path))
+            wanted = np.minimum(_MARGIN * error.excess, _MOST_AT_ONCE)
+            np.maximum.at(growth, drawn_for[lacking], wanted[lacking])
+            rounding *= growth
+        except InfeasibleError as error:
+            # Larger discs take yet more room.
+            raise first or error from None
+    raise first
 
 
 def steer_as_drawn(
@@ -193,30 +206,35 @@ def steer_as_drawn(
 
 
 def _with_rounded_corners(
-    path: FloatArray, corridor: Corridor, rounding: float, *, together: bool
-) -> FloatArray:
+    path: FloatArray, corridor: Corridor, rounding: FloatArray, *, together: bool
+) -> tuple[FloatArray, IntArray]:
     """Path (m, 2) with its sharp corners drawn around discs, each as large as its own arc needs.
 
     On the way round a corner the current changes, and the course: in a following current the
     vessel turns in a wider arc than before and behind it.
     """
-    radius = rounding * _corner_radius(path, corridor.voyage)
-    rounded, leant_on = path, np.zeros(len(radius), dtype=bool)
+    whole = np.arange(len(path))
+    if len(path) < 3:
+        return path, whole
+    radius = rounding[1:-1] * _corner_radius(path, corridor.voyage)
+    rounded, at, leant_on = path, whole, np.zeros(len(radius), dtype=bool)
     for _ in range(_MAX_GROWTHS):
         sharp = sharp_corners(path, radius, corridor.hard_capsules)
         sharp |= _missing_via(path, corridor, radius)
         sharp |= leant_on
         if not sharp.any():
-            return path
+            return path, whole
         kept = 1 + np.flatnonzero(~crowding(path, sharp, radius))
         corners = np.concatenate([[0], kept, [len(path) - 1]])
         rounded, drawn_for = round_corners(
             path[corners], sharp[kept - 1], radius[kept - 1], together=together
         )
+        at = corners[drawn_for]
         if len(rounded) < 3:
             break
-        needed, at = np.zeros(len(path)), corners[drawn_for]
-        np.maximum.at(needed, at[1:-1], rounding * _corner_radius(rounded, corridor.voyage))
+        needed = np.zeros(len(path))
+        np.maximum.at(needed, at[1:-1], _corner_radius(rounded, corridor.voyage))
+        needed *= rounding
         short = sharp & (needed[1:-1] > _GROWTH * radius)
         if short.any():
             radius = np.where(short, needed[1:-1], radius)
@@ -225,7 +243,7 @@ def _with_rounded_corners(
         if not cut_off.any():
             break
         leant_on |= cut_off
-    return rounded
+    return rounded, at
 
 
 def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:

@@ -24,8 +24,8 @@ _ARC_STEP = math.radians(2)
 # Number of samples on the straight legs together: the heading follows a current that changes.
 _LEG_SAMPLES = 256
 # By what factor arcs are wider than they need be at the corner itself, as the current changes along
-# them; by what they grow until the heading rate is at most ω, and how often they may.
-_MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.05, 20
+# them; by what they grow beyond the excess of their heading rate over ω, and how often they may.
+_MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.003, 20
 # Length of a leg that is none, as a share of the whole.
 _NO_LENGTH = 1e-9
 # Largest turn (rad) at a point where only the speed changes: rounding.
@@ -66,16 +66,19 @@ def steer(
         guess = np.interp(shares(curve.points), shares(path), times)
         trajectory = _crab_along(curve, current, through_water, guess)
         turning = np.abs(np.diff(trajectory[:, 3]))
-        fast = turning > vessel.turn_rate * np.diff(trajectory[:, 0]) * (1 + 1e-9)
+        excess = turning / (vessel.turn_rate * np.diff(trajectory[:, 0]))
+        fast = excess > 1 + 1e-9
         if not fast.any():
             return trajectory
-        at = np.unique(np.concatenate([curve.corner[:-1][fast], curve.corner[1:][fast]]))
-        if at[-1] < 0:
+        growth = np.ones(len(radius) + 1)  # the last for points on a leg, -1
+        for ends in (curve.corner[:-1], curve.corner[1:]):
+            np.maximum.at(growth, ends[fast], _RADIUS_GROWTH * excess[fast])
+        if growth[:-1].max(initial=1.0) == 1.0:
             # It is the current that changes too fast along a leg; no radius helps.
             break
-        radius[at[at >= 0]] *= _RADIUS_GROWTH
+        radius = radius * growth[:-1]
     where = trajectory[:-1][fast][0]
-    raise TooSharpError(
+    raise InfeasibleError(
         "to hold the course at {0} in the current there the vessel would have to turn faster than "
         f"{np.degrees(vessel.turn_rate):.1f} degrees a second",
         where[1:3],
@@ -93,29 +96,25 @@ class _Curve:
 
 def _have_room(path: FloatArray, radius: FloatArray) -> bool:
     """Whether a path's legs (n, 2) are long enough for arcs of radii (n - 2,) at its corners."""
-    _, _, _, cramped, *_ = _with_arcs(for_kernels(path), radius)
-    return cramped < 0
+    *_, asked, length = _with_arcs(for_kernels(path), radius)
+    return bool((asked <= length).all())
 
 
 def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
     """Round every corner of a path (n, 2) with its radius (n - 2,); samples on its legs."""
-    points, course, corner, cramped, asked, length = _with_arcs(for_kernels(path), radius)
-    if cramped >= 0:
-        raise TooSharpError(
-            f"the corners beside the leg at {{0}} need {asked:.2f} m to turn in; it has "
-            f"{length:.2f} m",
-            path[cramped],
-        )
+    points, course, corner, asked, length = _with_arcs(for_kernels(path), radius)
+    if (asked > length).any():
+        raise TooSharpError.at_points(path, asked, length)
     return _Curve(*_densified(points, course, corner))
 
 
 @kernel
 def _with_arcs(
     path: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray, int, float, float]:
+) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
     """Points (m, 2), course (m,) rad and corner or -1 (m,) of a path (n, 2) with arcs for corners.
 
-    Then the leg that is most too short for its corners, or -1; what they ask for, and have, m.
+    Then how much of each leg (n - 1,) its corners ask for, and its length, m.
     """
     inner = len(radius)
     turns, first_course = np.zeros(inner + 1), 0.0
@@ -131,11 +130,7 @@ def _with_arcs(
             tangent[k] = radius[k - 1] * math.tan(abs(turns[k]) / 2)
         last = towards
     # A leg is shared between its two corners by what each needs.
-    cramped, asked, worst = -1, 0.0, -math.inf
-    for k in range(inner + 1):
-        need = tangent[k] + tangent[k + 1]
-        if need > lengths[k] * (1 + 1e-12) and need - lengths[k] > worst:
-            cramped, asked, worst = k, need, need - lengths[k]
+    asked = (tangent[:-1] + tangent[1:]) * (1 - 1e-12)
     # Each corner becomes the points of an arc; the path's ends stay single points.
     steps = np.maximum(1, np.ceil(np.abs(turns[1:]) / _ARC_STEP)).astype(np.int64)
     count = 2 + (steps + 1).sum()
@@ -158,7 +153,7 @@ def _with_arcs(
             at += 1
         behind += turns[k]
     points[at], course[at] = path[-1], behind
-    return points, course, corner, cramped, asked, lengths[max(cramped, 0)]
+    return points, course, corner, asked, lengths
 
 
 @kernel
