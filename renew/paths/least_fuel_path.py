@@ -52,18 +52,24 @@ class _Pass(NamedTuple):
 
 
 # Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. The
-# wider ones have more points, so that legs between them can take almost any course.
+# wider ones have more points, so that legs between them can take almost any course; points stand
+# closely along the path only where they hardly move any more.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
+_APART, _CLOSE = 1 / 60, 1 / 80
 _WIDE = tuple(
-    _Pass(window, max(1 / 80, window / 4), points, math.inf)
+    _Pass(window, max(_APART, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (17, 13, 9), strict=False)
 )
-_NARROWING = tuple(_Pass(window, 1 / 80, 7, BEND) for window in _WINDOWS[3:])
+_NARROWING = tuple(_Pass(window, _CLOSE, 7, BEND) for window in _WINDOWS[3:])
 # Before the narrowest Newton's method leaves little to find.
-_NARROW = (*_NARROWING[:4], _NARROWING[5])
+_NARROW = (
+    *(one._replace(spacing=_APART) for one in _NARROWING[:2]),
+    *_NARROWING[2:4],
+    _NARROWING[5],
+)
 # The same where eddies are small: a wide window holds several, between which the first path was
 # chosen already; and the path bends more often.
-_WIDE_IN_EDDIES = (_WIDE[2]._replace(points=13),)
+_WIDE_IN_EDDIES = (_WIDE[2]._replace(spacing=_CLOSE, points=13),)
 _NARROW_IN_EDDIES = (
     *_NARROWING[:3],
     *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),

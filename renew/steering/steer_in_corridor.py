@@ -99,6 +99,9 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
         if not kept.any():
             break
         wanted[near] = stays[kept].min() + 1
+        if not corridor.legs_clear(path[stays >= wanted]).all():
+            # Thinned that much it touches V itself.
+            break
     raise first or InfeasibleError("no tolerance to try")
 
 
