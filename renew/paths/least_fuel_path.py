@@ -130,7 +130,7 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
         needed = max(padded.around(point).padding.max(initial=0.0) for padded in beside)
         if needed > 0:
             raise InfeasibleError(
-                f"the via point {{0}} lies within the padding of land, {needed:.2f} m there, where "
+                f"the via point {{0}} lies within the padding, {needed:.2f} m there, where "
                 "the vessel can't turn away; move it further off",
                 point,
             )

@@ -195,7 +195,7 @@ def steer_as_drawn(
     clear = legs_are_clear(track[:-1], track[1:], land)
     if not clear.all():
         raise InfeasibleError(
-            "the corridor is too narrow to turn in: the track would touch land near {0}",
+            "the corridor is too narrow to turn in: the track would touch a no-go zone near {0}",
             track[clear.argmin()],
         )
     missed = np.maximum(voyage.missed(path), voyage.missed(track))

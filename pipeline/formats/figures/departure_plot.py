@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import plot_panels, plot_title
+from pipeline.formats.figures.plots import TEXT_PT, plot_panels, plot_title, plot_x_label
 from pipeline.formats.shared.departure_text import AS_GOOD
 from pipeline.formats.shared.text import hours, moment_text
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pipeline.model import DepartureChoice
 
-_HEIGHT_PT, _TEXT_PT = 150.0, 9.0
+_HEIGHT_PT = 150.0
 _HOUR_S, _DAY_S = 3600.0, 86_400.0
 # Windows longer than this have an axis in days.
 _DAYS_FROM_S = 3 * _DAY_S
@@ -71,17 +71,12 @@ def departure_figure(choice: DepartureChoice) -> Figure:
         textcoords="offset points",
         ha="right" if on_left else "left",
         va="center",
-        fontsize=_TEXT_PT,
+        fontsize=TEXT_PT,
         color=COLOURS["ink"],
         zorder=4,
     )
     note = "dashed: proven bound" if has_floor else ""
     what = "Time under way, h (fuel in proportion)"
     plot_title(axes, "Fuel above the least, %" if choice.has_speeds else what, note)
-    axes.set_xlabel(
-        f"departure, {unit} after {moment_text(choice.first)}",
-        fontsize=_TEXT_PT,
-        color=COLOURS["ink"],
-        labelpad=3,
-    )
+    plot_x_label(axes, f"departure, {unit} after {moment_text(choice.first)}")
     return figure

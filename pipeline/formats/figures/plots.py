@@ -68,9 +68,7 @@ def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | Non
         draw(axes)
         axes.set_xlim(0, plot.run[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
-    panels[-1].set_xlabel(
-        f"distance run, {plot.unit}", fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3
-    )
+    plot_x_label(panels[-1], f"distance run, {plot.unit}")
     return figure
 
 
@@ -251,6 +249,11 @@ def plot_title(axes: Axes, title: str, note: str) -> None:
         axes.text(
             1.0, 0.98, note, transform=axes.transAxes, ha="right", va="top", fontsize=7, color=ink
         )
+
+
+def plot_x_label(axes: Axes, text: str) -> None:
+    """Say under a panel what lies along it."""
+    axes.set_xlabel(text, fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3)
 
 
 def _draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:

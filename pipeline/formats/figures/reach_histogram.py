@@ -9,7 +9,13 @@ import numpy as np
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import TEXT_PT, distance_unit, plot_panels, plot_title
+from pipeline.formats.figures.plots import (
+    TEXT_PT,
+    distance_unit,
+    plot_panels,
+    plot_title,
+    plot_x_label,
+)
 from pipeline.formats.shared.text import distance, percent
 
 if TYPE_CHECKING:
@@ -78,12 +84,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
         _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
     plot_title(axes, "How far hard-over turns reach", "% of turns")
-    axes.set_xlabel(
-        f"reach from the tightest place, {unit}",
-        fontsize=TEXT_PT,
-        color=COLOURS["ink"],
-        labelpad=3,
-    )
+    plot_x_label(axes, f"reach from the tightest place, {unit}")
     return figure
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import fuel_unit, plot_panels, plot_title
+from pipeline.formats.figures.plots import TEXT_PT, fuel_unit, plot_panels, plot_title, plot_x_label
 from pipeline.formats.shared.text import fuel, hours, moment_text
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from pipeline.formats.shared.trade_offs import TradeOff
 
-_HEIGHT_PT, _TEXT_PT = 150.0, 9.0
+_HEIGHT_PT = 150.0
 # Units of time, s, from the longest voyage of which on they are used.
 _UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 60.0, "minutes"))
 # Space above and below the curve, as a share of the range of fuel.
@@ -64,17 +64,12 @@ def trade_off_figure(found: TradeOff) -> Figure:
         textcoords="offset points",
         ha="right" if on_left else "left",
         va="bottom",
-        fontsize=_TEXT_PT,
+        fontsize=TEXT_PT,
         color=COLOURS["ink"],
         bbox={"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"},
         zorder=4,
     )
     note = "dashed: deadline" if deadline <= x[-1] else ""
     plot_title(axes, f"Least fuel by arrival{scale_name}", note)
-    axes.set_xlabel(
-        f"arrival, {unit} after {moment_text(found.departure)}",
-        fontsize=_TEXT_PT,
-        color=COLOURS["ink"],
-        labelpad=3,
-    )
+    plot_x_label(axes, f"arrival, {unit} after {moment_text(found.departure)}")
     return figure
