@@ -66,7 +66,7 @@ def steer(
         guess = np.interp(shares(curve.points), shares(path), times)
         trajectory = _crab_along(curve, current, through_water, guess)
         turning = np.abs(np.diff(trajectory[:, 3]))
-        excess = turning / (vessel.turn_rate * np.diff(trajectory[:, 0]))
+        excess = turning / np.maximum(vessel.turn_rate * np.diff(trajectory[:, 0]), 1e-300)
         fast = excess > 1 + 1e-9
         if not fast.any():
             return trajectory
