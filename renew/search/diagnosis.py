@@ -135,4 +135,5 @@ class _RelaxationSearch:
 def _description(route: Route) -> str:
     """Fuel and clearance of a route, as text."""
     name = shortened(route.homotopy)
-    return f"class {name} for a fuel of {route.fuel:.6g}, {route.clearance:.2f} m clear of no-go zones"
+    clearance = f"{route.clearance:.2f} m clear of no-go zones"
+    return f"class {name} for a fuel of {route.fuel:.6g}, {clearance}"
