@@ -90,7 +90,7 @@ def test_a_second_night_sails_the_first_ones_routes_again(tmp_path: Path, cluste
     for row in rows(output):
         # Tonight's best is best of all that is safe tonight.
         if row["keep_fuel"] < row["fuel"] * (1 - 1e-3):
-            assert "no longer keeps the distance" in row["why"]
+            assert "no longer keeps the clearance" in row["why"]
         assert row["saving_percent"] == pytest.approx(100 * (1 - row["fuel"] / row["keep_fuel"]))
         assert row["apart_m"] >= 0
         assert (row["outcome"] == "same") == (not row["why"])
