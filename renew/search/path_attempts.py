@@ -21,6 +21,9 @@ from renew.search.growing_padding import PaddingGrowth, grown
 # Ratio by which padding grows that may spoil a path. As the current changes, it grows by some per
 # cent each time: a path is passed at other hours than the way by which its class was found.
 _MUCH = 1.1
+# Ratio to the fuel of a rough way, which is a little dearer than it need be, from which padding has
+# pushed a path off it.
+_PUSHED_OFF = 1.005
 
 
 class PathAttempts:
@@ -52,17 +55,27 @@ class PathAttempts:
     def _near_first(self, corridor: Corridor) -> tuple[Corridor, FloatArray]:
         """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
 
-        Where that comes so close to land that it needs much more padding, which then stays, or
-        where tacking pays, the path near the best one within the channel is taken if it needs less
-        fuel.
+        The path near the best one within the channel is taken if it needs less fuel: where the
+        other comes so close to land that it needs much more padding, which then stays, where
+        padding pushes it off the way by which the class was found, or where tacking pays.
         """
         near = self.from_rough(corridor, near_first)
-        if not _is_much_wider(near[0], corridor) and not self._pays_tacking(*near):
+        if not (
+            _is_much_wider(near[0], corridor)
+            or self._is_pushed_off(*near)
+            or self._pays_tacking(*near)
+        ):
             return near
         with contextlib.suppress(InfeasibleError):
             bulging = self.from_rough(corridor, _bulging)
             return min(near, bulging, key=lambda found: self._voyage.fuel(found[1]))
         return near
+
+    def _is_pushed_off(self, corridor: Corridor, path: FloatArray) -> bool:
+        """Whether a path (n, 2) needs more than the rough way by which its class was found."""
+        voyage = self._voyage
+        way = corridor.channel.way(voyage.start, voyage.goal)
+        return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(way)
 
     def _pays_tacking(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): against more than v/2."""

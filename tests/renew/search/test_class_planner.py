@@ -17,6 +17,7 @@ from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.k_sailable_classes import Results
 from renew.search.problem import Problem
+from tests.eddies import SCENES, eddy_scene
 from tests.strategies import random_scene, voyage_on
 
 if TYPE_CHECKING:
@@ -120,3 +121,13 @@ def _scene(seed: int) -> tuple[renew.Chart, np.ndarray, np.ndarray, renew.Curren
     """Random scene, as `voyage_on` takes it."""
     chart, current, start, goal = random_scene(seed)
     return chart, start, goal, current
+
+
+def test_a_path_that_padding_pushes_off_its_way_is_looked_for_elsewhere_in_its_class() -> None:
+    """Unpadded, s2 passes close by an island; a grid out of V needs 193.42 through other eddies.
+
+    Pushed off that island by 5.7 m of padding, the path near its first way needs 199.9.
+    """
+    best = eddy_scene(*SCENES[32]).plan(classes=1).best
+    assert best.homotopy == "s2"
+    assert best.fuel < 193.42 * 1.001
