@@ -8,7 +8,8 @@ import pytest
 
 from tests.pipeline.processes import renew
 from tests.pipeline.small_plane import small_plane
-from tests.power_cuts import Cuts, has_strace
+from tests.robustness.disk import has_strace
+from tests.robustness.power_cuts import Cuts
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,8 @@ from pipeline.nightly.night import run_night
 from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.killed_nights import leftovers, night
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
-from tests.power_cuts import Cuts, has_strace
+from tests.robustness.disk import has_strace
+from tests.robustness.power_cuts import Cuts
 
 if TYPE_CHECKING:
     from pathlib import Path
