@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 
 # Number of cases in a slice of a share at most: neighbours share a current.
 _LARGEST_SLICE = 64
-_DIED = "its worker died of it (out of memory, or a crash of the interpreter)"
+_DIED = (
+    "its worker died of it (out of memory, which memory_gb limits where workers are local, or a "
+    "crash of the interpreter)"
+)
 
 
 @dataclass(frozen=True, slots=True)
