@@ -285,9 +285,9 @@ class Departures:
     times : when the points of each path are passed (m,), s; None where there is none.
     homotopies : the name of each path's class; empty where there is none.
     reasons : why there is none; empty where there is one.
-    unproven : time (s) by which a departure between those planned may still beat the best one, as
-        far as paths are optimal; inf where the current, as strong as the vessel in places, leaves
-        no proof.
+    unproven : time (s) by which a departure between those planned may still beat the best one, to
+        within the error of the paths that were found; inf where the current is as strong as the
+        vessel in places.
     plan : all classes at the best departure.
     """
 
