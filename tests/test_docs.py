@@ -305,7 +305,7 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     if analyze is None or program is None:
         pytest.skip("needs systemd-analyze")
     unit = tmp_path / "renew@.service"
-    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/service.md"))
+    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/operation.md"))
     assert found is not None
     unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
     command = [analyze, "verify", str(unit)]

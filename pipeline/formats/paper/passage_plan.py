@@ -135,7 +135,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         tightest_text(points, result),
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
-        "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
+        "Within a leg's cross-track limits the vessel stays out of the soft no-go zone.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]
 

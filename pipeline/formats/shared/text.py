@@ -159,8 +159,8 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     return (
         f"Of the optimality gap of {percent(whole)}, {percent(shares.chart)} is the chart's "
         f"(simplification, margin and offing), {percent(shares.padding)} is the padding's "
-        f"(room for hard-over turns), and {percent(shares.bound)} the bound's own: no route that only "
-        f"stays off the {no_go} was found that is nearer to it."
+        f"(room for hard-over turns), and {percent(shares.bound)} the bound's own: no route that "
+        f"only stays off the {no_go} was found that is nearer to it."
     )
 
 
