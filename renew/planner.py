@@ -336,7 +336,7 @@ def _planners(
     options: PlanOptions,
     via: ViaPoints,
 ) -> PlannerOf:
-    """Return a factory (chart, vessel, speed choice) -> ClassPlanner, of options already checked."""
+    """Return a factory (chart, vessel, speed choice) -> ClassPlanner, of valid options."""
     field, stops = as_field(current), (as_point("start", start), as_point("goal", goal))
 
     def planner_of(chart: Chart, vessel: Vessel, choice: SpeedChoice = NO_CHOICE) -> ClassPlanner:

@@ -29,7 +29,7 @@ class FuelBound:
 
     @cached_property
     def value(self) -> float:
-        """The proven lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
+        """The lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
         return fuel_lower_bound(self.voyage)
 
     def __getstate__(self) -> dict[str, object]:
@@ -124,7 +124,7 @@ class Route:
 
     @property
     def optimality_gap(self) -> float:
-        """Share by which the fuel exceeds the proven lower bound over all classes, at least 0.
+        """Share by which the fuel exceeds the lower bound over all classes of the chart, >= 0.
 
         The bound knows no padding and no turning circle: the gap includes what safety costs.
         """

@@ -1,4 +1,4 @@
-"""Figures in the documents: `claims.toml` says where each stands, docs/figures/ what was measured."""
+"""Figures in the documents: where each stands (claims.toml), and what was measured."""
 
 from __future__ import annotations
 
