@@ -25,12 +25,12 @@ def commands() -> dict[str, TyperCommand]:
     return dict(_commands("renew", typer.main.get_command(app)))
 
 
-def _commands(name: str, command: TyperCommand) -> Iterator[tuple[str, TyperCommand]]:
+def _commands(name: str, command: object) -> Iterator[tuple[str, TyperCommand]]:
     """Yield a command, or all those in a group."""
     if isinstance(command, TyperGroup):
         for inner, one in command.commands.items():
             yield from _commands(f"{name} {inner}", one)
-    else:
+    elif isinstance(command, TyperCommand):
         yield name, command
 
 

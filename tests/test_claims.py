@@ -39,7 +39,14 @@ CLAIMS = "docs/explanation/claims.md"
 # Options of other programs that pages name by themselves.
 FOREIGN = {"docs/how-to/operation.md": {"--collector.textfile.directory"}}
 # Models of TOML files beside a scenario's, and their tables.
-OTHER_MODELS = (VesselSpec, NightTable, CaseTable, DepartureSpec, EnvironmentSpec, Case)
+OTHER_MODELS: tuple[type[BaseModel], ...] = (
+    VesselSpec,
+    NightTable,
+    CaseTable,
+    DepartureSpec,
+    EnvironmentSpec,
+    Case,
+)
 OTHER_TABLES = ("cases",)
 
 
