@@ -35,6 +35,7 @@ OPTION = re.compile(r"--[a-z][a-z-]+")
 RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly )?[a-z]+)\b([^\n#;|]*)")
 DESIGN, NIGHT = "docs/explanation/design.md", "docs/how-to/nightly.md"
 CLAIMS = "docs/explanation/claims.md"
+PAGES = (*DOCUMENTS, "outputs/README.md")
 # Options of other programs that pages name by themselves.
 # Options of other programs that pages name by themselves.
 FOREIGN = {"docs/how-to/operation.md": {"--collector.textfile.directory"}}
@@ -48,6 +49,10 @@ OTHER_MODELS: tuple[type[BaseModel], ...] = (
     Case,
 )
 OTHER_TABLES = ("cases",)
+# Names of files that a run or a night writes.
+RESULT_FILE = re.compile(
+    r"[a-z][\w-]*\.(?:html|gpkg|csv|json|pdf|nc|rtz|gpx|kml|parquet|geojson|toml)"
+)
 
 
 def _text(document: str) -> str:
@@ -144,7 +149,7 @@ def test_commands_and_their_options_are_on_their_page() -> None:
     assert page == new, "run `make reference`"
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", PAGES)
 def test_commands_and_options_that_are_named_exist(document: str) -> None:
     commands = command_reference.commands()
     every = {"--help", "--version", "--install-completion", "--show-completion"}
@@ -166,6 +171,18 @@ def test_commands_and_options_that_are_named_exist(document: str) -> None:
     assert alone - known <= FOREIGN.get(document, set())
 
 
+@pytest.mark.parametrize("document", PAGES)
+def test_files_of_results_that_are_named_exist(document: str) -> None:
+    """Each is written by the pipeline, or is the repository's, or stands in the page's examples."""
+    text = (ROOT / document).read_text("utf-8")
+    examples = " ".join(block["body"] for block in FENCE.finditer(text))
+    named = {span for span in SPAN.findall(FENCE.sub("", text)) if RESULT_FILE.fullmatch(span)}
+    code = "".join(path.read_text("utf-8") for path in (ROOT / "pipeline").rglob("*.py"))
+    tables = {f"{name}.csv" for name in re.findall(r'Table\(\s*"([\w-]+)"', code)}
+    named -= {name for name in named if f'"{name}"' in code or name in examples} | tables
+    assert [name for name in named if not any((ROOT / "catalog").rglob(name))] == []
+
+
 def test_keys_of_a_night_are_on_their_page() -> None:
     page = (ROOT / NIGHT).read_text("utf-8")
     for model in (NightTable, CaseTable):
@@ -183,7 +200,7 @@ def _names(model: type[BaseModel]) -> set[str]:
     return {field.alias or name for name, field in model.model_fields.items()}
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", PAGES)
 def test_keys_that_are_named_exist(document: str) -> None:
     """Spans such as `planner.clearance` and `[chart]`, and all keys of TOML blocks."""
     tables = _keys()
