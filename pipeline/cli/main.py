@@ -41,6 +41,7 @@ from pipeline.cli.options import (
     StrictOption,
 )
 from pipeline.formats.figures.kinds import Form, Kind, Width
+from pipeline.interpreters import ignore_working_directory
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,6 +61,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point `renew`."""
     _open_missing_streams()
+    ignore_working_directory()
     with ending_promptly():
         app()
 
