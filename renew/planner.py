@@ -74,7 +74,7 @@ def plan(
     avoid: Sequence[ShutArea] = (),
     speed: Speeds | None = None,
 ) -> Plan:
-    """Plan the least-fuel safe route in each of the first k homotopy classes.
+    """Plan the route of least fuel that is found in each of the first k homotopy classes.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ import csv
 import inspect
 import re
 import tomllib
+from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
@@ -177,10 +178,16 @@ def test_files_of_results_that_are_named_exist(document: str) -> None:
     text = (ROOT / document).read_text("utf-8")
     examples = " ".join(block["body"] for block in FENCE.finditer(text))
     named = {span for span in SPAN.findall(FENCE.sub("", text)) if RESULT_FILE.fullmatch(span)}
-    code = "".join(path.read_text("utf-8") for path in (ROOT / "pipeline").rglob("*.py"))
+    code = _pipeline()
     tables = {f"{name}.csv" for name in re.findall(r'Table\(\s*"([\w-]+)"', code)}
     named -= {name for name in named if f'"{name}"' in code or name in examples} | tables
     assert [name for name in named if not any((ROOT / "catalog").rglob(name))] == []
+
+
+@cache
+def _pipeline() -> str:
+    """All of the pipeline's code."""
+    return "".join(path.read_text("utf-8") for path in (ROOT / "pipeline").rglob("*.py"))
 
 
 def test_keys_of_a_night_are_on_their_page() -> None:
