@@ -118,7 +118,7 @@ def _home_remedy() -> str:
     """What to set where there is no home."""
     return (
         "set NUMBA_CACHE_DIR to a folder that lasts, and give the account by its two variables "
-        "(docs/how-to/service.md)"
+        "(docs/how-to/operation.md)"
     )
 
 
