@@ -14,7 +14,7 @@ import subprocess
 import sys
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -22,9 +22,6 @@ from pipeline.storage.store import load_artefact, save_artefact
 from renew._compiled import cache_folder
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast
 from tests.pipeline.small_plane import small_plane
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 # Modules that some process of ours imports: own ones, libraries, the standard library's.
 _MODULES = (
@@ -137,7 +134,7 @@ def _renew(folder: Path, *arguments: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def marks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def marks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Use the program in a hostile folder; give the folder where tricks leave their marks."""
     folder, marks = (tmp_path_factory.mktemp(name) for name in ("hostile", "marks"))
     _hostile_folder(folder, marks)

@@ -26,7 +26,7 @@ def test_a_power_cut_in_a_run(tmp_path: Path) -> None:
 
     output, file = tmp_path / "out", tmp_path / "plane.toml"
     file.write_text(small_plane("plane"))
-    run(load_scenario(file), output)
+    run(load_scenario(str(file)), output)
     file.write_text(small_plane("plane", classes=2))
     command = renew("run", str(file), "--output", str(output))
     drawn = tmp_path / "out" / "plane" / "figures"
@@ -37,7 +37,7 @@ def test_a_power_cut_in_a_run(tmp_path: Path) -> None:
     expected, metrics = {*cuts.new}, cuts.new["metrics.csv"]
 
     def again() -> None:
-        run(load_scenario(file), output)
+        run(load_scenario(str(file)), output)
         there = {
             str(path.relative_to(output / "plane")): path for path in (output / "plane").rglob("*")
         }
