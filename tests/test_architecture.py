@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # Imported by none of our modules, and declared all the same.
 NEEDED_UNIMPORTED = {
+    "numcodecs": "older ones run code that a Zarr store holds",
     "click": "named only for the pin of copernicusmarine",
     "geopandas": "how a reader opens routes.gpkg; the tests do",
     "xarray": "what copernicusmarine hands over; our floor for its version",

@@ -228,3 +228,11 @@ def test_the_job_of_the_cluster_takes_a_look_for_no_failure(
     )
     assert (done.returncode, done.stderr) == (ends_with, "")
     assert done.stdout.startswith("nightly run --config /etc/renew/nightly.toml --output /data/")
+
+
+@pytest.mark.parametrize(
+    "name", ["renew-nightly.service", "crontab", "Containerfile", "nightly.slurm"]
+)
+def test_nothing_that_is_started_looks_into_the_working_directory(name: str) -> None:
+    """Kubernetes starts the image, which sets it for all."""
+    assert "PYTHONSAFEPATH=1" in (OPERATION / name).read_text("utf-8")
