@@ -24,13 +24,17 @@ def dask_cluster(folder: Path, workers: int = 1) -> Iterator[str]:
     file = folder / "scheduler.json"
     dask = (sys.executable, "-m", "dask")
     command = (*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    silent = {"DASK_LOGGING__DISTRIBUTED": "critical"}  # nobody reads their pipes, which may fill
     with contextlib.ExitStack() as held:
-        held.enter_context(started(*command, "--scheduler-file", str(file)))
+        held.enter_context(started(*command, "--scheduler-file", str(file), variables=silent))
         wait_until(lambda: file.exists() and file.read_text(), 120)
         for _ in range(workers):
             worker = (*dask, "worker", "--scheduler-file", str(file), "--nworkers", "1")
             held.enter_context(
-                started(*worker, "--nthreads", "1", "--memory-limit", "2GiB", "--no-dashboard")
+                started(
+                    *(*worker, "--nthreads", "1", "--memory-limit", "2GiB", "--no-dashboard"),
+                    variables=silent,
+                )
             )
         yield str(json.loads(file.read_text())["address"])
 
