@@ -25,7 +25,7 @@ import typer
 from pipeline.cli.earlier_results import dating_earlier_results
 from pipeline.cli.ending import end, short_path
 from pipeline.cli.experiments import experiments
-from pipeline.cli.failures import reported_errors
+from pipeline.cli.failures import BriefRefusals, reported_errors
 from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
 from pipeline.cli.nightly import app as nightly_app
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="renew",
+    cls=BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
