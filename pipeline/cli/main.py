@@ -40,6 +40,7 @@ from pipeline.cli.options import (
     ScenarioArgument,
     StrictOption,
 )
+from pipeline.cli.waiting import still_at_work
 from pipeline.formats.figures.kinds import Form, Kind, Width
 
 if TYPE_CHECKING:
@@ -230,7 +231,7 @@ def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
     """List all faults of a scenario's file, and whether its start and goal are in water."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
         from pipeline.stages.endpoint_look import endpoints_on_land
@@ -256,7 +257,7 @@ def clean(
     ] = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.clean import clean as clean_store
 
         typer.echo(clean_store(output, older=older, everything=everything))
@@ -273,7 +274,7 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check what a run needs of this machine; exit code 1 if something would make it fail."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.doctor import examine, exit_code, spelled_as_json
 
         findings = []
@@ -289,7 +290,7 @@ def doctor(
 @app.command()
 def warm() -> None:
     """Compile what planning needs, so that no first plan has to wait for it."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.warm import warm as warm_up
 
         typer.echo(warm_up())

@@ -107,7 +107,7 @@ def _lines(
         fault = f"{relation} {limit_text(context[bound])}"
     elif kind in {"too_short", "too_long"}:
         limit = context.get("min_length", context.get("max_length"))
-        fault = f"has {context['actual_length']} items, not {limit}"
+        fault = f"has {context['actual_length'] or len(given):,} items, not {limit:,}"
     else:
         fault = _KINDS.get(kind, details["msg"].lower())
     return [f"{key} = {shown(given)} {fault}{remedy}"]

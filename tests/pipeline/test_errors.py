@@ -11,8 +11,10 @@ def test_faults_that_are_alike_are_said_once_with_their_places() -> None:
     faults = [f"seasons[{i}].valid = 'July' is not a time; give YYYY-MM" for i in range(50)]
     said = RequestError([*faults, "start is missing"]).faults
     assert said == (
-        ("seasons[0].valid = 'July' is not a time; give YYYY-MM "
-        "(the same in seasons[1], seasons[2], seasons[3] and 46 more)"),
+        (
+            "seasons[0].valid = 'July' is not a time; give YYYY-MM "
+            "(the same in seasons[1], seasons[2], seasons[3] and 46 more)"
+        ),
         "start is missing",
     )
     rows = [f"night.toml, line 4: pairs.csv, row {i}: has 1 cells" for i in range(2, 6)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import shutil
 import struct
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import netCDF4
@@ -63,7 +63,9 @@ def make_originals(folder: Path, mask: LandMask, cells: Path | None) -> dict[str
     found["zarr-consolidated"] = folder / "consolidated.zarr"
     data.to_zarr(found["zarr-consolidated"], zarr_format=2, consolidated=True, encoding=chunks)
     found["zarr3-consolidated"] = folder / "consolidated-three.zarr"
-    data.to_zarr(found["zarr3-consolidated"], zarr_format=3, consolidated=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it is not part of the format yet, though it is written
+        data.to_zarr(found["zarr3-consolidated"], zarr_format=3, consolidated=True)
     found["zarr-shards"] = folder / "shards.zarr"
     shards = {name: {"chunks": (1, 4, 4), "shards": (1, 8, 8)} for name in ("uo", "vo")}
     data.to_zarr(found["zarr-shards"], zarr_format=3, consolidated=False, encoding=shards)
@@ -248,8 +250,7 @@ def change_s57(file: Path, rng: random.Random) -> None:
     elif kind == 4:
         del content[begin : begin + int(content[begin : begin + 5])]
     elif kind == 5:
-        shutil.copyfile(rng.choice(parts), part)
-        return
+        content = bytearray(rng.choice(parts).read_bytes())
     else:
         # Numbers in the middle of a record: coordinates, references, counts.
         size = int(content[begin : begin + 5])

@@ -53,14 +53,17 @@ def load() -> None:
 def outcome(command: dict[str, Any]) -> dict[str, object]:
     """Run a command; say how it ended, what it said, and its longest silence and its memory.
 
-    After `limit_s` it is sent SIGTERM, as by a user who has waited long enough.
+    Once it has spoken after `limit_s` it is sent SIGTERM, as by a user who has seen enough.
     """
     # No TemporaryDirectory: each child that ends would remove it.
     streams = [Path(tempfile.mkstemp(prefix="renew-test-")[1]) for _ in range(2)]
     child = os.fork()
     if child == 0:
         _become(command, streams)
-    code, silence_s, how, usage = _watched(child, streams, float(command["limit_s"]))
+    is_quiet = bool({"--quiet", "-q"} & set(command["arguments"]))
+    code, silence_s, how, usage = _watched(
+        child, streams, float(command["limit_s"]), is_quiet=is_quiet
+    )
     stdout, stderr = (stream.read_text("utf-8", errors="replace") for stream in streams)
     for stream in streams:
         stream.unlink()
@@ -110,9 +113,12 @@ def _main() -> int:
 
 
 def _watched(
-    child: int, streams: list[Path], limit_s: float
+    child: int, streams: list[Path], limit_s: float, *, is_quiet: bool
 ) -> tuple[int | None, float, str, resource.struct_rusage]:
-    """Wait for a process: its exit code, longest silence (s), how it ended, what it used."""
+    """Wait for a process: its exit code, longest silence (s), how it ended, what it used.
+
+    A quiet one is expected to say nothing.
+    """
     begun = spoke = time.monotonic()
     said, silence_s, pause_s, how = 0, 0.0, 0.002, "ended"
     deadline = begun + limit_s
@@ -128,14 +134,16 @@ def _watched(
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child, signal.SIGKILL)
             return os.waitstatus_to_exitcode(status), silence_s, how, usage
-        if now > deadline or silence_s > MAX_SILENCE_S:
-            if how == "ended" and silence_s <= MAX_SILENCE_S:
+        is_silent = silence_s > MAX_SILENCE_S
+        spoke_lately = is_quiet or now - spoke < limit_s
+        if is_silent or (now > deadline and (how == "stopped" or spoke_lately)):
+            if how == "ended" and not is_silent:
                 how, deadline = "stopped", now + _END_S
                 os.kill(child, signal.SIGTERM)
                 continue
             os.killpg(child, signal.SIGKILL)
             _, _, usage = os.wait4(child, 0)
-            how = "silent" if silence_s > MAX_SILENCE_S else "does not stop"
+            how = "silent" if is_silent else "does not stop"
             return None, silence_s, how, usage
         time.sleep(pause_s)
         pause_s = min(pause_s * 1.5, 0.1)
