@@ -282,7 +282,7 @@ class _Asked(http.server.BaseHTTPRequestHandler):
     "content",
     [
         (
-            '<OGRVRTDataSource><OGRVRTLayer name="land"><SrcDataSource>/vsicurl/{url}</SrcDataSource>'
+            '<OGRVRTDataSource><OGRVRTLayer name="x"><SrcDataSource>/vsicurl/{url}</SrcDataSource>'
             "</OGRVRTLayer></OGRVRTDataSource>"
         ),
         (
