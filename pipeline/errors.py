@@ -8,22 +8,26 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-# Largest number of faults that are listed, and of characters of each.
-_MAX_FAULTS, _MAX_FAULT = 40, 400
+# Largest number of faults that are listed, and of characters of each and of a word in it.
+_MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
 # Number of faults that are alike but for their place from which on they are said once, and number
 # of the other places that are then named.
 _MIN_ALIKE, _MAX_PLACES = 4, 3
 # A place that faults of repeated tables and rows differ in: `seasons[3]`, `row 7`, `line 12`.
 _PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
+_LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _DIGITS = re.compile(r"\d+")
 
 
 def shortened(text: str) -> str:
-    """Cut a message in its middle: its beginning says where, its end the remedy."""
-    if len(text) <= _MAX_FAULT:
-        return text
-    end = _MAX_FAULT // 2
-    return f"{text[: _MAX_FAULT - end - 3]} … {text[-end:]}"
+    """Cut long words in a message, and it all if need be: its end is the remedy, and is kept."""
+    words = _LONG_WORD.sub(lambda word: _without_middle(word[0], _MAX_WORD), text)
+    return _without_middle(words, _MAX_FAULT)
+
+
+def _without_middle(text: str, size: int) -> str:
+    """Leave out what is in the middle of a text that is too long."""
+    return text if len(text) <= size else f"{text[: size // 2]}…{text[1 - size // 2 :]}"
 
 
 def condensed(faults: Iterable[str]) -> tuple[str, ...]:

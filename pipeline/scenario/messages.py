@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
+# Largest number of names that are listed where none is like the one given.
+_MAX_NAMES = 20
 # Limits from which on they are spelled with separators of thousands.
 _LARGE = 10_000
 _LIMITS = {
@@ -45,12 +47,13 @@ _KINDS = {
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Suggest the known name that was probably meant, or list all of them."""
+    """Suggest the known name that was probably meant, or list those that there are."""
     names = sorted(known)
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"there are: {', '.join(names)}" if names else "there are none"
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    return f"there are: {', '.join(names[:_MAX_NAMES])}{more}" if names else "there are none"
 
 
 def shown(value: object) -> str:

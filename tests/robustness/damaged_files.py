@@ -30,7 +30,7 @@ goal = {goal}
 [region]
 bbox = {bbox}
 [chart]
-source = {{ path = "./{chart}", radius_m = 50, accuracy_m = 50 }}
+source = {{ path = "./{chart}", radius_m = 50, accuracy_m = 50{crs} }}
 tolerance_m = 500
 {depths}
 [[seasons]]
@@ -39,9 +39,10 @@ valid = "2024-07-01"
 currents = ["{currents}"]
 [planner]
 classes = 1
+padding = "none"
 """
 # Region, start and goal: beside the made-up island, and in Boston's harbour.
-_AROUND_ISLAND = {"bbox": [118.3, 9.2, 119.7, 10.7], "start": [118.4, 9.4], "goal": [119.6, 9.3]}
+_AROUND_ISLAND = {"bbox": [118.3, 9.2, 119.7, 10.7], "start": [118.4, 9.4], "goal": [119.5, 9.3]}
 _IN_BOSTON = {"bbox": [-70.99, 42.31, -70.96, 42.34], "start": [-70.985, 42.335]}
 _BOSTON_GOAL = {"goal": [-70.965, 42.335]}
 _ODD_JSON = (
@@ -291,6 +292,7 @@ def damaged_scenario(
     text = _REGION.format(
         **(_IN_BOSTON | _BOSTON_GOAL if is_boston else _AROUND_ISLAND),
         chart=chart,
+        crs=', crs = "EPSG:4326"' if kind in {".csv", ".dxf"} else "",
         depths=f'depths = "./{file.name}"' if is_depths else "",
         currents=f"./{file.name}" if is_current else "still",
     )

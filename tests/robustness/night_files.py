@@ -37,11 +37,32 @@ def mutated_night(rng: random.Random, folder: Path) -> Path:
     else:
         file = plane_night(folder, pairs=rng.choice((1, 6, 6, 40)))
     changes: list[Callable[[random.Random, Path], None]] = [_change_night]
-    if kind >= 0.2:
+    if rng.random() < 0.15:
+        changes = [_change_gently]
+    elif kind >= 0.2:
         changes += [_change_pairs, _change_scenario]
     for change in rng.sample(changes, rng.choice((1, 1, 2, 2)) if len(changes) > 1 else 1):
         change(rng, folder)
     return file
+
+
+def _change_gently(rng: random.Random, folder: Path) -> None:
+    """Give the night's keys other values that they may have."""
+    file = folder / "night.toml"
+    likely = {
+        "keep": (1, 100_000),
+        "limit_hours": (1e-9, 0.02, 1000),
+        "look_percent": (0, 1e300),
+        "stale_hours": (1e-300, 1e6),
+        "workers": (1, 2),
+        "memory_gb": (0.25, 1.0, 1e308),
+        "output": ('"out"', '"./a/../b"', '"x y"', '"out\\n"', '"船"'),
+    }
+    text = file.read_text("utf-8")
+    for key in rng.sample(sorted(likely), 3):
+        if f"{key} =" not in text:
+            text = f"{key} = {rng.choice(likely[key])}\n{text}"
+    file.write_text(text, encoding="utf-8")
 
 
 def _change_night(rng: random.Random, folder: Path) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 # Largest number of lines that faults take, and of characters of each.
-MAX_LINES, MAX_LINE = 60, 460
+MAX_LINES, MAX_LINE = 60, 840
 # Exit codes of a run that ended by itself; those of a night; and of one that was stopped.
 CODES = frozenset({0, 1, 2})
 NIGHT_CODES = frozenset({0, 1, 2, 4, 5, 10})

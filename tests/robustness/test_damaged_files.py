@@ -23,7 +23,7 @@ def failures(folder: Path, originals: dict[str, Path], cases: range, renew: Rene
         rng, place = draw("damaged files", case), folder / str(case)
         what = damaged_scenario(rng, originals, kinds[case % len(kinds)], place)
         arguments = ["run", "damaged.toml", "--offline"]
-        ended = renew(arguments, place, limit_s=60.0)
+        ended = renew(arguments, place, limit_s=40.0)
         if why := ended.fault():
             found.append(f"damaged file {case}, {what}: {why}")
         shutil.rmtree(place)

@@ -6,7 +6,9 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+from typer.testing import CliRunner
 
+from pipeline.cli.main import app
 from tests.robustness.campaign import draw, number
 from tests.robustness.night_files import mutated_night
 from tests.robustness.renew_processes import NIGHT_CODES, Renew
@@ -14,7 +16,7 @@ from tests.robustness.renew_processes import NIGHT_CODES, Renew
 if TYPE_CHECKING:
     from pathlib import Path
 
-SAMPLE = 12
+SAMPLE = 20
 # One night in so many is also run: where it has faults, and where it has none.
 _RUN_FAULTY, _RUN_VALID = 10, 40
 _REFUSED = 2
@@ -43,9 +45,12 @@ def failures(folder: Path, cases: range, renew: Renew) -> list[str]:
 
 
 def test_a_sample_of_faulty_nights(tmp_path: Path) -> None:
-    with Renew() as renew:
-        found = failures(tmp_path, range(1, SAMPLE), renew)
-    assert not found, "\n".join(found)
+    met = set()
+    for case in range(SAMPLE):
+        file = mutated_night(draw("nights", case), tmp_path / str(case))
+        arguments = ["nightly", "check", "--config", str(file)]
+        met.add(CliRunner().invoke(app, arguments, catch_exceptions=False).exit_code)
+    assert met == {0, _REFUSED}
 
 
 @pytest.mark.slow
