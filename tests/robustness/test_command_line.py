@@ -90,7 +90,7 @@ def typed_failures(folder: Path, cases: range, renew: Renew) -> list[str]:
         place = folder / str(case)
         arguments = typed_command(draw("command lines", case), place)
         variables = {"HOME": str(place), "RENEW_PING": ""}
-        ended = renew(arguments, place, limit_s=8.0, variables=variables)
+        ended = renew(arguments, place, limit_s=5.0, variables=variables)
         if why := ended.fault(NIGHT_CODES if arguments[:1] == ["nightly"] else CODES):
             shown = [word if len(word) < 100 else f"{word[:40]}…{len(word)}" for word in arguments]
             found.append(f"command line {case}: {shown}: {why}")

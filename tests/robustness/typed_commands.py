@@ -65,13 +65,19 @@ _POSITIONS = (
 )
 
 
+# How often a command is drawn beside the others' 4: some take long where nothing is wrong.
+_WEIGHTS = {"experiments": 1, "warm": 1, "list": 1, "doctor": 1, "plot": 2, "go": 8, "check": 6}
+
+
 def typed_command(rng: random.Random, folder: Path) -> list[str]:
     """Make a command, in a new folder with files of all kinds; return its arguments."""
     fill(folder)
     plane_night(folder / "night")
     for path in (folder / "night").iterdir():
         path.rename(folder / path.name)
-    path, command = rng.choice(list(_commands([], typer.main.get_command(app))))
+    commands = list(_commands([], typer.main.get_command(app)))
+    weights = [_WEIGHTS.get(path[-1], 4) for path, _ in commands]
+    ((path, command),) = rng.choices(commands, weights)
     words = list(path)
     for parameter in command.params:
         if parameter.param_type_name == "argument" and rng.random() < 0.95:
