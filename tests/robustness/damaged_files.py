@@ -147,7 +147,7 @@ def _depths(folder: Path) -> dict[str, Path]:
 
 def _geotiff(lon: Any, lat: Any, values: Any) -> bytes:  # noqa: ANN401 - arrays
     """Write a grid as an uncompressed GeoTIFF in degrees of WGS 84."""
-    rows = np.flipud(values).astype("<f4").tobytes()
+    rows: bytes = np.flipud(values).astype("<f4").tobytes()
     step = float(lon[1] - lon[0])
     doubles = struct.pack("<3d", step, step, 0.0)
     doubles += struct.pack("<6d", 0, 0, 0, float(lon[0]), float(lat[-1]), 0)

@@ -73,8 +73,8 @@ def typed_command(rng: random.Random, folder: Path) -> list[str]:
     """Make a command, in a new folder with files of all kinds; return its arguments."""
     fill(folder)
     plane_night(folder / "night")
-    for path in (folder / "night").iterdir():
-        path.rename(folder / path.name)
+    for file in (folder / "night").iterdir():
+        file.rename(folder / file.name)
     commands = list(_commands([], typer.main.get_command(app)))
     weights = [_WEIGHTS.get(path[-1], 4) for path, _ in commands]
     ((path, command),) = rng.choices(commands, weights)

@@ -11,7 +11,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -97,7 +97,7 @@ class Block:
         Each dimension is looked through by itself: together they may have billions of cases.
         """
         scenario, *wanted = asked.strip("/").split("/")
-        kept = {
+        kept: dict[str, Any] = {
             dimension: tuple(one for one in getattr(self, dimension) if _name_of(one) == name)
             for dimension, name in zip(_DIMENSIONS, wanted, strict=False)
         }

@@ -9,6 +9,7 @@ import re
 import warnings
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError, RequestError
@@ -40,7 +41,7 @@ _FOLLOWERS = (
 @cache
 def vector_library() -> ModuleType:
     """Import pyogrio, and take from GDAL the drivers that follow what a file says."""
-    import pyogrio
+    pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
     # GDAL looks at this option when it registers its drivers, which importing pyogrio does.

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+def _slow(*_: object, **__: object) -> list[str]:
+    """Take a while, and find nothing."""
+    time.sleep(0.35)
+    return []
+
+
 @pytest.mark.parametrize(
     ("arguments", "slow"),
     [
@@ -31,7 +37,7 @@ def test_a_slow_command_says_that_it_is_at_work(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(waiting, "_PAUSE_S", 0.1)
-    monkeypatch.setattr(slow, lambda *_, **__: time.sleep(0.35) or [])
+    monkeypatch.setattr(slow, _slow)
     threads = threading.active_count()
     ended = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert ended.exit_code == 0
