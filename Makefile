@@ -89,12 +89,17 @@ bench: $(READY)  ## the figures to reach, as a table
 pictures: $(READY)  ## the documents' pictures anew: docs/pictures/
 	$(BIN)/python -m tests.pipeline.formats.figures
 
-figures: $(READY)  ## plan palawan-season, and write the README's table from its metrics.csv
+# Suites of tests/bench whose figures pages quote.
+QUOTED := padding draws gyre sampled published triangulators scenes
+
+figures: $(READY)  ## measure what pages quote: docs/figures/*.csv; then tests/test_claims.py names each page that differs
 	$(BIN)/renew run palawan-season --offline
 	$(BIN)/python -m tests.readme_table outputs/palawan-season/metrics.csv
+	$(BIN)/python -m tests.bench --record $(QUOTED)
 
-reference: $(READY)  ## the reference of a scenario's keys and its JSON schema: docs/reference/scenario*
+reference: $(READY)  ## the reference of a scenario's keys, its JSON schema, and all commands: docs/reference/
 	$(BIN)/python -m pipeline.scenario.reference
+	$(BIN)/python -m tests.command_reference
 
 # -W: a broken link, a public name without docstring or a cell that was not executed fails the build. -E: nothing is left
 # from an earlier one. It loads nothing from the network.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.formats.shared.text import season_name, season_text
+from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.position import position_text
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class Outcome:
                 f"{row.fuel:.1f}",
                 f"{row.length_m / 1000:.1f}",
                 f"{row.clearance_m / 1000:.2f}",
-                f"{row.optimality_gap:.1%}",
+                gap_figure(row.optimality_gap),
                 f"{row.collisions} of {row.trials:,}",
             )
             for row in self.evaluation.routes

@@ -22,6 +22,7 @@ from pipeline.storage.locks import file_lock
 from pipeline.storage.pruning import MAX_STORE_BYTES, Freed, prune
 from pipeline.storage.result_folder import remove_leftovers
 from pipeline.storage.store import DOWNLOADS, Store, remove_unfinished
+from pipeline.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,11 +59,8 @@ class Session:
         """Note which file made the results that were just written."""
         if self.origin is not None and not _is_own(self.directory, self.origin):
             note = {"path": str(self.origin.path), "sha256": self.origin.sha256}
-            path = _origin_note(self.store)
-            fresh = path.with_suffix(".new")
             with contextlib.suppress(OSError):
-                fresh.write_text(json.dumps(note) + "\n", encoding="utf-8")
-                fresh.replace(path)
+                write_whole(_origin_note(self.store), json.dumps(note) + "\n")
 
 
 @contextlib.contextmanager

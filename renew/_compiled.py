@@ -98,8 +98,12 @@ def _lasting_folders() -> tuple[Path, ...]:
 
 
 def _asked() -> Path | None:
-    """Folder that NUMBA_CACHE_DIR names; Numba reads the variable when it is imported."""
-    asked = getattr(numba.config, "CACHE_DIR", "")
+    """Folder that NUMBA_CACHE_DIR names.
+
+    Not what Numba says: it reads a `.numba_config.yaml` in the working directory too, and machine
+    code is not to be loaded from wherever a downloaded folder points.
+    """
+    asked = os.environ.get("NUMBA_CACHE_DIR")
     return Path(asked) if asked else None
 
 

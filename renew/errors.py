@@ -69,7 +69,7 @@ class ViaInNoGoError(PlanningError):
 
 
 class ArrivalError(PlanningError):
-    """Nobody who leaves when asked arrives in time."""
+    """No voyage begun when asked arrives in time."""
 
 
 class CurrentTooStrongError(PlanningError):

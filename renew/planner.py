@@ -74,7 +74,7 @@ def plan(
     avoid: Sequence[ShutArea] = (),
     speed: Speeds | None = None,
 ) -> Plan:
-    """Plan the least-fuel safe route in each of the first k homotopy classes.
+    """Plan the route of least fuel that is found in each of the first k homotopy classes.
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ def plan(
         Floor on the padding (m).
     distinct_by : float or "auto"
         Classes that differ only by islands smaller than this (m) count as one, with its best path.
-        Automatic: those count that differ by none of the few largest islands on the way.
+        "auto": only the few largest islands near the route tell classes apart; all other islands
+        are ignored.
     method : {"optimal", "sampled"}
         Dynamic programming inside each class, or the paper's random chains.
     samples : int
@@ -119,19 +120,19 @@ def plan(
     min_lateness : float
         Time (s) by which it may be early or late at least, but not before the departure.
     arrive_by : float, optional
-        Leave as late as will do to be at the goal by this time (s), on the same clock, and not
-        before `departure`. With `speed`: leave at `departure`, and be there by then with least
-        fuel.
+        Latest allowed arrival (s), on the same clock. The planner picks the latest departure, not
+        before `departure`, that still arrives in time. With `speed` it leaves at `departure`, and
+        arrives by then with least fuel.
     via : sequence of array_like
         Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
         then one way to each of them and to the goal.
     avoid : sequence of ShutArea
-        Areas that are shut, always or for some hours: neither early, on time nor late is the vessel
-        in one while it is shut, nor in a turn that it begins; see
+        Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
+        and any hard-over turn it starts, stays out of each area while it is shut; see
         :mod:`renew.departures.around_areas`.
     speed : (float, float), optional
         Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
-        in place of the vessel's own, so that fuel is least; without `arrive_by` she has all the
+        in place of the vessel's own, so that fuel is least; without `arrive_by` it has all the
         time there is, or for which the current is known. Land is padded, and turns are steered, for
         the highest. The plan then has a `trade_off` of fuel against arrival, unless areas are shut
         for some hours. With `via` in steady currents only. See :mod:`renew.speeds.speed_search`,
@@ -142,8 +143,9 @@ def plan(
     -------
     Plan
         Routes, least fuel first, and rejected classes with their reasons. With adaptive padding
-        every route's hard-over turns were flown and none touched the no-go zone, except around a
-        start or goal that lies in the soft no-go zone itself.
+        hard-over turns were flown at stations every 0.6 v/ω along every route, to both sides, in
+        the field and in the corners of its spread, and none touched the no-go zone: samples, not a
+        proof. None is flown around a start or goal that lies in the soft no-go zone itself.
 
     Raises
     ------
@@ -154,11 +156,12 @@ def plan(
     CurrentTooStrongError
         The current at the start or at the goal is as strong as the vessel.
     ViaInNoGoError
-        The same of a via point; one message names all faults of start, goal and via points.
+        A via point on land or outside the chart; one message names all faults of start, goal and
+        via points.
     UnreachableError
         No water joins start and goal, or every class was rejected; says why, and what would help.
     ArrivalError
-        Nobody who leaves at the departure arrives by `arrive_by`; says when she does at best.
+        No voyage begun at `departure` arrives by `arrive_by`; says the earliest arrival.
     """
     options = PlanOptions(
         classes=classes,
@@ -233,8 +236,8 @@ def plan_departures(
     """Plan the best route of each of some departures, and find the best time to leave.
 
     All departures share triangulation, classes, the table of the current, and what is known of
-    padding; at each only such classes are planned to the end as may be its best. For the proof that
-    no departure between them is better see :mod:`renew.departures.departure_window`.
+    padding; at each departure a class is planned completely only if it can still be the best. For
+    the bound on departures between them see :mod:`renew.departures.departure_window`.
 
     Parameters
     ----------
@@ -243,8 +246,9 @@ def plan_departures(
     departures : array_like
         Ascending times (n,), s, on the clock of the current.
     to_within : float, optional
-        Plan as many departures between them as it takes to prove that none between the first and
-        the last beats the best one by more than this (s), and a few more beside that one.
+        Plan as many departures between them as it takes to know, to within the error of the paths
+        found, that none between the first and the last beats the best one by more than this (s),
+        and a few more beside that one.
     progress : callable, optional
         Told after each plan how many there are, and by how much (s) the best may still be beaten.
     with_classes : bool
@@ -252,12 +256,12 @@ def plan_departures(
     via : sequence of array_like
         Points that the route passes, as for :func:`plan`.
     avoid : sequence of ShutArea
-        Areas that are shut, as for :func:`plan`. Where one is so for some hours only, a later
-        departure may arrive earlier, and nothing is proven between those planned.
+        Areas that are shut, as for :func:`plan`. Where one is shut for some hours only, a later
+        departure may arrive earlier, and nothing is known of departures between those planned.
     speed, arrive_by : optional
         Speeds to choose from and when to be there, as for :func:`plan`: each departure is planned
-        with the speeds of least fuel, and the best one needs least. Nothing is proven between them,
-        and `to_within` is refused. All classes are planned at each.
+        with the speeds of least fuel, and the best one needs least. Nothing is known of departures
+        between them, and `to_within` is refused. All classes are planned at each.
     **plan_options
         As for :func:`plan`; with ``method="optimal"``.
 
@@ -332,7 +336,7 @@ def _planners(
     options: PlanOptions,
     via: ViaPoints,
 ) -> PlannerOf:
-    """Planners of a voyage's classes by chart, vessel and choice of speeds; options are checked."""
+    """Return a factory (chart, vessel, speed choice) -> ClassPlanner, of valid options."""
     field, stops = as_field(current), (as_point("start", start), as_point("goal", goal))
 
     def planner_of(chart: Chart, vessel: Vessel, choice: SpeedChoice = NO_CHOICE) -> ClassPlanner:

@@ -29,7 +29,7 @@ class FuelBound:
 
     @cached_property
     def value(self) -> float:
-        """The proven lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
+        """The lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
         return fuel_lower_bound(self.voyage)
 
     def __getstate__(self) -> dict[str, object]:
@@ -124,7 +124,7 @@ class Route:
 
     @property
     def optimality_gap(self) -> float:
-        """Share by which the fuel exceeds the proven lower bound over all classes, at least 0.
+        """Share by which the fuel exceeds the lower bound over all classes of the chart, >= 0.
 
         The bound knows no padding and no turning circle: the gap includes what safety costs.
         """
@@ -285,9 +285,9 @@ class Departures:
     times : when the points of each path are passed (m,), s; None where there is none.
     homotopies : the name of each path's class; empty where there is none.
     reasons : why there is none; empty where there is one.
-    unproven : time (s) by which a departure between those planned may still beat the best one, as
-        far as paths are optimal; inf where the current, as strong as the vessel in places, leaves
-        no proof.
+    unproven : time (s) by which a departure between those planned may still beat the best one, to
+        within the error of the paths that were found; inf where the current is as strong as the
+        vessel in places.
     plan : all classes at the best departure.
     """
 

@@ -1,8 +1,8 @@
 """The paper's own scenes, as far as they can be had, and the fuel that it published for them.
 
 The single gyre is read off its figure. The ablation is reconstructed: one rectangle and a run of
-80 m due north meet six published figures. The islands of the 4-gyre were not published: these were
-searched so that the shortest path has the published length (255.9 m).
+80 m due north meet six published figures. The islands of the 4-gyre are not in the paper: these
+were searched so that the shortest path has the published length (255.9 m).
 """
 
 from __future__ import annotations

@@ -28,6 +28,7 @@ PAPER_MAP = "docs/explanation/paper-map.md"
 DOCUMENTS = (
     "README.md",
     "CONTRIBUTING.md",
+    "SECURITY.md",
     *sorted(
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "docs").rglob("*.md")
@@ -305,7 +306,7 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     if analyze is None or program is None:
         pytest.skip("needs systemd-analyze")
     unit = tmp_path / "renew@.service"
-    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/service.md"))
+    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/operation.md"))
     assert found is not None
     unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
     command = [analyze, "verify", str(unit)]

@@ -9,9 +9,9 @@ import pytest
 
 from tests.bench import million_plans
 
-PAGE = (
-    Path(__file__).resolve().parent.parent / "docs" / "how-to" / "a-million-plans.md"
-).read_text("utf-8")
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "how-to" / "nightly.md").read_text(
+    "utf-8"
+)
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.cli.finding import Finding
+from pipeline.interpreters import run_python
 from pipeline.paths import folder_to_write
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 from pipeline.sources.land.world import cache_file
 
 _DISTRIBUTION = "renew-planner"
@@ -118,7 +118,7 @@ def _home_remedy() -> str:
     """What to set where there is no home."""
     return (
         "set NUMBA_CACHE_DIR to a folder that lasts, and give the account by its two variables "
-        "(docs/how-to/service.md)"
+        "(docs/how-to/operation.md)"
     )
 
 
@@ -245,8 +245,8 @@ def triangulator() -> Finding:
 
 def land() -> Finding:
     """The world's land; read in a process of its own, as reading holds up all other threads."""
-    what, command = "land data", [sys.executable, "-c", _READ_LAND]
-    result = run_with_deadline(command, "", LAND_S)
+    what = "land data"
+    result = run_python(["-c", _READ_LAND], "", LAND_S)
     if result.exit_code is None:
         detail = f"not read within {LAND_S:g} s"
         return Finding("warning", what, detail, "check the load of the machine")

@@ -1,4 +1,4 @@
-"""`renew experiments`: the paper's tables again, with its baselines and stronger rivals."""
+"""`renew experiments`: the paper's tables again, with its baselines and rivals for least fuel."""
 
 from __future__ import annotations
 

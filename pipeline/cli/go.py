@@ -77,7 +77,7 @@ def go(
     arrive_by: Annotated[
         str,
         typer.Option(
-            help="When to be there: she leaves as late as will do, not before --depart; or, with a "
+            help="When to be there: it leaves as late as will do, not before --depart; or, with a "
             "choice of --speed, then."
         ),
     ] = "",

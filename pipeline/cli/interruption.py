@@ -12,7 +12,7 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import FrameType
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
@@ -21,8 +21,13 @@ MESSAGE = "stopped; finished stages are kept, run again to continue"
 _GRACE_S = 3.0
 # Time between two attempts to interrupt the main thread, s.
 _PAUSE_S = 0.05
+# Time for last words, s: a service that is told of the end may take ten to answer.
+_LAST_WORDS_S = 20.0
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHOW_CURSOR = "\x1b[?25h"
+
+
+_last_words: list[Callable[[int], None]] = []
 
 
 class Stopped(KeyboardInterrupt):
@@ -39,6 +44,20 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 
 @contextlib.contextmanager
+def saying_last(words: Callable[[int], None]) -> Iterator[None]:
+    """While in the block, call a function with the exit code as soon as a signal comes.
+
+    It is called in a thread of its own, before anything is cleaned up, and the process does not end
+    before it has returned, or has taken `_LAST_WORDS_S`.
+    """
+    _last_words.append(words)
+    try:
+        yield
+    finally:
+        _last_words.remove(words)
+
+
+@contextlib.contextmanager
 def ending_promptly() -> Iterator[None]:
     """Raise `Stopped` in the main thread for the first signal; then end without waiting for others.
 
@@ -46,6 +65,8 @@ def ending_promptly() -> Iterator[None]:
     for its threads: so a thread of its own ends the process where the main thread has not done so.
     """
     number, is_raised = 0, False
+    said = threading.Event()
+    earlier_hook = sys.unraisablehook
 
     def handle(asked: int, frame: FrameType | None) -> None:
         nonlocal number, is_raised
@@ -54,18 +75,30 @@ def ending_promptly() -> Iterator[None]:
             is_raised = True  # once: `timeout` signals the process and its group
             raise Stopped(number)
 
+    def raise_again(unraisable: sys.UnraisableHookArgs) -> None:
+        """Take note that `Stopped` was lost in a destructor or the garbage collector."""
+        nonlocal is_raised
+        if isinstance(unraisable.exc_value, Stopped):
+            is_raised = False
+        else:
+            earlier_hook(unraisable)
+
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    threading.Thread(target=_end_after_signal, args=(reader,), daemon=True).start()
-    for name in _SIGNALS:
-        if signal.getsignal(name) != signal.SIG_IGN:
-            signal.signal(name, handle)
+    threading.Thread(target=_end_after_signal, args=(reader, said), daemon=True).start()
+    sys.unraisablehook = raise_again
+    caught = [name for name in _SIGNALS if signal.getsignal(name) != signal.SIG_IGN]
+    for name in caught:
+        signal.signal(name, handle)
     try:
         yield
     finally:
         if number:
+            said.wait(_LAST_WORDS_S)
             _end(number)
+        for name in caught:  # nothing is left to clean up while the interpreter ends
+            signal.signal(name, lambda asked, _frame: _end(asked))
 
 
 def _is_in_compiler(frame: FrameType | None) -> bool:
@@ -77,20 +110,30 @@ def _is_in_compiler(frame: FrameType | None) -> bool:
     return False
 
 
-def _end_after_signal(reader: int) -> None:
+def _end_after_signal(reader: int, said: threading.Event) -> None:
     """Wait for a signal; end the process if the main thread has not done so some seconds later."""
     while True:
         number = os.read(reader, 1)[0]
         if number in _SIGNALS:
+            threading.Thread(target=_say_last, args=(128 + number, said), daemon=True).start()
             deadline = time.monotonic() + _GRACE_S
             while time.monotonic() < deadline:
                 time.sleep(_PAUSE_S)
                 _thread.interrupt_main(
                     signal.Signals(number)
                 )  # for a handler that could not raise before
+            said.wait(_LAST_WORDS_S)
             with contextlib.suppress(Exception):
                 os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())
             _end(number)
+
+
+def _say_last(exit_code: int, said: threading.Event) -> None:
+    """Let last words be said."""
+    for words in tuple(_last_words):
+        with contextlib.suppress(Exception):
+            words(exit_code)
+    said.set()
 
 
 def _end(number: int) -> None:

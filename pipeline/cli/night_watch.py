@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import threading
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from pipeline.cli.failures import exit_code_of
+from pipeline.cli.interruption import saying_last
 from pipeline.nightly.outcome import BusyError, NightEvent, NightOutcome
 from pipeline.nightly.ping import check_url, ping, told_by
 from pipeline.nightly.prometheus import write_metrics
@@ -35,25 +38,42 @@ def watched(
         check_url(url)
         _note(ping(url, "start"), on_event)
     started = datetime.now(UTC)
-    try:
-        outcome = night()
-    except BaseException as error:
-        failed = NightOutcome("", started, datetime.now(UTC), None, exit_code_of(error), {}, {})
-        _tell(failed, metrics, url, on_event)
-        raise
-    _tell(outcome, metrics, url, on_event)
+    teller = _Teller(metrics, url, on_event)
+
+    def tell_failure(exit_code: int) -> None:
+        teller.tell(NightOutcome("", started, datetime.now(UTC), None, exit_code, {}, {}))
+
+    with saying_last(tell_failure):
+        try:
+            outcome = night()
+        except BaseException as error:
+            tell_failure(exit_code_of(error))
+            raise
+        teller.tell(outcome)
     return outcome
 
 
-def _tell(
-    outcome: NightOutcome, metrics: Path | None, url: str | None, on_event: NightEventHandler
-) -> None:
-    """Tell how a night ended."""
-    # The job that is at work writes the figures of its own night.
-    if metrics is not None and outcome.exit_code != BusyError.exit_code:
-        _note(write_metrics(metrics, outcome), on_event)
-    if url and (what := told_by(outcome.exit_code)) is not None:
-        _note(ping(url, what), on_event)
+@dataclass(frozen=True)
+class _Teller:
+    """Tells how a night ended, once: a signal may come while the end is being told."""
+
+    metrics: Path | None
+    url: str | None
+    on_event: NightEventHandler
+    _told: list[NightOutcome] = field(default_factory=list)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def tell(self, outcome: NightOutcome) -> None:
+        """Tell how the night ended, unless that has been told."""
+        with self._lock:
+            if self._told:
+                return
+            # The job that is at work writes the figures of its own night.
+            if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
+                _note(write_metrics(self.metrics, outcome), self.on_event)
+            if self.url and (what := told_by(outcome.exit_code)) is not None:
+                _note(ping(self.url, what), self.on_event)
+            self._told.append(outcome)
 
 
 def _note(fault: str, on_event: NightEventHandler) -> None:

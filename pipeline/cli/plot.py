@@ -5,7 +5,6 @@ They show the results in the store of an earlier run; what is not in it is plann
 
 from __future__ import annotations
 
-import secrets
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -18,6 +17,7 @@ from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.formats.shared.text import season_text
 from pipeline.run import planned_scenario
 from pipeline.stages.write import output_directory, safe_name
+from pipeline.storage.whole_files import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -136,14 +136,11 @@ def _save(drawing: Figure, path: Path, title: str) -> Path:
     form = path.suffix[1:]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_name(f".{secrets.token_hex(4)}.{form}")
-        try:
-            # Text stays text in PDF files, and ids in SVG files depend on the figure only.
-            with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"}):
-                drawing.savefig(fresh, dpi=_DPI, metadata={**_METADATA[form], "Title": title})
-            fresh.replace(path)
-        finally:
-            fresh.unlink(missing_ok=True)
+        # Text stays text in PDF files, and ids in SVG files depend on the figure only.
+        settings = mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"})
+        with settings, whole_file(path) as file:
+            about = {**_METADATA[form], "Title": title}
+            drawing.savefig(file, format=form, dpi=_DPI, metadata=about)
     except OSError as error:
         raise StageError(
             f"plot: cannot write {path.name} to {path.parent}: {error.strerror or error}; free "

@@ -10,9 +10,9 @@ from pipeline.formats.shared.text import (
     count,
     days,
     fuel,
+    gap_figure,
     gap_text,
     hours,
-    percent,
     season_name,
 )
 from pipeline.formats.shared.unknowns import unknowns
@@ -124,6 +124,6 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
         kept,
         fuel(row.fuel),
         f"{row.fuel_per_distance:.3f}",
-        percent(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
+        gap_figure(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
     )

@@ -1,1 +1,1 @@
-"""The paper's experiments again: environments, baselines, tables, and stronger rivals."""
+"""The paper's experiments again: environments, baselines, tables, and rivals for least fuel."""

@@ -178,8 +178,8 @@ class DepartureChoice:
         inf where it has none.
     homotopies, reasons : the class of each route, or why there is none; else empty.
     chosen_s : the departure that is taken, seconds after the first.
-    unproven_s : by how much another departure in the window may still beat it; inf if nothing is
-        proven.
+    unproven_s : by how much another departure in the window may still beat it, to within the
+        paths' own error; inf if nothing is known of it.
     arrive_by : when the vessel has to be there, where that decided.
     asked : the season as it left its departure open.
     has_speeds : speeds were chosen as well: each departure is at its own, to be there in time.

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import time
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle.folders import Cycles, writing
+from pipeline.nightly.cycle.folders import LATEST, Cycles, writing
 from pipeline.nightly.cycle.lock import night_lock
+from pipeline.nightly.cycle.record import (
+    faults_of,
+    finished_at,
+    reason_to_revise,
+    record_of,
+    summary,
+    write_record,
+)
 from pipeline.nightly.outcome import (
     DONE,
     OUTCOMES,
@@ -21,14 +29,15 @@ from pipeline.nightly.outcome import (
     NightOutcome,
     ignore,
 )
-from pipeline.nightly.publishing.record import RECORD, record_of, summary
 from pipeline.nightly.request.expansion import expand
-from pipeline.nightly.request.newest_currents import newest_currents
+from pipeline.nightly.request.fingerprint import request_hash
+from pipeline.nightly.request.newest_currents import base_of, newest_currents
 from pipeline.storage.locks import file_lock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pipeline.nightly.cycle.look_back import LookBack
     from pipeline.nightly.outcome import NightEventHandler, NightStage
     from pipeline.nightly.planning.planning import Planning
     from pipeline.nightly.request.cases import Cases
@@ -95,6 +104,8 @@ class _Night:
     seconds: dict[str, float] = field(default_factory=dict)
     newest: Newest = field(init=False)
     cycles: Cycles = field(init=False)
+    _look_back: LookBack = field(init=False)
+    _revises: str = ""
     _current_stage: NightStage = "look"
 
     def __post_init__(self) -> None:
@@ -108,7 +119,10 @@ class _Night:
     def run(self) -> NightOutcome:
         """Do the whole."""
         with self._stage("look"):
-            self.newest = newest_currents(self.cases)
+            last_night = finished_at(self.cycles.folder(self.cycles.latest or LATEST))
+            self.newest = newest_currents(self.cases, self.started, last_night)
+            for reason in self.newest.ahead.values():
+                self._note(reason)
             if (settled := self._settled()) is not None:
                 return settled
             from pipeline.nightly.request.pairs_in_water import pairs_on_land
@@ -121,11 +135,16 @@ class _Night:
             if (settled := self._settled() or self._named()) is not None:
                 return settled
             planning = self._planning(is_alone=is_alone)
-            if not (planning.partial.folder / RECORD).exists():
+            if faults_of(planning.partial.folder):
                 self._plan(planning)
             if is_alone:
                 return self._publish(planning)
         return self._publish_if_last(planning)
+
+    @cached_property
+    def request(self) -> str:
+        """Hash of what is asked for."""
+        return request_hash(self.config, self.cases)
 
     # --- before there is anything to do ---
 
@@ -135,26 +154,41 @@ class _Night:
         Raises
         ------
         ComeAgainError
-            The currents are older than the last cycle's.
+            The currents are older than the last cycle's, or have been planned on and are too old.
         """
-        latest, cycle = self.cycles.latest, self.newest.cycle
-        if latest == cycle:
-            return self._outcome_of(cycle, "nothing to do: these currents have been planned on")
-        if self.cycles.is_older(latest, self.newest.time):
+        latest, newest = self.cycles.latest, self.newest
+        if base_of(latest) == base_of(newest.cycle):
+            if not self.cycles.is_named(latest) or self._reason_to_revise(latest):
+                return None
+            stale = newest.stale_reason(self.started, self.config.table.stale_hours)
+            if newest.time is None and not newest.is_timeless:
+                stale = "the currents do not say of when they are"
+            if stale:
+                raise ComeAgainError(
+                    f"nothing new: the currents of {latest} have been planned on, and {stale}; "
+                    "come again later, and see whether newer ones still come"
+                )
+            return self._outcome_of(latest, "nothing to do: these currents have been planned on")
+        if self.cycles.is_older(latest, newest.time):
             raise ComeAgainError(
-                f"the currents of {cycle} are older than those of the last cycle, {latest}; come "
-                "again later"
+                f"the currents of {newest.cycle} are older than those of the last cycle, {latest}; "
+                f"come again later or, if {latest} is dated wrongly, move "
+                f"{self.cycles.folder(latest)} away and run again"
             )
         return None
 
+    def _reason_to_revise(self, cycle: str) -> str:
+        """Say why a finished cycle on these currents does not stand; empty where it does."""
+        return reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
+
     def _named(self) -> NightOutcome | None:
         """Point `latest` at this cycle where a killed job had finished it, and no more."""
-        cycle = self.newest.cycle
-        if not self.cycles.folder(cycle).is_dir():
-            return None
-        self.cycles.point_at(cycle)
-        self.cycles.prune(self.config.table.keep)
-        return self._outcome_of(cycle, "", fresh=True)
+        for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
+            if not self._reason_to_revise(cycle):
+                self.cycles.point_at(cycle)
+                self.cycles.prune(self.config.table.keep)
+                return self._outcome_of(cycle, "", fresh=True)
+        return None
 
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
@@ -180,60 +214,44 @@ class _Night:
     def _planning(self, *, is_alone: bool) -> Planning:
         """Open the cycle's folder, and gather what planning needs."""
         from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
+        from pipeline.nightly.cycle.look_back import look_back
         from pipeline.nightly.cycle.partial import Partial
         from pipeline.nightly.planning.comparison import Rules
         from pipeline.nightly.planning.planning import Planning
         from pipeline.stages.workers.fitness import own_identity
         from pipeline.storage.store import Store
 
-        identity = own_identity()
+        identity, latest = own_identity(), self.cycles.latest
+        if base_of(latest) == self.newest.cycle:
+            self._revises = self._reason_to_revise(latest)
+            self._note(f"planned anew: {self._revises}")
+        self.newest = replace(self.newest, cycle=self.cycles.free_name(self.newest.cycle))
+        self._look_back = look_back(self.cycles)
+        for note in self._look_back.notes:
+            self._note(note)
+        compared = self._look_back.cycle
         partial = Partial.opened(
             self.cycles.partial(self.newest.cycle),
-            self._request(identity),
-            self.cycles.latest,
+            f"{identity} {self.request} {self.newest.digest} {compared}",
             is_alone=is_alone,
         )
         earlier = None
-        if partial.earlier:
-            folder = self.cycles.folder(partial.earlier)
-            earlier = EarlierRoutes(partial.earlier, folder / CASES_FILE)
+        if compared:
+            earlier = EarlierRoutes(compared, self.cycles.folder(compared) / CASES_FILE)
         return Planning(
             self.cases,
             self.newest,
             Store(self.cycles.output / ".artefacts", "nightly"),
             partial,
-            Rules(self.config.table.look_percent, self._stale(partial.started)),
+            Rules(
+                self.config.table.look_percent,
+                self.newest.stale_reason(partial.started, self.config.table.stale_hours),
+            ),
             earlier,
             identity,
             self._progress,
             self._check_time,
         )
-
-    def _request(self, identity: str) -> str:
-        """Return a hash of all that the results depend on, but for the currents' data."""
-        described = [
-            identity,
-            self.config.table.model_dump_json(exclude={"output", "keep", "limit_hours", "workers"}),
-            str(len(self.cases)),
-            *(
-                block.scenario.model_dump_json()
-                + str([one.vessels, one.members, one.pairs, [s.name for s in one.seasons]])
-                for block in self.cases.blocks
-                for one in (block,)
-            ),
-        ]
-        return hashlib.sha256("\n".join(described).encode()).hexdigest()
-
-    def _stale(self, started: datetime) -> str:
-        """Say that the currents are too old, if so; a clock that is behind them says nothing."""
-        if self.newest.time is None:
-            return ""
-        age = started - self.newest.time
-        limit_hours = self.config.table.stale_hours
-        if age <= timedelta(hours=limit_hours):
-            return ""
-        hours = age / timedelta(hours=1)
-        return f"the currents are {hours:,.0f} h old, more than {limit_hours:g}"
 
     # --- the work ---
 
@@ -274,28 +292,33 @@ class _Night:
 
     def _publish(self, planning: Planning) -> NightOutcome:
         """Make the files, check them, and put them in place."""
-        from pipeline.nightly.publishing.publishing import Publishing
-        from pipeline.nightly.publishing.record import write_record
+        from pipeline.nightly.publishing.publishing import RESULTS, Publishing
 
         partial = planning.partial
-        if not (partial.folder / RECORD).exists():
-            earlier = self.cycles.folder(partial.earlier) if partial.earlier else None
-            publishing = Publishing(planning, partial.folder, earlier)
+        if faults_of(partial.folder):
+            publishing = Publishing(planning, partial.folder, self._look_back, self._revises)
             with self._stage("publish"):
                 published = publishing.write()
             with self._stage("check"):
                 publishing.check()
             write_record(
                 partial.folder,
+                RESULTS,
                 {
                     "cycle": self.newest.cycle,
+                    "revises": self._revises or None,
                     "reference_time": self.newest.time and self.newest.time.isoformat(),
-                    "earlier_cycle": partial.earlier or None,
+                    "earlier_cycle": self._look_back.cycle or None,
+                    "request": self.request,
+                    "currents": self.newest.digest,
                     "cases": len(self.cases),
+                    "cases_by_status": published.by_status,
+                    "planning_seconds": round(published.planning_s, 3),
                     "begun": partial.started.isoformat(timespec="seconds"),
                     "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
                 },
-                published,
+                published.by_outcome,
+                self._look_back.notes,
             )
         partial.clear()
         self.cycles.publish(self.newest.cycle)

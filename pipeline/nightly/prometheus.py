@@ -7,10 +7,10 @@ system works it out as `time() - ...`.
 
 from __future__ import annotations
 
-import os
 import re
-import secrets
 from typing import TYPE_CHECKING
+
+from pipeline.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -42,16 +42,7 @@ def write_metrics(path: Path, outcome: NightOutcome) -> str:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         text = "".join(_families(outcome, _earlier(path)))
-        # Another ending than .prom: the exporter reads every file that has it.
-        fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
-        try:
-            with fresh.open("x", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            fresh.replace(path)
-        finally:
-            fresh.unlink(missing_ok=True)
+        write_whole(path, text)
     except OSError as error:
         return f"--metrics: can't write {path}: {error.strerror or error}"
     return ""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, StageError
 from pipeline.nightly.cycle.earlier import CASES_FILE
 from pipeline.nightly.cycle.folders import Cycles
 from pipeline.nightly.cycle.lock import holder_of, is_busy
 from pipeline.nightly.cycle.part import covering, parts_in
+from pipeline.nightly.cycle.record import record_of
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.publishing.changes import rows_of
-from pipeline.nightly.publishing.record import record_of
 from pipeline.nightly.request.cases import matches
 
 if TYPE_CHECKING:
@@ -58,11 +58,7 @@ def status_lines(output: Path) -> Iterator[str]:
     cycles = Cycles(output)
     latest = cycles.latest
     if latest:
-        said = record_of(cycles.folder(latest))
-        finished = datetime.fromisoformat(said["finished"])
-        hours = (datetime.now(UTC) - finished).total_seconds() / 3600
-        counts = ", ".join(f"{said['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
-        yield f"latest: {latest}, {said['cases']:,} cases ({counts}), made {hours:.1f} h ago"
+        yield f"latest: {latest}, {_described(cycles.folder(latest))}"
     else:
         yield f"latest: none in {output}"
     for cycle in cycles.partials():
@@ -71,6 +67,18 @@ def status_lines(output: Path) -> Iterator[str]:
         yield f"under way: {cycle}, {done:,} cases done"
     yield f"at work: {holder_of(output)}" if is_busy(output) else "at work: nobody"
     yield f"kept: {', '.join(cycles.finished()) or 'none'}"
+
+
+def _described(folder: Path) -> str:
+    """Say what a cycle's record says of it."""
+    try:
+        said = record_of(folder)
+    except StageError as error:
+        return str(error)
+    finished = datetime.fromisoformat(said["finished"])
+    hours = (datetime.now(UTC) - finished).total_seconds() / 3600
+    counts = ", ".join(f"{said['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
+    return f"{said['cases']:,} cases ({counts}), made {hours:.1f} h ago"
 
 
 def case_lines(output: Path, asked: str) -> Iterator[str]:

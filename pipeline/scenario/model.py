@@ -273,7 +273,7 @@ class Scenario(StrictModel):
                 )
             if season.speed is not None and not season.is_changing and self.scale != 1:
                 faults.append(
-                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where her way "
+                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where its way "
                     "takes other times; plan at true scale, scale = 1"
                 )
         faults += self._itinerary_faults()
@@ -300,19 +300,19 @@ class Scenario(StrictModel):
                     )
             if self.scale != 1:
                 yield (
-                    f"has hours in [[avoid]] at scale = {self.scale:g}, where her way takes other "
+                    f"has hours in [[avoid]] at scale = {self.scale:g}, where its way takes other "
                     "times; plan at true scale, scale = 1"
                 )
 
     def vessel_in(self, season: Season) -> VesselSpec:
-        """The vessel with the highest speed that she has in a season."""
+        """The vessel with the highest speed that it has in a season."""
         if season.speed is None:
             return self.vessel
         return self.vessel.model_copy(update={"speed_m_s": season.speed.most})
 
     @property
     def fastest_vessel(self) -> VesselSpec:
-        """The vessel with the highest speed that she has in any season."""
+        """The vessel with the highest speed that it has in any season."""
         return max(map(self.vessel_in, self.seasons), key=lambda one: one.speed_m_s)
 
     @property

@@ -158,15 +158,15 @@ class Season(StrictModel):
     )
     to_within: Interval | None = Field(
         default=None,
-        description="Plan as many departures between these as prove that no other in the window "
-        "takes less time than the best one by more than this; left out, only those are planned. "
-        "Give an interval, such as '1h', or leave it out.",
+        description="Plan more departures between these until, by the paths found, no other in the "
+        "window takes less time than the best one by more than this; left out, only those are "
+        "planned. Give an interval, such as '1h', or leave it out.",
         examples=["1h"],
     )
     arrive_by: AwareDatetime | None = Field(
         default=None,
-        description="Time at which the vessel has to be at the goal: she leaves as late as will "
-        "do, not before 'departure', in currents that change; or with 'speed' she leaves then, or "
+        description="Time at which the vessel has to be at the goal: it leaves as late as will "
+        "do, not before 'departure', in currents that change; or with 'speed' it leaves then, or "
         "at the best of 'departures', and takes that time. Give a time with its zone, as "
         "2026-07-02T18:00:00Z, or leave it out.",
         examples=["2026-07-02T18:00:00Z"],
@@ -174,7 +174,7 @@ class Season(StrictModel):
     speed: SpeedRange | None = Field(
         default=None,
         description="Speeds through water among which the vessel chooses from leg to leg, in place "
-        "of her own, for least fuel between 'departure', or the best of 'departures', and "
+        "of its own, for least fuel between 'departure', or the best of 'departures', and "
         "'arrive_by'. Give a table as "
         "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
     )
@@ -248,9 +248,9 @@ class Season(StrictModel):
         if self.to_within is not None:
             yield "has 'to_within', which can't be proven where speeds are chosen; leave it out"
         if self.first_departure is None and not self.is_changing:
-            yield "has 'speed', but no 'departure', from which her time counts; add it"
+            yield "has 'speed', but no 'departure', from which its time counts; add it"
         if self.arrive_by is None:
-            yield "has 'speed', but no 'arrive_by', for which her speed is chosen; add it"
+            yield "has 'speed', but no 'arrive_by', for which its speed is chosen; add it"
 
     def _arrival_faults(self) -> Iterator[str]:
         """What is wrong with the time between departure and arrival."""
@@ -292,7 +292,7 @@ class Season(StrictModel):
 
     @property
     def leaves_departure_open(self) -> bool:
-        """Whether it is to be chosen when the vessel leaves; with speeds she leaves at once."""
+        """Whether it is to be chosen when the vessel leaves; with speeds it leaves at once."""
         return self.departures is not None or (self.arrive_by is not None and self.speed is None)
 
     @property

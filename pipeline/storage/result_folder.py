@@ -18,6 +18,8 @@ import shutil
 import uuid
 from typing import TYPE_CHECKING
 
+from pipeline.storage.whole_files import flush, flush_tree
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
     from pathlib import Path
@@ -52,7 +54,7 @@ def replacing(directory: Path, results: Callable[[], Collection[str]]) -> Iterat
     try:
         yield fresh
         _carry_over(directory, fresh, results())
-        _flush(fresh)
+        flush_tree(fresh)
         _put_in_place(fresh, directory)
     except BaseException:
         _remove(fresh)
@@ -108,19 +110,10 @@ def _second_name(path: Path | str, copy: Path | str) -> None:
         shutil.copy2(path, copy, follow_symlinks=False)
 
 
-def _flush(folder: Path) -> None:
-    """Wait until a folder's files are on the disk: the link must not get there before them."""
-    for path in (*folder.iterdir(), folder):
-        if path.is_file() or path == folder:
-            descriptor = os.open(path, os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
-
-
 def _put_in_place(fresh: Path, directory: Path) -> None:
-    """Move the link, in one rename, to a complete folder."""
+    """Move the link, in one rename, to a complete folder, whose name is on the disk before."""
+    for folder in (fresh.parent, fresh.parent.parent, directory.parent):
+        flush(folder)
     link = directory.with_name(f".{directory.name}.{fresh.name}.link")
     try:
         link.symlink_to(os.path.relpath(fresh, directory.parent), target_is_directory=True)
@@ -129,11 +122,13 @@ def _put_in_place(fresh: Path, directory: Path) -> None:
             raise
         _move_aside(directory)
         fresh.rename(directory)
+        flush(directory.parent)
         return
     try:
         if directory.is_dir() and not directory.is_symlink():
             _move_aside(directory)
         link.replace(directory)
+        flush(directory.parent)  # before the earlier results are removed
     except BaseException:
         link.unlink(missing_ok=True)
         if not os.path.lexists(directory):

@@ -13,13 +13,14 @@ import contextlib
 import hashlib
 import os
 import pickle
-import secrets
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.errors import StageError
 from pipeline.storage.code_identity import code_hash
+from pipeline.storage.unpickling import values_from
+from pipeline.storage.whole_files import UNFINISHED, whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +42,7 @@ _LIBRARIES = (
 )
 _MAGIC = b"RENEW artefact 1\n"
 _DIGEST_SIZE = hashlib.sha256().digest_size
-SUFFIX, _UNFINISHED_SUFFIX = ".artefact", ".tmp"
+SUFFIX = ".artefact"
 DOWNLOADS = "downloads"
 """Folder of the store in which sources cache their downloads."""
 
@@ -49,8 +50,7 @@ DOWNLOADS = "downloads"
 class Store:
     """Artefacts in a folder, one file each.
 
-    They are pickles: a store must be as trusted as the program itself. `owner` is the name of the
-    scenario whose run writes to it; unfinished files are named by it.
+    `owner` is the name of the scenario whose run writes to it; unfinished files are named by it.
     """
 
     def __init__(self, root: Path, owner: str = "") -> None:
@@ -93,7 +93,7 @@ def remove_unfinished(root: Path, owner: str = "*") -> None:
 
     Must not be called while such a run is at work.
     """
-    for leftover in root.glob(f"*/.{owner}.*{_UNFINISHED_SUFFIX}"):
+    for leftover in root.glob(f"*/.{owner}.*{UNFINISHED}"):
         with contextlib.suppress(OSError):
             leftover.unlink()
 
@@ -107,19 +107,16 @@ def artefact_key(stage: str, *inputs: object) -> str:
 
 
 def save_artefact(path: Path, value: object, owner: str = "") -> None:
-    """Write a value with its hash under a temporary name, and rename it."""
-    content = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
+    """Write a value with its hash under a temporary name, and rename it.
+
+    Raises
+    ------
+    StageError
+        The disk refuses.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_name(f".{owner}.{secrets.token_hex(8)}{_UNFINISHED_SUFFIX}")
-        try:
-            with fresh.open("xb") as file:
-                file.write(_MAGIC + hashlib.sha256(content).digest() + content)
-                file.flush()
-                os.fsync(file.fileno())
-            fresh.replace(path)
-        finally:
-            fresh.unlink(missing_ok=True)
+        write_checked(path, pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL), owner)
     except OSError as error:
         raise StageError(
             f"can't write {path.name} in {path.parent}: {error.strerror or error}; free some "
@@ -132,20 +129,35 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
 
     The file's time says when it was last used, by which the store is pruned.
     """
+    content = read_checked(path)
+    if content is None:
+        return None
+    try:
+        value = values_from(content)
+    except Exception:  # noqa: BLE001 - a pickle of somebody else's may raise anything
+        return None
+    if not isinstance(value, kind):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return value
+
+
+def write_checked(path: Path, content: bytes, owner: str = "") -> None:
+    """Write a file, whole, whose content `read_checked` can tell from a damaged one."""
+    with whole_file(path, owner) as file:
+        file.write(_MAGIC + hashlib.sha256(content).digest() + content)
+
+
+def read_checked(path: Path) -> bytes | None:
+    """Return what `write_checked` wrote; None where the file is absent or damaged."""
     try:
         stored = path.read_bytes()
     except OSError:
         return None
     begin = len(_MAGIC) + _DIGEST_SIZE
     content = stored[begin:]
-    if stored[:begin] != _MAGIC + hashlib.sha256(content).digest():
-        return None
-    value = pickle.loads(content)  # noqa: S301 - written by `save_artefact`; its hash agrees
-    if not isinstance(value, kind):
-        return None
-    with contextlib.suppress(OSError):
-        os.utime(path)
-    return value
+    return content if stored[:begin] == _MAGIC + hashlib.sha256(content).digest() else None
 
 
 @cache

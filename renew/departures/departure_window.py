@@ -1,8 +1,8 @@
-"""When to leave: departures planned where the best one may still be, until the choice is proven.
+"""When to leave: departures planned until, by the paths found, none between can beat the best.
 
 A vessel that leaves later never overtakes on the same path, and so the earliest arrival over all
-paths doesn't come earlier with a later departure either (FIFO). If she who leaves at t takes D at
-best, a voyage begun at s > t takes D - (s - t) at least.
+paths doesn't come earlier with a later departure either (FIFO). If a voyage begun at t takes D at
+best, one begun at s > t takes D - (s - t) at least.
 
 How fast the current changes says more. On a fixed path dt/dx = σ(x, t) = 1/g, so that arrivals A of
 departures t obey dA/dt = exp ∫ ∂σ/∂t dx = exp(-∫ (∂g/∂t) / g dt) >= exp(-ρ D), where ρ bounds
@@ -13,11 +13,12 @@ voyages that beat the best one matter, so D is no more than the best duration an
 
 Where that is short of the best duration by more than a tolerance, the next departure is planned as
 far on as the bound reaches. Each plan settles as much of the window as the tolerance over L: window
-over tolerance of them prove the choice on any scene, far fewer where the current changes slowly
+over tolerance of them settle the choice on any scene, far fewer where the current changes slowly
 (one, where it does not), and the more durations differ the fewer are needed.
 
-It is as good as the paths are optimal and the current's table is true, and rests on FIFO: where the
-current is as strong as the vessel in places, nothing is proven. With adaptive padding land is
+D is taken from the path that was found, not from a lower bound, so the choice is settled to within
+the error of the paths and of the current's table, and is no proof. It rests on FIFO: where the
+current is as strong as the vessel in places, nothing is known. With adaptive padding land is
 padded for the hours of passage, so that a later departure may find more room; then the earliest
 arrival of all later ones counts.
 """
@@ -39,7 +40,7 @@ Progress = Callable[[int, float], None]
 
 # Number of rounds in which the middles of the intervals beside the best departure are planned.
 _FINER = 3
-# Least slope by which durations are taken to fall: none is none.
+# Lower limit of the slope, to avoid dividing by zero.
 _FLATTEST = 1e-12
 # Share of the tolerance that counts as none.
 _ROUNDING = 1e-6
@@ -48,7 +49,7 @@ _ROUNDING = 1e-6
 class _Interval(NamedTuple):
     """From one departure to the next (s).
 
-    Who leaves at its beginning takes `duration` (s) at least, and later ones less by `slope` times
+    A voyage begun at its beginning takes `duration` (s) at least, a later one less by `slope` times
     the time between, at most.
     """
 
@@ -72,7 +73,7 @@ class DepartureWindow:
 
     No voyage takes less than `least_duration` (s), whatever the departure. In a second the speed
     over ground changes by a share `speed_change` (1/s) at most; where that is infinite, nothing is
-    proven.
+    known of departures between those planned.
     """
 
     def __init__(
@@ -124,7 +125,7 @@ class DepartureWindow:
         self.sailings = self._planner.in_order(self.sailings)
 
     def look_closer(self) -> None:
-        """Plan departures beside the best one, ever closer to it; nothing is proven by these."""
+        """Plan departures beside the best one, ever closer to it; these settle nothing more."""
         for _ in range(_FINER):
             times = [one.departure for one in self.sailings]
             at = times.index(self.best.departure)

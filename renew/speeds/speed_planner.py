@@ -1,7 +1,7 @@
 """Plans of one voyage with a choice of speeds: around areas shut for some hours, and by departure.
 
 Among departures the one of least fuel is best: who leaves at another time meets another current,
-and has another time to be there. Each is planned by itself, with all its classes; nothing is proven
+and has another time to be there. Each is planned by itself, with all its classes; nothing is known
 of those between, since what bounds arrivals at one speed (:mod:`renew.departures.departure_window`)
 does not bound fuel.
 """

@@ -1,6 +1,7 @@
 """Verification of a path by its hard-over turns: where one touches land, the padding is too small.
 
-It tests samples; what is proven is the bound on fuel (:mod:`renew.bounds`).
+It tests samples, and proves nothing: a proof is behind the bound on fuel alone
+(:mod:`renew.bounds`).
 """
 
 from __future__ import annotations

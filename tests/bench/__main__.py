@@ -1,6 +1,7 @@
 """Measure every figure that RENEW is held to and print them beside what was asked.
 
-Name some, as in `python -m tests.bench palawan islands`, to measure these only.
+Name some, as in `python -m tests.bench palawan islands`, to measure these only. With `--record` the
+figures that pages quote are written to docs/figures/SUITE.csv.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ from tests.bench import (
     palawan_figures,
     pipeline_figures,
     planner_figures,
+    published_figures,
     sea_figures,
     speed_figures,
     tide_figures,
     writing,
 )
+from tests.bench.record import record
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -39,8 +42,11 @@ if TYPE_CHECKING:
 
 SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "padding": planner_figures.paddings,
+    "draws": published_figures.paddings,
     "gyre": planner_figures.single_gyre_fuel,
     "sampled": planner_figures.sampled_method,
+    "published": published_figures.scenes,
+    "triangulators": published_figures.triangulators,
     "scenes": planner_figures.random_scenes,
     "times": planner_figures.times,
     "eddies": eddy_figures.eddies,
@@ -72,15 +78,21 @@ def main() -> int:
     """Print the table; exit 1 where a figure is missed."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("suites", nargs="*", choices=[*SUITES, []], help="all, if none is named")
-    chosen = parser.parse_args().suites or list(SUITES)
+    parser.add_argument("--record", action="store_true", help="write what pages quote")
+    arguments = parser.parse_args()
+    chosen = arguments.suites or list(SUITES)
     table = Table("figure", "asked", "reached", "", title="RENEW: figures to reach")
     console = Console(width=140 if not sys.stdout.isatty() else None)
     figures: list[Figure] = []
     for name in chosen:
+        values: dict[str, float] = {}
         for figure in SUITES[name]():
             figures.append(figure)
             console.print(f"[dim]{figure.name}: {figure.reached}[/dim]", highlight=False)
             table.add_row(figure.name, figure.asked, figure.reached, figure.verdict)
+            values |= figure.values
+        if arguments.record and values:
+            record(name, values)
     console.print(table)
     return int(any(figure.met is False for figure in figures))
 

@@ -1,6 +1,6 @@
 """What 1,000,000 plans a night take: `python -m tests.bench.million_plans`.
 
-It prints the tables of docs/how-to/a-million-plans.md; a test compares them.
+It prints the tables of docs/how-to/nightly.md; a test compares them.
 """
 
 from __future__ import annotations

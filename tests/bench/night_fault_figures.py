@@ -65,7 +65,7 @@ def _killed_half_way(folder: Path) -> Figure:
         )
         process.kill()
         process.wait()
-    parts = output.glob("*.partial/parts/*.parquet")
+    parts = output.glob("*.partial/parts/*.part")
     first_s = sum(sum(pq.read_table(part)["seconds"].drop_null().to_pylist()) for part in parts)
     run_to_the_end(file, output)
     total_s = json.loads((output / "latest" / "night.json").read_text())["planning_seconds"]

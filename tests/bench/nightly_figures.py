@@ -50,8 +50,9 @@ from pipeline.storage.store import Store
 from datetime import UTC, datetime
 config = load_config(Path(sys.argv[1]), Path(sys.argv[2]))
 cases = expand(config)
-planning = Planning(cases, newest_currents(cases), Store(config.output / ".artefacts"),
-    Partial(config.output, datetime.now(UTC), ""), Rules(3.0), None, "", print, print)
+now = datetime.now(UTC)
+planning = Planning(cases, newest_currents(cases, now), Store(config.output / ".artefacts"),
+    Partial(config.output, now), Rules(3.0), None, "", print, print)
 half = int(sys.argv[3])
 tasks = [planning._case_task(cases[i]) for i in range(len(cases)) if i * 2 // len(cases) == half]
 plan_case(tasks[0], planning.chart_path(cases[tasks[0].index]), Rules(3.0), None)

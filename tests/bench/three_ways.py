@@ -1,4 +1,4 @@
-"""A night in the three ways of docs/how-to/a-million-plans.md.
+"""A night in the three ways of docs/how-to/nightly.md.
 
 `python -m tests.bench.three_ways 1000` runs it.
 

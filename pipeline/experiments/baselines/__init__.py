@@ -1,1 +1,1 @@
-"""The planners that are compared: the paper's seven baselines, stronger rivals, and ours."""
+"""The planners that are compared: the paper's baselines, rivals for least fuel, and ours."""

@@ -1,4 +1,4 @@
-"""Stronger rivals than the paper's: OMPL's anytime planners with Eq. 4 as their objective.
+"""Rivals for least fuel, which the paper has not: OMPL's anytime planners with the cost of Eq. 4.
 
 BIT* (Gammell et al., 2015), RRT* and PRM* (Karaman & Frazzoli, 2011). They end after a number of
 calls of their cost and collision functions. Their paths are not simplified afterwards, because

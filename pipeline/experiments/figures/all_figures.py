@@ -71,7 +71,7 @@ def drawings(found: Findings) -> Iterator[Drawing]:
     caption = (
         "Turning circles beside an edge (to port solid, to starboard dashed), and the distribution "
         "of their reach. The current and its "
-        "spread are ours: the inputs of the published pair 4.47 m and 1.96 m are not published."
+        "spread are ours: the inputs of the published pair 4.47 m and 1.96 m are not in the paper."
     )
     vessel = found.environments[0].vessel
     yield Drawing("turning-circles", curves.turning_circles(vessel), caption)

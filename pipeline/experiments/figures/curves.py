@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 
 # The current (m/s) of the example, at 45 degrees to the edge; its spread of speed (share) and of
-# direction (rad), and draws. Ours: the inputs of the published example are not published.
+# direction (rad), and draws. Ours: the inputs of the published example are not in the paper.
 _SPEED, _SPEED_SPREAD, _DIRECTION_SPREAD, _DRAWS = 0.30, 0.1, np.radians(10), 20_000
 _RISK = 0.05
 # Marks on the axis of fuel beside ours, percent.

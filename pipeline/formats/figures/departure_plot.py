@@ -1,4 +1,4 @@
-"""Plot of fuel against departure for a page, with the best departure and what is proven."""
+"""Plot of fuel against departure for a page, with the best one and what any other may save."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
         color=COLOURS["ink"],
         zorder=4,
     )
-    note = "dashed: proven bound" if has_floor else ""
+    note = "dashed: no departure takes less, to within the paths' error" if has_floor else ""
     what = "Time under way, h (fuel in proportion)"
     plot_title(axes, "Fuel above the least, %" if choice.has_speeds else what, note)
     plot_x_label(axes, f"departure, {unit} after {moment_text(choice.first)}")

@@ -29,7 +29,7 @@ from pipeline.formats.paper.legs_table import (
 )
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
 from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.text import moment_text, percent, speed_over_ground, to_minute
+from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
 from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = distance_text(planned.clearance_m)
-    gap = f"Optimality gap {percent(planned.optimality_gap)}."
+    gap = f"Optimality gap: {gap_figure(planned.optimality_gap)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
@@ -135,7 +135,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         tightest_text(points, result),
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
-        "Within a leg's cross-track limits the vessel can turn away everywhere, to either side.",
+        "Within a leg's cross-track limits the vessel stays out of the soft no-go zone.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]
 

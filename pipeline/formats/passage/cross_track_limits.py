@@ -38,7 +38,7 @@ def cross_track_limits(
     A limit is the distance from the leg, its ends included, to the nearest point on that side of V,
     the hard no-go zone (which covers all land) or the chart's edge; at most `cap`. V is the water
     from which a hard-over turn in the season's current could touch land, so within the limits the
-    vessel can still turn away everywhere. 0 where the leg itself lies in V, as it may at start or
+    vessel stays out of V. 0 where the leg itself lies in V, as it may at start or
     goal: nothing is promised there.
     """
     count = len(legs.lines)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pipeline.scenario.model import PlannerOptions
     from pipeline.scenario.vessel import VesselSpec
 
-_FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain")
+_FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
 
 
 @dataclass(frozen=True)

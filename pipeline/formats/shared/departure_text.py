@@ -1,4 +1,4 @@
-"""When to leave, in sentences: the best departure, how much it saves, and what is proven."""
+"""When to leave, in sentences: the best departure, what it saves, and how sure that is."""
 
 from __future__ import annotations
 
@@ -65,18 +65,18 @@ def _merit(choice: DepartureChoice) -> str:
 
 
 def _proof(choice: DepartureChoice) -> str:
-    """Say what is proven of the choice."""
+    """Say what is shown of departures between those that were planned."""
     if choice.has_speeds:
-        return "Nothing is proven of departures between these, as speeds are chosen at each."
+        return "Nothing is known of departures between these, as speeds are chosen at each."
     if not math.isfinite(choice.unproven_s):
         return (
-            "Nothing is proven of departures between these: the current is as strong as the vessel "
+            "Nothing is known of departures between these: the current is as strong as the vessel "
             "in places, or an area is shut for some hours."
         )
     return (
-        "Proven: no other departure in this window takes less time by more than "
-        f"{hours(choice.unproven_s)}, as nobody who leaves later on the same water arrives "
-        "earlier. What is finer than that was searched, and is not proven."
+        "To within the paths' own error no other departure in this window takes less time by "
+        f"more than {hours(choice.unproven_s)}, as a later departure on the same water never "
+        "arrives earlier. What is finer than that was searched, not shown."
     )
 
 

@@ -172,8 +172,13 @@ class RunResult:
         for grid in self.fetched.currents:
             if grid.season == season and grid.valid:
                 shown = "; maps show it at departure" if grid.changes else ""
-                return f"valid {grid.valid.replace('/', ' to ')}{shown}"
+                return f"valid {self.period_text(season)}{shown}"
         return ""
+
+    def period_text(self, season: str) -> str:
+        """Dates of a season's current, "2024-01-03 to 2024-01-28"; empty if not stated."""
+        valid = (grid.valid for grid in self.fetched.currents if grid.season == season)
+        return next((dates.replace("/", " to ") for dates in valid if dates), "")
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
         """Why a class of a season has no route, as text for readers."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
 
 ABSENT = "–"
+USEFUL_GAP = 1.0
+"""Optimality gap above which a lower bound on fuel says nothing of use."""
 # A time on a current's clock in one of the planner's reasons.
 _CLOCK_TIME = re.compile(
     r"\b(arrive at|known until|arrive_by =|leaves? at|there at|from|until) "
@@ -112,6 +114,11 @@ def share(value: float) -> str:
     return f"{number(100 * value, 3)} %" if math.isfinite(value) else ABSENT
 
 
+def gap_figure(share: float) -> str:
+    """Format an optimality gap: 4.9 %, or that the bound is too loose to be of use."""
+    return "no useful bound" if share > USEFUL_GAP else percent(share)
+
+
 def place(lon: float, lat: float) -> str:
     """Format a position in degrees: 119.8710 E 11.5244 N."""
     return position_text(lon, lat)
@@ -144,14 +151,16 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
-def gap_text(gap: GapShares, no_go: str) -> str:
+def gap_text(shares: GapShares, no_go: str) -> str:
     """Say in a sentence what an optimality gap is made of, on a chart of so named no-go."""
-    whole = gap.chart + gap.padding + gap.bound
+    whole = shares.chart + shares.padding + shares.bound
+    if whole > USEFUL_GAP:
+        return "The bound on fuel is too loose here to be told apart."
     return (
-        f"Of the optimality gap of {percent(whole)}, {percent(gap.chart)} is the chart's "
-        f"(simplification, margin and offing), {percent(gap.padding)} is the padding's "
-        f"(room for hard-over turns), and {percent(gap.bound)} the bound's own: no route that only "
-        f"stays off the {no_go} was found that is nearer to it."
+        f"Of the optimality gap of {percent(whole)}, {percent(shares.chart)} is the chart's "
+        f"(simplification, margin and offing), {percent(shares.padding)} is the padding's "
+        f"(room for hard-over turns), and {percent(shares.bound)} the bound's own: no route that "
+        f"only stays off the {no_go} was found that is nearer to it."
     )
 
 

@@ -26,12 +26,12 @@ COLUMNS = (
     "homotopy",
     "way",
     "is_best",
-    "proven_to_min",
+    "unproven_min",
     "reason",
 )
-"""Times are UTC, fuel is in the planner's units; `proven_to_min` is by how many minutes another
-departure in the window may still take less than the best; empty on the others, and where nothing is
-proven. `reason` is why there is no route."""
+"""Times are UTC, fuel is in the planner's units; `unproven_min` is by how many minutes another
+departure in the window may still take less than the best, to within the paths' own error; empty on
+the others, and where nothing is known of it. `reason` is why there is no route."""
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:
@@ -68,7 +68,7 @@ def _rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]
     ways = {
         one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
     }
-    proven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
+    unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
     best = int(abs(choice.departures_s - choice.chosen_s).argmin())
     planned = zip(
         choice.departures_s.tolist(),
@@ -89,7 +89,7 @@ def _rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]
             "homotopy": homotopy,
             "way": ways.get(homotopy, ""),
             "is_best": at == best,
-            "proven_to_min": proven if at == best else None,
+            "unproven_min": unproven if at == best else None,
             "reason": reason,
         }
 

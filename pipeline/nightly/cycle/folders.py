@@ -2,7 +2,8 @@
 
 `OUTPUT/<cycle>.partial/` is renamed to `OUTPUT/<cycle>/` once it is whole, and never touched again;
 then one rename moves the link. A job that is killed between the two leaves a finished cycle that
-`latest` does not name: the next one moves the link.
+`latest` does not name: the next one moves the link. What is found damaged, or in the link's place,
+is moved to `OUTPUT/damaged/`, never removed.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import secrets
 import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.nightly.request.newest_currents import cycle_time, is_cycle
+from pipeline.nightly.request.newest_currents import base_of, cycle_time, is_cycle, revision
+from pipeline.storage.whole_files import flush, flush_tree
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,10 +27,19 @@ if TYPE_CHECKING:
 
 LATEST = "latest"
 PARTIAL = ".partial"
+DAMAGED = "damaged"
+RECORD = "night.json"
+"""The file of a cycle that says when and from what it was made."""
 _LINK = ".latest.link"
 _REMOVED = ".removed"
-# Errors that say that nothing can be written, whatever is freed.
-_READ_ONLY = {errno.EROFS, errno.EACCES, errno.EPERM}
+# What to do about errors of the file system; for others, free some space.
+_ALLOW = "allow it, or choose another folder with --output"
+_MOVE = "move away what is in its place, and run again"
+_REMEDIES = {
+    **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), _ALLOW),
+    **dict.fromkeys((errno.EEXIST, errno.EISDIR, errno.ENOTDIR, errno.ENOTEMPTY), _MOVE),
+    errno.EIO: "check the disk",
+}
 
 
 @dataclass(frozen=True)
@@ -38,13 +50,27 @@ class Cycles:
 
     @property
     def latest(self) -> str:
-        """Name of the cycle that `latest` leads to; "" where there is none."""
-        link = self.output / LATEST
+        """Name of the cycle that `latest` leads to; where it leads nowhere, of the newest one.
+
+        "" where there is no finished cycle.
+        """
         try:
-            name = link.readlink().name
+            name = (self.output / LATEST).readlink().name
         except OSError:
-            return ""
-        return name if is_cycle(name) and (self.output / name).is_dir() else ""
+            name = ""
+        if is_cycle(name) and self.folder(name).is_dir():
+            return name
+        return next(reversed(self.finished()), "")
+
+    def is_named(self, cycle: str) -> bool:
+        """Whether the link `latest` leads to a cycle."""
+        link = self.output / LATEST
+        return link.is_symlink() and link.resolve() == self.folder(cycle).resolve()
+
+    def up_to_latest(self) -> list[str]:
+        """Return the names of finished cycles up to the latest, oldest first."""
+        finished, latest = self.finished(), self.latest
+        return finished[: finished.index(latest) + 1] if latest else []
 
     def folder(self, cycle: str) -> Path:
         """Return a finished cycle's folder, whether it exists or not."""
@@ -58,6 +84,18 @@ class Cycles:
         """Return the names of finished cycles, oldest first; those without a time by their age."""
         found = [path for path in self._folders() if is_cycle(path.name)]
         return [path.name for path in sorted(found, key=_age)]
+
+    def revisions(self, cycle: str) -> list[str]:
+        """Return the finished cycles on the same currents, oldest first."""
+        return [name for name in self.finished() if base_of(name) == base_of(cycle)]
+
+    def free_name(self, cycle: str) -> str:
+        """Return a cycle's name or, where a folder has it already, that of its next revision."""
+        name, number = base_of(cycle), 1
+        while os.path.lexists(self.folder(name)):
+            number += 1
+            name = f"{base_of(cycle)}-r{number}"
+        return name
 
     def partials(self) -> list[str]:
         """Return the names of cycles that are under way."""
@@ -76,19 +114,31 @@ class Cycles:
         """Rename a whole cycle into its place, then point `latest` at it."""
         partial, folder = self.partial(cycle), self.folder(cycle)
         with writing(self.output):
-            flush(partial)
+            flush_tree(partial)
             partial.rename(folder)
-            flush_folder(self.output)
+            flush(self.output)
         self.point_at(cycle)
 
     def point_at(self, cycle: str) -> None:
         """Replace the link `latest` by one rename."""
         with writing(self.output):
             link = self.output / _LINK
+            if not (self.output / LATEST).is_symlink():
+                self.set_aside(self.output / LATEST)
             link.unlink(missing_ok=True)
             link.symlink_to(cycle, target_is_directory=True)
             link.replace(self.output / LATEST)
-            flush_folder(self.output)
+            flush(self.output)
+
+    def set_aside(self, path: Path) -> None:
+        """Move what is damaged, or in the way, to a folder of its own, as far as the disk lets."""
+        if not os.path.lexists(path):
+            return
+        name = "-".join(path.relative_to(self.output).parts)
+        with contextlib.suppress(OSError):
+            aside = self.output / DAMAGED
+            aside.mkdir(exist_ok=True)
+            path.rename(aside / f"{name}-{secrets.token_hex(4)}")
 
     def remove_leftovers(self) -> None:
         """Remove what a killed job left: its link, and cycles that were being removed."""
@@ -126,34 +176,15 @@ def writing(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        remedy = "free some space, and run again to continue"
-        if error.errno in _READ_ONLY:
-            remedy = "allow it, or choose another folder with --output"
-        raise StageError(f"can't write in {folder}: {error.strerror or error}; {remedy}") from error
+        remedy = _REMEDIES.get(error.errno or 0, "free some space, and run again to continue")
+        place = error.filename if remedy == _MOVE and error.filename else folder
+        raise StageError(f"can't write in {place}: {error.strerror or error}; {remedy}") from error
 
 
-def flush(folder: Path) -> None:
-    """Wait until a folder's files are on the disk."""
-    for path in folder.iterdir():
-        if path.is_file():
-            _fsync(path)
-    flush_folder(folder)
-
-
-def flush_folder(folder: Path) -> None:
-    """Wait until a folder's own entries are on the disk."""
-    _fsync(folder)
-
-
-def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def _age(path: Path) -> tuple[float, str]:
-    """Return what cycles are sorted by: their time or, where they have none, their folder's."""
+def _age(path: Path) -> tuple[float, int, str]:
+    """Return what cycles are sorted by: their time or, where they have none, their record's."""
     time = cycle_time(path.name)
-    return (path.stat().st_mtime if time is None else time.timestamp()), path.name
+    if time is not None:
+        return time.timestamp(), revision(path.name), path.name
+    record = path / RECORD
+    return (record if record.exists() else path).stat().st_mtime, 1, path.name

@@ -1,14 +1,13 @@
-"""Parquet parts: rows of cases and of their routes, whole in their place or not there at all.
+"""Parts: rows of cases and of their routes, whole in their place or not there at all.
 
 A part holds neighbouring cases, from `first` up to `end`: a row of rank 0 for each case, and a row
-for each of its routes, rank 1 the best. Geometries are WKB in lon/lat.
+for each of its routes, rank 1 the best. Geometries are WKB in lon/lat. A file is a hash and a
+Parquet table, so that a damaged part counts as absent: its cases are planned anew.
 """
 
 from __future__ import annotations
 
-import os
 import re
-import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
+from pipeline.storage.store import read_checked, write_checked
+from pipeline.storage.whole_files import UNFINISHED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -75,8 +76,7 @@ PART_SCHEMA = pa.schema(
     [*_SHARED, ("rank", pa.int64()), *_CASE, *_ROUTE, ("seconds", pa.float64())]
 )
 """Columns of a part; `seconds` is how long the case took."""
-_PART_NAME = re.compile(r"(\d{8})-(\d{8})\.parquet", re.ASCII)
-_UNFINISHED = ".tmp"
+_PART_NAME = re.compile(r"(\d{8})-(\d{8})\.part", re.ASCII)
 
 Row = dict[str, Any]
 
@@ -92,29 +92,23 @@ class Part:
 
 def part_path(folder: Path, first: int, end: int) -> Path:
     """Return the path of the part for some cases."""
-    return folder / f"{first:08}-{end:08}.parquet"
+    return folder / f"{first:08}-{end:08}.part"
 
 
 def write_part(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows under a temporary name, wait until they are on the disk, and rename.
+    """Write rows to a part, whole.
 
     Raises
     ------
     StageError
         The disk refuses.
     """
-    fresh = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_UNFINISHED}")
+    content = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(list(rows), PART_SCHEMA), content)
     try:
-        try:
-            with fresh.open("xb") as file:
-                pq.write_table(pa.Table.from_pylist(list(rows), PART_SCHEMA), file)
-                file.flush()
-                os.fsync(file.fileno())
-            fresh.replace(path)
-        finally:
-            fresh.unlink(missing_ok=True)
-    except (OSError, pa.ArrowException) as error:
-        reason = getattr(error, "strerror", None) or error
+        write_checked(path, content.getvalue().to_pybytes())
+    except OSError as error:
+        reason = error.strerror or error
         raise StageError(
             f"can't write {path.name} in {path.parent}: {reason}; free some space and run again"
         ) from error
@@ -123,7 +117,7 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
 def parts_in(folder: Path) -> list[Part]:
     """Return the whole parts of a folder, by their first case; others are left out."""
     found = []
-    for path in folder.glob("*.parquet"):
+    for path in folder.glob("*.part"):
         name = _PART_NAME.fullmatch(path.name)
         if name is not None and _is_whole(path):
             found.append(Part(path, int(name[1]), int(name[2])))
@@ -132,8 +126,22 @@ def parts_in(folder: Path) -> list[Part]:
 
 def remove_unfinished(folder: Path) -> None:
     """Remove what killed workers left unfinished."""
-    for path in folder.glob(f".*{_UNFINISHED}"):
+    for path in folder.glob(f".*{UNFINISHED}"):
         path.unlink(missing_ok=True)
+
+
+def read_part(part: Part) -> pa.Table:
+    """Read a part's rows.
+
+    Raises
+    ------
+    pa.ArrowInvalid
+        It is damaged, or gone.
+    """
+    content = read_checked(part.path)
+    if content is None:
+        raise pa.ArrowInvalid(f"{part.path.name} is damaged")
+    return pq.read_table(pa.BufferReader(content))
 
 
 def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
@@ -164,8 +172,6 @@ def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is Parquet with our columns."""
-    try:
-        return bool(pq.read_schema(path).equals(PART_SCHEMA))
-    except (OSError, pa.ArrowException):
-        return False
+    """Whether a part is undamaged, and has our columns."""
+    content = read_checked(path)
+    return content is not None and pq.read_schema(pa.BufferReader(content)).equals(PART_SCHEMA)

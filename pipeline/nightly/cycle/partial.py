@@ -1,11 +1,9 @@
-"""A cycle that is under way: what was asked, yesterday's cycle, and the parts done so far."""
+"""A cycle that is under way: what was asked, and the parts done so far."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
-import secrets
 import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,6 +13,7 @@ from pipeline.errors import StageError
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.part import parts_in, remove_unfinished
 from pipeline.storage.locks import file_lock
+from pipeline.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,18 +31,15 @@ class Partial:
 
     folder: Path
     started: datetime
-    earlier: str
 
     @classmethod
-    def opened(cls, folder: Path, request: str, earlier: str, *, is_alone: bool) -> Partial:
+    def opened(cls, folder: Path, request: str, *, is_alone: bool) -> Partial:
         """Make the folder, or open it where an earlier run left it.
 
         Parameters
         ----------
         request
-            Hash of all that results depend on: parts of another one are removed.
-        earlier
-            Yesterday's cycle, as it is named when the first run begins.
+            Says all that results depend on: parts of another one are removed.
         is_alone
             Whether no other job is at work in the folder.
 
@@ -64,7 +60,7 @@ class Partial:
                         )
                     _empty(folder)
                     now = datetime.now(UTC).isoformat(timespec="seconds")
-                    said = {"request": request, "earlier": earlier, "started": now}
+                    said = {"request": request, "started": now}
                     write_whole(folder / _REQUEST, json.dumps(said) + "\n")
                 for name in (_PARTS, _MARKS):
                     (folder / name).mkdir(exist_ok=True)
@@ -72,7 +68,7 @@ class Partial:
                     remove_unfinished(folder / _PARTS)
                     for path in (folder / _MARKS).iterdir():
                         path.unlink(missing_ok=True)
-        return cls(folder, datetime.fromisoformat(said["started"]), said["earlier"])
+        return cls(folder, datetime.fromisoformat(said["started"]))
 
     @property
     def request_file(self) -> Path:
@@ -107,25 +103,12 @@ class Partial:
                 (self.folder / name).unlink(missing_ok=True)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file under a temporary name, wait until it is on the disk, and rename it."""
-    fresh = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with fresh.open("x", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
-
-
 def _said(path: Path) -> dict[str, str]:
     """Read what was asked; empty where nothing was, or the file is damaged."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         datetime.fromisoformat(said["started"])
-        return {key: str(said[key]) for key in ("request", "earlier", "started")}
+        return {key: str(said[key]) for key in ("request", "started")}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

@@ -16,7 +16,7 @@ from pipeline.nightly.planning.batches import BatchWork
 from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
 from pipeline.nightly.planning.worker import BROKEN, CaseTask, PlanBatch, failed_row
 from pipeline.nightly.request.newest_currents import named_currents
-from pipeline.storage.store import artefact_key
+from pipeline.storage.store import artefact_key, read_checked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 
 # Number of cases in a slice of a share at most: neighbours share a current.
 _LARGEST_SLICE = 64
-_DIED = "its worker died of it (out of memory, or a crash of the interpreter)"
+_DIED = (
+    "its worker died of it (out of memory, which memory_gb limits where workers are local, or a "
+    "crash of the interpreter)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,17 +151,20 @@ class Planning:
             done += 1
             self.on_progress(done, total)
 
-        preparation = Preparation([one for one in charts if not one.path.exists()], progress)
+        preparation = Preparation(
+            [one for one in charts if read_checked(one.path) is None], progress
+        )
         workers.run(preparation, self.check)
         self.failures |= preparation.failures
-        wanted = [
-            one for one in currents if not one.path.exists() and one.chart_path not in self.failures
-        ]
+        self.failures |= self._dated_ahead()
+        failed = self.failures.keys()
+        wanted = [one for one in currents if not {one.path, one.chart_path} & failed]
+        wanted = [one for one in wanted if read_checked(one.path) is None]
         preparation = Preparation(wanted, progress)
         workers.run(preparation, self.check)
         self.failures |= preparation.failures
         if currents and all(one.path in self.failures for one in currents):
-            reasons = dict.fromkeys(preparation.failures.values())
+            reasons = dict.fromkeys(self.failures[one.path] for one in currents)
             raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")
 
     def plan(self, workers: Fleet, share: Share) -> None:
@@ -192,7 +198,7 @@ class Planning:
         chart = self.chart_path(case)
         key = (chart, case.current)
         if key not in self._current_paths:
-            made_from = (self.newest.cycle, chart.name, self.season(case).model_dump(mode="json"))
+            made_from = (self.newest.digest, chart.name, self.season(case).model_dump(mode="json"))
             self._current_paths[key] = self.store.path(
                 "night-current", artefact_key(STAGE, *made_from)
             )
@@ -201,8 +207,8 @@ class Planning:
     def season(self, case: Case) -> Season:
         """Return a case's season, with its own time and its own currents."""
         update: dict[str, object] = {}
-        if case.member is not None:
-            update["currents"] = named_currents(case.season, case.member)
+        if case.member is not None or self.newest.ahead:
+            update["currents"] = self._usable_currents(case)
         leaves = self.leaves(case)
         if case.departure is not None and leaves is not None and not case.block.scenario.is_planar:
             update["valid"] = leaves.strftime("%Y-%m-%dT%H:%MZ")
@@ -217,6 +223,21 @@ class Planning:
             return case.season.departure
         start = self.newest.departures_from
         return None if start is None else case.departure.after(start)
+
+    def _usable_currents(self, case: Case) -> tuple[str | tuple[str, ...], ...]:
+        """Return the sources of a case's currents, less those that are dated in the future."""
+        named = named_currents(case.season, case.member)
+        return tuple(one for one in named if one not in self.newest.ahead)
+
+    def _dated_ahead(self) -> dict[Path, str]:
+        """Return why currents can't be had of which all sources are dated in the future."""
+        return {
+            self.current_path(case): "; ".join(
+                self.newest.ahead[one] for one in named_currents(case.season, case.member)
+            )
+            for case in self._current_examples()
+            if not case.block.scenario.is_planar and not self._usable_currents(case)
+        }
 
     def _current_examples(self) -> list[Case]:
         """Return one case of each current of each chart."""

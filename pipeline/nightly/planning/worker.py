@@ -1,4 +1,4 @@
-"""A batch of cases on one chart, planned by a worker: given by paths, it leaves one Parquet part.
+"""A batch of cases on one chart, planned by a worker: given by paths, it leaves one part.
 
 Chart and current are loaded once. Before it begins, a batch leaves a mark; where it finds that mark
 of its own, the worker that had it before has died of it, and the batch is not tried again as it is.
@@ -28,6 +28,7 @@ from pipeline.stages.evaluate import combine_seasons, evaluate_season
 from pipeline.stages.plan import plan_season
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.workers.fleet import DiedBeforeError
+from pipeline.storage.store import read_checked
 
 if TYPE_CHECKING:
     from pipeline.model import RouteMetrics, Scene
@@ -108,7 +109,9 @@ class BatchReport:
 def plan_batch(batch: PlanBatch) -> BatchReport:
     """Plan a batch; see `PlanBatch.make`."""
     begun = time.perf_counter()
-    if batch.part_path.exists():  # done before, and its report was lost with the worker
+    if (
+        read_checked(batch.part_path) is not None
+    ):  # done before, and its report was lost with the worker
         return BatchReport(batch.first, batch.end, 0.0, 0.0)
     _mark(batch.mark_path)
     try:

@@ -8,12 +8,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.nightly.publishing.merging import table_writer
+from pipeline.nightly.request.newest_currents import cycle_time
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from datetime import datetime
     from pathlib import Path
 
-HISTORY_FILE = "history.parquet"
+    from pipeline.nightly.cycle.look_back import LookBack
+
 _COLUMNS = ("case", "status", "outcome", "side", "class", "fuel", "arrival", "saving_percent")
 SCHEMA = pa.schema(
     [
@@ -32,20 +35,29 @@ SCHEMA = pa.schema(
 
 
 def write_history(
-    earlier: Path | None, cases_path: Path, path: Path, cycle: str, reference: datetime | None
+    earlier: LookBack, cases_path: Path, path: Path, cycle: str, reference: datetime | None
 ) -> None:
-    """Write yesterday's history, if there is one, and after it tonight's cases."""
+    """Write the history so far, the cases of cycles that it lacks, and tonight's cases."""
     with table_writer(path, SCHEMA) as write:
-        if earlier is not None and earlier.is_file():
-            before = pq.ParquetFile(earlier)
+        if earlier.history is not None:
+            before = pq.ParquetFile(earlier.history)
             for group in range(before.num_row_groups):
                 write(before.read_row_group(group))
-        cases = pq.ParquetFile(cases_path)
-        for group in range(cases.num_row_groups):
-            table = cases.read_row_group(group, list(_COLUMNS))
-            count = table.num_rows
-            table = table.append_column("cycle", pa.array([cycle] * count, pa.string()))
-            table = table.append_column(
-                "reference_time", pa.array([reference] * count, SCHEMA.field("reference_time").type)
-            )
-            write(table.select(SCHEMA.names))
+        for name, cases in earlier.later:
+            _append(write, cases, name, cycle_time(name))
+        _append(write, cases_path, cycle, reference)
+
+
+def _append(
+    write: Callable[[pa.Table], None], cases_path: Path, cycle: str, reference: datetime | None
+) -> None:
+    """Write the rows of a cycle's cases."""
+    cases = pq.ParquetFile(cases_path)
+    for group in range(cases.num_row_groups):
+        table = cases.read_row_group(group, list(_COLUMNS))
+        count = table.num_rows
+        table = table.append_column("cycle", pa.array([cycle] * count, pa.string()))
+        table = table.append_column(
+            "reference_time", pa.array([reference] * count, SCHEMA.field("reference_time").type)
+        )
+        write(table.select(SCHEMA.names))

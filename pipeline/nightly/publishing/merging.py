@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, covering
+from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, covering, read_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -41,7 +41,7 @@ def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
         table_writer(routes_path, _geographic(ROUTE_SCHEMA)) as write_routes,
     ):
         for part, first, end in covering(parts):
-            table = pq.read_table(part.path)
+            table = read_part(part)
             index = table["index"]
             taken = table.filter(pc.and_(pc.greater_equal(index, first), pc.less(index, end)))
             seconds += pc.sum(taken["seconds"]).as_py() or 0.0

@@ -14,7 +14,7 @@ from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
 from pipeline.nightly.publishing.changes import rows_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from datetime import datetime
     from pathlib import Path
 
@@ -86,6 +86,7 @@ class NightPage:
     cycle: str
     reference: str
     earlier: str
+    notes: Sequence[str]
     counts: Mapping[str, int]
     total: int
     rows: list[Row]
@@ -98,6 +99,7 @@ def write_page(
     path: Path,
     cycle: str,
     reference: datetime | None,
+    notes: Sequence[str],
     chart_of: Callable[[int], NightChart | None],
     earlier_of: Callable[[Row], EarlierRoute | None],
 ) -> None:
@@ -109,13 +111,15 @@ def write_page(
         The cycle's table of cases.
     reference
         Reference time of its currents.
+    notes
+        What is said before all else.
     chart_of
         Gives the chart of a case by its index; None where it could not be made.
     earlier_of
         Gives the route that a case had yesterday.
     """
     path.write_text(
-        _rendered(_gathered(cases_path, cycle, reference, chart_of, earlier_of)), "utf-8"
+        _rendered(_gathered(cases_path, cycle, reference, notes, chart_of, earlier_of)), "utf-8"
     )
 
 
@@ -123,6 +127,7 @@ def _gathered(
     cases_path: Path,
     cycle: str,
     reference: datetime | None,
+    notes: Sequence[str],
     chart_of: Callable[[int], NightChart | None],
     earlier_of: Callable[[Row], EarlierRoute | None],
 ) -> NightPage:
@@ -153,6 +158,7 @@ def _gathered(
         cycle=cycle,
         reference=reference.strftime("%Y-%m-%d %H:%M UTC") if reference else "no time",
         earlier=earlier_cycle,
+        notes=notes,
         counts=counts,
         total=counts.total(),
         rows=shown,

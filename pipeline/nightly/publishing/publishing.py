@@ -17,12 +17,13 @@ import pyarrow.parquet as pq
 from pipeline.errors import StageError
 from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex
 from pipeline.nightly.cycle.folders import writing
+from pipeline.nightly.cycle.look_back import HISTORY_FILE
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.planning.chart import NightChart
 from pipeline.nightly.planning.worker import PLANNED
 from pipeline.nightly.publishing.changes import CHANGES_FILE, write_changes
 from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE, LAYER, write_geopackage
-from pipeline.nightly.publishing.history import HISTORY_FILE, write_history
+from pipeline.nightly.publishing.history import write_history
 from pipeline.nightly.publishing.merging import ROUTES_FILE, merge
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
 from pipeline.nightly.publishing.stac import ITEM_FILE, item_text
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.nightly.cycle.earlier import EarlierRoute
+    from pipeline.nightly.cycle.look_back import LookBack
     from pipeline.nightly.cycle.part import Row
     from pipeline.nightly.planning.planning import Planning
 
@@ -58,11 +60,15 @@ class Published:
 
 @dataclass(frozen=True)
 class Publishing:
-    """Makes the files of a cycle in the folder where it is under way."""
+    """Makes the files of a cycle in the folder where it is under way.
+
+    `revises` says why these currents are planned on once more, if they are.
+    """
 
     planning: Planning
     folder: Path
-    earlier_folder: Path | None
+    look_back: LookBack
+    revises: str = ""
 
     def write(self) -> Published:
         """Write all files, and check them.
@@ -79,14 +85,16 @@ class Publishing:
                 seconds = merge(self.planning.partial.parts(), cases, routes)
                 published = self._counted(cases, seconds)
                 write_changes(cases, self.folder / CHANGES_FILE)
-                earlier = self.earlier_folder and self.earlier_folder / HISTORY_FILE
-                write_history(earlier, cases, self.folder / HISTORY_FILE, newest.cycle, newest.time)
+                write_history(
+                    self.look_back, cases, self.folder / HISTORY_FILE, newest.cycle, newest.time
+                )
                 write_geopackage(routes, self.folder / GEOPACKAGE_FILE, newest.time)
                 write_page(
                     cases,
                     self.folder / PAGE_FILE,
                     newest.cycle,
                     newest.time,
+                    (*([self.revises] if self.revises else ()), *self.look_back.notes),
                     self._chart,
                     self._earlier,
                 )
@@ -94,7 +102,10 @@ class Publishing:
                 text = item_text(newest.cycle, moment, routes, published.by_outcome)
                 (self.folder / ITEM_FILE).write_text(text, encoding="utf-8")
             except pa.ArrowException as error:
-                raise OSError(str(error)) from error
+                raise StageError(
+                    f"a file in {self.folder} can't be read ({' '.join(str(error).split())}); run "
+                    "again: what is damaged is planned anew"
+                ) from error
         return published
 
     def check(self) -> None:

@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import shapely
 
 from pipeline.nightly.cycle.earlier import CASES_FILE
+from pipeline.nightly.cycle.look_back import HISTORY_FILE
 from pipeline.nightly.publishing.changes import CHANGES_FILE
 from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE
-from pipeline.nightly.publishing.history import HISTORY_FILE
 from pipeline.nightly.publishing.merging import ROUTES_FILE
 from pipeline.nightly.publishing.page import PAGE_FILE
 

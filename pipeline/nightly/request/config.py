@@ -101,9 +101,10 @@ class NightTable(StrictModel):
         description="Number of worker processes of a local cluster; left out, one a core. Give a "
         "whole number, 1 or more.",
     )
-    memory_gb: Annotated[Number, Field(ge=0.25)] = Field(
+    # The least with which a worker can load its libraries and plan in a plane; a chart takes more.
+    memory_gb: Annotated[Number, Field(ge=0.5)] = Field(
         default=2.0,
-        description="Memory of a local worker, GB; one that takes more is ended. Give GB, 0.25 or "
+        description="Memory of a local worker, GB; one that takes more is ended. Give GB, 0.5 or "
         "more.",
     )
     cases: tuple[CaseTable, ...] = Field(

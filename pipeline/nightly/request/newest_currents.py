@@ -1,7 +1,9 @@
 """Which currents are newest: they name the cycle, and departures count from them.
 
-The clock plays no part. A cycle is called `2026-11-21T00Z` by the reference time of its currents;
-where their source does not say it, by their last time step and a hash: `2026-11-24T18Z-1f0c5a7e`.
+A cycle is called `2026-11-21T00Z` by the reference time of its currents; where their source does
+not say it, by their last time step and a hash: `2026-11-24T18Z-1f0c5a7e`. Planned on once more, as
+the request or the data have changed, it is `2026-11-21T00Z-r2`. The clock plays no part, but that
+currents dated in its future are not used.
 """
 
 from __future__ import annotations
@@ -9,8 +11,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +23,7 @@ from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.registry import current_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from pipeline.nightly.request.cases import Block, Cases, Member
     from pipeline.scenario.season import Season
@@ -29,47 +31,90 @@ if TYPE_CHECKING:
 
 # Number of a hash's digits in a cycle's name.
 _DIGITS = 8
-_NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}(?:\d{2})?Z|undated)(-[0-9a-f]{8})?", re.ASCII)
+_NAME = re.compile(
+    r"((\d{4}-\d{2}-\d{2}T\d{2}(?:\d{2})?Z|undated)(?:-[0-9a-f]{8})?)(?:-r(\d{1,6}))?", re.ASCII
+)
 _FORMATS = ("%Y-%m-%dT%HZ", "%Y-%m-%dT%H%MZ")
 _UNDATED = "undated"
+# How far a forecast's reference time may lie ahead of the clock: its making, and other time zones.
+_AHEAD = timedelta(days=1)
+# The same for the last step of currents that say no reference time: the longest are of a season.
+_STEPS_AHEAD = timedelta(days=366)
 
 
 @dataclass(frozen=True)
 class Newest:
     """The newest currents of a night.
 
-    `time` is their reference time, or their last step if the source does not say it, or None where
-    they have no time at all. `departures_from` is the moment from which departures count.
+    Attributes
+    ----------
+    cycle : the cycle's name.
+    time : their reference time, or their last step if the source does not say it, or None where
+        they have no time at all.
+    departures_from : the moment from which departures count.
+    digest : hash of all currents' data, or of what stands for them.
+    is_timeless : whether they are numbers in a plane, which no forecast renews.
+    ahead : why currents are not used that are dated in the clock's future, by how they are named.
     """
 
     cycle: str
     time: datetime | None
     departures_from: datetime | None
+    digest: str = ""
+    is_timeless: bool = False
+    ahead: Mapping[str | tuple[str, ...], str] = field(default_factory=dict)
+
+    def stale_reason(self, now: datetime, limit_hours: float) -> str:
+        """Say that they are too old, if so; a clock that is behind them says nothing."""
+        if self.time is None or now - self.time <= timedelta(hours=limit_hours):
+            return ""
+        hours = (now - self.time) / timedelta(hours=1)
+        return f"the currents are {hours:,.0f} h old, more than {limit_hours:g}"
 
 
-def newest_currents(cases: Cases) -> Newest:
+def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = None) -> Newest:
     """Look which currents there are, and name the cycle by the newest.
+
+    Parameters
+    ----------
+    now
+        The time by this machine's clock.
+    last_night
+        When the last night ended, by the same clock; None where nobody knows.
 
     Raises
     ------
     ComeAgainError
-        None are there yet.
+        None are there yet; or they are dated in the future, and the clock was later before.
     """
     _open_all(cases)
     issues: list[Issue | str] = []
     reasons: dict[str, None] = {}
+    ahead: dict[str | tuple[str, ...], str] = {}
     for block in cases.blocks:
         if block.scenario.is_planar:
             issues.append(_plane_digest(block))
             continue
         for season in block.seasons:
             for member in block.members:
-                issue = _issue(season, member, reasons)
+                issue = _issue(season, member, now, reasons, ahead)
                 if issue is not None:
                     issues.append(issue)
+    if ahead and last_night is not None and now < last_night:
+        raise ComeAgainError(
+            f"this machine's clock says {_spelled(now)}, and the last night ended at "
+            f"{_spelled(last_night)}: set the clock, and run again"
+        )
     if not issues:
         raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}; come again later")
-    return _named([one for one in issues if not isinstance(one, str)], issues)
+    named = _named([one for one in issues if not isinstance(one, str)], issues)
+    texts = sorted(one if isinstance(one, str) else one.digest for one in issues)
+    return replace(
+        named,
+        digest=_hash(texts, hashlib.sha256().digest_size * 2),
+        is_timeless=all(block.scenario.is_planar for block in cases.blocks),
+        ahead=ahead,
+    )
 
 
 def named_currents(season: Season, member: Member | None) -> tuple[str | tuple[str, ...], ...]:
@@ -80,12 +125,24 @@ def named_currents(season: Season, member: Member | None) -> tuple[str | tuple[s
 def cycle_time(cycle: str) -> datetime | None:
     """Return the time in a cycle's name; None where it has none, or it is no cycle's name."""
     found = _NAME.fullmatch(cycle)
-    if found is None or found[1] == _UNDATED:
+    if found is None or found[2] == _UNDATED:
         return None
     for form in _FORMATS:
         with contextlib.suppress(ValueError):
-            return datetime.strptime(found[1], form).replace(tzinfo=UTC)
+            return datetime.strptime(found[2], form).replace(tzinfo=UTC)
     return None
+
+
+def base_of(cycle: str) -> str:
+    """Return a cycle's name without the number of its revision."""
+    found = _NAME.fullmatch(cycle)
+    return cycle if found is None else found[1]
+
+
+def revision(cycle: str) -> int:
+    """Return the number of a cycle's revision: 1 for the first night on its currents."""
+    found = _NAME.fullmatch(cycle)
+    return 1 if found is None or found[3] is None else int(found[3])
 
 
 def is_cycle(name: str) -> bool:
@@ -100,18 +157,48 @@ def _open_all(cases: Cases) -> None:
     fatal_files([file for file in sorted(files) if is_hdf5(file)])
 
 
-def _issue(season: Season, member: Member | None, reasons: dict[str, None]) -> Issue | None:
-    """Return the issue of the first source that says it; else add the reasons."""
+def _issue(
+    season: Season,
+    member: Member | None,
+    now: datetime,
+    reasons: dict[str, None],
+    ahead: dict[str | tuple[str, ...], str],
+) -> Issue | None:
+    """Return the issue of the first source that says it and can be; else add the reasons."""
     for named in named_currents(season, member):
         try:
             source = current_source(named)
             unavailable = source.unavailable_reason()
             if not unavailable:
-                return source.issue(season)
+                issue = source.issue(season)
+                unavailable = _ahead_reason(issue, named, now)
+                if not unavailable:
+                    return issue
+                ahead[named] = unavailable
         except PipelineError as error:
             unavailable = "; ".join(str(error).splitlines())
         reasons[unavailable] = None
     return None
+
+
+def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> str:
+    """Say that currents are dated in the clock's future; empty where they are not."""
+    what, time, limit = "reference time", issue.reference, _AHEAD
+    if time is None:
+        what, time, limit = "last step", issue.last_step, _STEPS_AHEAD
+    if time is None or time - now <= limit:
+        return ""
+    name = named if isinstance(named, str) else ", ".join(Path(one).name for one in named)
+    return (
+        f"{name}: its {what}, {_spelled(time)}, is more than {limit.days} day"
+        f"{'s' if limit.days > 1 else ''} ahead of this machine's clock, {_spelled(now)}: "
+        "correct whichever is wrong"
+    )
+
+
+def _spelled(time: datetime) -> str:
+    """Spell a moment for a message."""
+    return f"{time:%Y-%m-%d %H:%M} UTC"
 
 
 def _plane_digest(block: Block) -> str:
@@ -137,6 +224,6 @@ def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:
     return Newest(name, newest, min(start for start in starts if start is not None))
 
 
-def _hash(texts: Iterable[str]) -> str:
-    """Return a short hash of some texts."""
-    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:_DIGITS]
+def _hash(texts: Iterable[str], digits: int = _DIGITS) -> str:
+    """Return a hash of some texts, or its first digits."""
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:digits]

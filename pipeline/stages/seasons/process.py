@@ -17,9 +17,9 @@ import threading
 import time
 from collections import deque
 from functools import partial
-from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
+from pipeline.interpreters import python_command, python_environment
 from pipeline.stages.seasons.task import Status, plan_and_evaluate, status_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ _PAUSE_S = 0.05
 # Time between a process's looks at whether the one that started it still runs, s.
 _PARENT_S = 0.5
 _MODULE = "pipeline.stages.seasons.process"
-_ROOT = Path(__file__).resolve().parents[3]
 # Maximum length of a process's last words in a message, in characters.
 _MAX_SHOWN = 200
 
@@ -46,13 +45,12 @@ class SeasonProcess:
         # Files, not pipes: nobody needs to read while the process works.
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
-        path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH", "")]))
         self._process = subprocess.Popen(  # noqa: S603 - this very module
-            [sys.executable, "-P", "-m", _MODULE, str(os.getpid())],
+            python_command("-m", _MODULE, str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=self._output,
             stderr=self._errors,
-            env=os.environ | {"PYTHONPATH": path},
+            env=python_environment(),
             start_new_session=True,
         )
         with contextlib.suppress(BrokenPipeError), self._stdin() as stdin:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
+from pipeline.interpreters import ignore_working_directory
 from pipeline.stages.workers.connection import quiet, within
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> LocalCluste
     """Start a cluster; where a process dies as it starts, start another one."""
     from distributed import LocalCluster
 
+    ignore_working_directory()
     try:
         return LocalCluster(
             n_workers=workers,

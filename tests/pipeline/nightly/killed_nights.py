@@ -180,7 +180,7 @@ def workers_of(pid: int) -> set[int]:
 
 def cases_done(output: Path) -> int:
     """Return the number of cases in the parts of a cycle under way."""
-    return _cases([path.stem for path in output.glob("*.partial/parts/*.parquet")])
+    return _cases([path.stem for path in output.glob("*.partial/parts/*.part")])
 
 
 def cases_at_work(output: Path) -> int:

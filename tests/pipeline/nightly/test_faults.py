@@ -192,7 +192,7 @@ def test_a_night_killed_half_way_does_the_other_half_only(tmp_path: Path) -> Non
         process.kill()
         process.wait()
     at_work = cases_at_work(output)
-    done = {path: path.stat().st_mtime_ns for path in output.glob("*.partial/parts/*.parquet")}
+    done = {path: path.stat().st_mtime_ns for path in output.glob("*.partial/parts/*.part")}
     count = cases_done(output)
     again = started(*night(file, output))
     with again as process:

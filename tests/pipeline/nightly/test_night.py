@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sqlite3
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import geopandas
@@ -14,6 +14,7 @@ import pystac
 import pytest
 
 from pipeline.errors import RequestError, StageError
+from pipeline.nightly.cycle.look_back import LookBack
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.config import load_config
@@ -222,15 +223,15 @@ def test_damage_is_found_before_anything_is_published(tmp_path: Path, cluster: s
     folder = (tmp_path / "out" / "latest").resolve()
     from types import SimpleNamespace
 
-    publishing = Publishing(SimpleNamespace(cases=range(6)), folder, None)  # type: ignore[arg-type]
+    publishing = Publishing(SimpleNamespace(cases=range(6)), folder, LookBack())  # type: ignore[arg-type]
     publishing.check()
-    publishing = Publishing(SimpleNamespace(cases=range(7)), folder, None)  # type: ignore[arg-type]
+    publishing = Publishing(SimpleNamespace(cases=range(7)), folder, LookBack())  # type: ignore[arg-type]
     with pytest.raises(StageError, match="6 rows for 7 cases"):
         publishing.check()
     with sqlite3.connect(folder / "routes.gpkg") as database:
         database.execute("DROP TABLE routes")
     with pytest.raises(StageError, match="a file does not open"):
-        Publishing(SimpleNamespace(cases=range(6)), folder, None).check()  # type: ignore[arg-type]
+        Publishing(SimpleNamespace(cases=range(6)), folder, LookBack()).check()  # type: ignore[arg-type]
 
 
 def test_the_file_of_a_night_says_when_it_was_made(tmp_path: Path, cluster: str) -> None:
@@ -254,7 +255,7 @@ def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) 
         REFERENCE - timedelta(hours=12),
         says_reference=says_reference,
     )
-    found = newest_currents(expand(load_config(file, tmp_path)))
+    found = newest_currents(expand(load_config(file, tmp_path)), datetime.now(UTC))
     if says_reference:
         assert found.cycle == "2026-11-21T00Z"
     else:

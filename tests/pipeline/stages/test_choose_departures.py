@@ -130,7 +130,7 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
     assert plan.best.times[-1] <= (by - choice.chosen).total_seconds()
     best, *_, proof = departure_text(choice)
     assert "it needs the least fuel to be there in time, at speeds chosen for" in best
-    assert proof == "Nothing is proven of departures between these, as speeds are chosen at each."
+    assert proof == "Nothing is known of departures between these, as speeds are chosen at each."
     (axes,) = departure_figure(choice).axes
     above = np.asarray(axes.get_lines()[0].get_xydata())[:, 1]
     assert above == pytest.approx(100 * (choice.fuels / choice.fuels.min() - 1))
@@ -164,7 +164,7 @@ def test_when_to_leave_is_said_in_sentences() -> None:
     assert shut.startswith("1 of the departures planned can't be sailed; that at 2026-11-22 10:20")
     assert "less time by more than 15.0 min" in proof
     unproven = departure_text(replace(CHOICE, unproven_s=np.inf))[-1]
-    assert unproven.startswith("Nothing is proven")
+    assert unproven.startswith("Nothing is known")
 
 
 def test_the_plot_marks_the_best_departure_and_the_bound() -> None:

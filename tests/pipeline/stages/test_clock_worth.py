@@ -65,7 +65,7 @@ def test_a_reader_is_told() -> None:
         "Sailed in the changing current from the same departure on, the plan on the current at "
         f"departure needs {percent(0.07)} more fuel than this route, the plan on its mean over the "
         "voyage needs as much fuel as this route, the shortest safe path can't be sailed. No route "
-        f"at all saves more than {percent(0.015)}."
+        f"within the chart saves more than {percent(0.015)}."
     )
 
 

@@ -67,8 +67,10 @@ def overview_figure(
 
 
 def _titles(result: RunResult, season: str) -> tuple[str, str]:
-    """Title of a season, and its best route's way, length and fuel."""
+    """Title of a season, of a stand-in with its date, and its best route's way, length and fuel."""
     title = result.season_title(season)
+    if result.is_stand_in(season) and (period := result.period_text(season)):
+        title = f"{title}: current of {period}"
     ranked = result.season_routes(season)
     if not ranked:
         return title, "no route"

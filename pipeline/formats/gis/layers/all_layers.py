@@ -202,8 +202,8 @@ LAYERS = (
     Layer(
         "legs",
         "Cross-track limits",
-        "The water beside each leg of a route within its cross-track limits, in which the vessel "
-        "can turn away everywhere; none where start or goal lie in the soft no-go zone.",
+        "The water beside each leg of a route within its cross-track limits, which stays out of "
+        "the soft no-go zone; none where start or goal lie in the soft no-go zone.",
         "MultiPolygon",
         legs,
     ),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pipeline.formats.shared.text import (
+    USEFUL_GAP,
     clearance,
     count,
     distance,
@@ -104,14 +105,17 @@ class Season:
             return ""
         if self.sides is not None and self.sides.fuel > self.best.fuel:
             least = percent(self.sides.fuel / self.best.fuel - 1)
-            return f"The side is proven: any way on the other needs at least {least} more fuel."
+            return (
+                "The side is proven, within the chart and in this current: any way on the other "
+                f"needs at least {least} more fuel."
+            )
         if self.sides is not None:
             return (
                 "The side is not proven: of the other it is only known that no way there saves "
                 f"more than {percent(1 - self.sides.fuel / self.best.fuel)}."
             )
-        if not math.isfinite(self.best.optimality_gap):
-            return "The side is not proven: the fuel of the other has no lower bound."
+        if not self.best.optimality_gap <= USEFUL_GAP:
+            return "The side is not proven: the fuel of the other has no useful lower bound."
         saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
         return (
             "The side is not proven: it is only known that no way at all saves more than "
@@ -203,9 +207,12 @@ def clock_text(worth: ClockWorth) -> str:
         )
     )
     at = ", at speeds that bring it there in time" if worth.in_time else ""
+    sailed = f"Sailed in the changing current from the same departure on{at}, {others}."
+    if worth.best > (1 + USEFUL_GAP) * worth.bound:
+        return f"{sailed} There is no useful bound on what a better route could save."
     return (
-        f"Sailed in the changing current from the same departure on{at}, {others}. No route at all "
-        f"saves more than {percent(1 - worth.bound / worth.best)}."
+        f"{sailed} No route within the chart saves more than "
+        f"{percent(1 - worth.bound / worth.best)}."
     )
 
 
@@ -232,12 +239,15 @@ def _safety(best: RouteMetrics) -> str:
     elif best.has_land:
         safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
     gap = ""
-    if math.isfinite(best.optimality_gap):
+    if best.optimality_gap <= USEFUL_GAP:
         bound = best.fuel / (1 + best.optimality_gap)
         gap = (
-            f". No route of any class, however close to {no_go}, can need less fuel than "
-            f"{fuel(bound)}; this one is within {percent(best.optimality_gap)} of that bound"
+            f". By the same law of fuel no route within the chart, of any class and however close "
+            f"to {no_go}, needs less than {fuel(bound)}; this one is within "
+            f"{percent(best.optimality_gap)} of that bound"
         )
+    elif math.isfinite(best.optimality_gap):
+        gap = ". There is no useful bound on what a better route could save"
     return f"{safe}{gap}."
 
 

@@ -104,20 +104,17 @@ class CfFiles:
             return None
 
     def issue(self, season: Season) -> Issue:
-        """Return the files' reference time, or their last time step and their hash."""
+        """Return the files' reference time, their first and last time step, and their hash."""
         del season
         files = find_files(self.paths)
         moments = _read(files).steps.moments
         reference = reference_time(files)
-        digest = hashlib.sha256()
-        if reference is None:
-            for file in files:
-                digest.update(_hash(file, _stamp(file)).encode())
+        hashes = "".join(_hash(file, _stamp(file)) for file in files)
         return Issue(
             reference,
             moments[0] if moments else None,
             moments[-1] if moments else None,
-            digest.hexdigest(),
+            hashlib.sha256(hashes.encode()).hexdigest(),
         )
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:

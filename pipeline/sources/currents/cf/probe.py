@@ -12,13 +12,13 @@ import sys
 from signal import Signals
 from typing import TYPE_CHECKING, Any
 
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
+from pipeline.interpreters import run_python
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pipeline.sources.currents.subprocess_deadline import ProcessResult
+    from pipeline.interpreters import ProcessResult
 
 # Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
 _START_S, _FILE_S = 60.0, 2.0
@@ -65,8 +65,8 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
 def _run(files: tuple[Path, ...]) -> ProcessResult:
     """Open files in a process."""
     cpu_s = _START_CPU_S + _FILE_CPU_S * len(files)
-    return run_with_deadline(
-        [sys.executable, "-m", __name__],
+    return run_python(
+        ["-m", __name__],
         "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
         _START_S + _FILE_S * len(files),
     )

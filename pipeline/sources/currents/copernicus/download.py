@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 import time
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import StageError
+from pipeline.interpreters import run_python
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
 from pipeline.sources.currents.copernicus.subset import NO_ANSWER
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -130,8 +129,8 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
 
 def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
     """Call the client once."""
-    command = [sys.executable, "-m", "pipeline.sources.currents.copernicus.subset"]
-    result = run_with_deadline(command, json.dumps(request), deadline_s)
+    module = "pipeline.sources.currents.copernicus.subset"
+    result = run_python(["-m", module], json.dumps(request), deadline_s)
     message = _presentable(_last_message(result.stderr))
     if result.exit_code is None:
         last = f" (last message: {message})" if message else ""

@@ -10,8 +10,8 @@ import contextlib
 import os
 import sys
 
+from pipeline.interpreters import run_python
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 
 _VALID, _REFUSED, _UNREACHABLE = 0, 3, 4
 # Maximum length of the client's message in a fault, characters.
@@ -21,8 +21,8 @@ _REACH = "check the connection to auth.marine.copernicus.eu, and the proxy"
 
 def login_fault(deadline_s: float) -> tuple[str, str]:
     """Return why the account can't be used now, and the remedy; two empty texts if it can."""
-    command = [sys.executable, "-m", "pipeline.sources.currents.copernicus.login"]
-    result = run_with_deadline(command, "", deadline_s)
+    module = "pipeline.sources.currents.copernicus.login"
+    result = run_python(["-m", module], "", deadline_s)
     if result.exit_code is None:
         return f"no answer within {deadline_s:g} s", _REACH
     last = without_secrets(result.stderr.strip().rpartition("\n")[2])[:_MAX_MESSAGE_LENGTH]

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from pipeline.formats.report.parts.sentences import Season, clock_text
+from pipeline.formats.shared.text import gap_figure, gap_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(
@@ -47,7 +48,8 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert "saves 40.00 km and needs 11.1 % more fuel" in text
     assert "keeps at least 3.46 km from land; none of 1,430 simulated hard-over turns met" in text
     # A gap of a quarter of the bound: 720, a fifth below the fuel.
-    assert "can need less fuel than 720.0; this one is within 25.0 % of that bound" in text
+    assert "no route within the chart, of any class and however close to" in text
+    assert "needs less than 720.0; this one is within 25.0 % of that bound" in text
 
 
 def test_the_parts_of_a_gap_are_told() -> None:
@@ -154,7 +156,8 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
         return Season([BEST, OTHER], sides=sides).certainty()
 
     assert certainty(918.0) == (
-        "The side is proven: any way on the other needs at least 2.0 % more fuel."
+        "The side is proven, within the chart and in this current: any way on the other needs at "
+        "least 2.0 % more fuel."
     )
     assert "not proven: of the other it is only known that no way there saves more than 10.0 %" in (
         certainty(810.0)
@@ -193,4 +196,18 @@ def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
 
 def test_the_bound_is_written_as_fuel_is() -> None:
     (*_, text) = Season([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict()
-    assert "can need less fuel than 16.28 million; this one is within 3.0 %" in text
+    assert "needs less than 16.28 million; this one is within 3.0 %" in text
+
+
+def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
+    loose = replace(BEST, optimality_gap=3.7)
+    season = Season([loose, replace(OTHER, optimality_gap=3.9)])
+    text = " ".join(season.verdict())
+    assert "There is no useful bound on what a better route could save" in text
+    assert "has no useful lower bound" in season.certainty()
+    assert gap_figure(3.7) == "no useful bound"
+    assert gap_figure(1.0) == "100.0 %"
+    assert "370" not in text
+    assert "too loose" in gap_text(GapShares("summer", 0.5, 0.8, 2.4), "land")
+    worth = ClockWorth("summer", best=470.0, frozen=480.0, mean=480.0, shortest=480.0, bound=100.0)
+    assert clock_text(worth).endswith("There is no useful bound on what a better route could save.")

@@ -57,9 +57,9 @@ def test_each_departure_has_a_row_and_the_best_its_proof(result: RunResult, tmp_
     assert first["departure"] == "2026-11-22T06:20:00Z"
     assert float(first["hours"]) == best.duration_s / 3600
     assert float(first["fuel"]) == best.fuel
-    assert (first["way"], first["is_best"], first["proven_to_min"]) == (best.way, "True", "30.0")
+    assert (first["way"], first["is_best"], first["unproven_min"]) == (best.way, "True", "30.0")
     assert (second["homotopy"], second["way"], second["is_best"]) == ("p9", "", "False")
-    assert second["proven_to_min"] == ""
+    assert second["unproven_min"] == ""
     assert (none["arrival"], none["hours"], none["fuel"]) == ("", "", "")
     assert none["reason"] == "all 2 classes were rejected"
 

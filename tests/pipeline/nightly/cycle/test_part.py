@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import hypothesis.strategies as st
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 
@@ -16,6 +15,7 @@ from pipeline.nightly.cycle.part import (
     gaps,
     part_path,
     parts_in,
+    read_part,
     remove_unfinished,
     write_part,
 )
@@ -45,16 +45,19 @@ def test_only_whole_parts_count(tmp_path: Path) -> None:
     path = part_path(tmp_path, 3, 5)
     write_part(path, [{"index": 3, "rank": 0, "case": "a"}, {"index": 4, "rank": 0, "case": "b"}])
     assert parts_in(tmp_path) == [Part(path, 3, 5)]
-    assert pq.read_table(path)["case"].to_pylist() == ["a", "b"]
+    assert read_part(Part(path, 3, 5))["case"].to_pylist() == ["a", "b"]
 
     part_path(tmp_path, 5, 6).write_bytes(path.read_bytes()[:-9])
+    flipped = bytearray(path.read_bytes())
+    flipped[len(flipped) // 2] ^= 1
+    part_path(tmp_path, 6, 7).write_bytes(flipped)
     (tmp_path / ".00000006-00000007.1f.tmp").write_bytes(b"half")
-    (tmp_path / "notes.parquet").write_bytes(path.read_bytes())
+    (tmp_path / "notes.part").write_bytes(path.read_bytes())
     assert parts_in(tmp_path) == [Part(path, 3, 5)]
     remove_unfinished(tmp_path)
     assert not list(tmp_path.glob(".*"))
 
 
 def test_a_folder_that_is_gone_is_said(tmp_path: Path) -> None:
-    with pytest.raises(StageError, match=r"can't write 00000000-00000001.parquet"):
+    with pytest.raises(StageError, match=r"can't write 00000000-00000001.part"):
         write_part(part_path(tmp_path / "gone", 0, 1), [{"index": 0, "rank": 0}])

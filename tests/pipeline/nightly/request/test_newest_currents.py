@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import pytest
@@ -25,7 +25,7 @@ FORECAST = "copernicus-forecast-daily"
 
 def newest(file: Path) -> Newest:
     """Return the newest currents of a night."""
-    return newest_currents(expand(load_config(file)))
+    return newest_currents(expand(load_config(file)), datetime.now(UTC))
 
 
 def forecast_night(folder: Path) -> Path:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
+from pipeline.interpreters import run_python
 from pipeline.sources.currents.cf import probe
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
 from tests.pipeline.sources.currents.cf.sample_files import SEA
 from tests.pipeline.synthetic_currents import dataset, write
 
@@ -32,13 +31,13 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Put a script in the probe's place: no file is known to crash every version of a library."""
     script = tmp_path / "stand_in.py"
     script.write_text(STAND_IN)
-    run = run_with_deadline
+    run = run_python
 
-    def run_script(command: list[str], stdin: str, deadline_s: float) -> object:
-        assert command == [sys.executable, "-m", "pipeline.sources.currents.cf.probe"]
-        return run([sys.executable, str(script)], stdin, deadline_s)
+    def run_script(arguments: list[str], stdin: str, deadline_s: float) -> object:
+        assert arguments == ["-m", "pipeline.sources.currents.cf.probe"]
+        return run([str(script)], stdin, deadline_s)
 
-    monkeypatch.setattr(probe, "run_with_deadline", run_script)
+    monkeypatch.setattr(probe, "run_python", run_script)
     monkeypatch.setattr(probe, "_START_S", 1.0)
     monkeypatch.setattr(probe, "_FILE_S", 0.1)
 

@@ -29,8 +29,8 @@ def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     )
     script = (
         "import sys\n"
-        "from pipeline.sources.currents.subprocess_deadline import run_with_deadline\n"
-        f"run_with_deadline([sys.executable, '-c', {download!r}], '', 60)\n"
+        "from pipeline.interpreters import run_python\n"
+        f"run_python(['-c', {download!r}], '', 60)\n"
     )
     with subprocess.Popen([sys.executable, "-c", script]) as parent:
         for _ in range(100):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import TYPE_CHECKING
 
-from pipeline.sources.currents.subprocess_deadline import run_with_deadline
+from pipeline.interpreters import run_python
 from tests.pipeline.processes import ends_within
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ def test_a_process_that_hangs_is_killed_with_its_children_at_the_deadline(tmp_pa
         "time.sleep(60)\n"
     )
     begun = time.monotonic()
-    result = run_with_deadline([sys.executable, "-c", script], "", 1.5)
+    result = run_python(["-c", script], "", 1.5)
     assert (result.exit_code, result.stderr) == (None, "the last message")
     assert 1.4 < time.monotonic() - begun < 10
     assert ends_within(int(pid_file.read_text()), seconds=5), "its child process still runs"
@@ -32,5 +31,5 @@ def test_a_process_that_hangs_is_killed_with_its_children_at_the_deadline(tmp_pa
 
 def test_input_exit_code_and_output_are_passed_through() -> None:
     script = "import sys; text = sys.stdin.read(); sys.stderr.write(text * 2); print(text)"
-    result = run_with_deadline([sys.executable, "-c", script + "; sys.exit(3)"], "ab", 30)
+    result = run_python(["-c", script + "; sys.exit(3)"], "ab", 30)
     assert (result.exit_code, result.stdout, result.stderr) == (3, "ab\n", "abab")

@@ -1,0 +1,92 @@
+"""Python processes that this program starts: with a deadline, and blind to the working directory.
+
+Whoever plans in a downloaded folder does not mean to run the code in it: no interpreter started
+here, nor any that it starts in turn, looks for modules in the working directory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+_ROOT = Path(__file__).resolve().parents[1]
+_SAFE_PATH = "PYTHONSAFEPATH"
+# Time to read a killed process's last output, s: with its whole session killed the pipes close at
+# once.
+_DRAIN_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessResult:
+    """How a process ended: `exit_code` is None where it was killed at its deadline."""
+
+    exit_code: int | None
+    stdout: str
+    stderr: str
+
+
+def python_command(*arguments: str) -> list[str]:
+    """Return the command of an interpreter like this one; see `python_environment`."""
+    return [sys.executable, "-P", *arguments]
+
+
+def python_environment() -> Mapping[str, str]:
+    """Return the variables of an interpreter: it finds this program's packages, wherever they lie.
+
+    An empty entry of PYTHONPATH means the working directory, and is left out.
+    """
+    entries = [str(_ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, entries)), _SAFE_PATH: "1"}
+
+
+def ignore_working_directory() -> None:
+    """Keep every interpreter that libraries start from here on out of the working directory.
+
+    `multiprocessing`, and with it Dask, starts interpreters by a command line of its own; all of
+    them inherit this process's variables.
+    """
+    os.environ[_SAFE_PATH] = "1"
+
+
+def run_python(arguments: Sequence[str], stdin: str, deadline_s: float) -> ProcessResult:
+    """Run an interpreter with some input; kill it and its child processes at the deadline."""
+    with subprocess.Popen(  # noqa: S603 - the arguments are this package's own
+        python_command(*arguments),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        env=python_environment(),
+        start_new_session=True,
+    ) as process:
+        try:
+            stdout, stderr = process.communicate(stdin, timeout=deadline_s)
+        except subprocess.TimeoutExpired:
+            _kill_session(process)
+            stderr = ""
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                _, stderr = process.communicate(timeout=_DRAIN_S)
+            return ProcessResult(None, "", stderr)
+        except BaseException:
+            _kill_session(process)
+            raise
+        return ProcessResult(process.returncode, stdout, stderr)
+
+
+def _kill_session(process: subprocess.Popen[str]) -> None:
+    """Kill a process and all that it started in its session."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        process.kill()
+    process.wait()

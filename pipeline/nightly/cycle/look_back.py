@@ -1,0 +1,66 @@
+"""What tonight builds on: the newest cycle whose routes can be read, and all of the history.
+
+What can't be read is set aside and noted; a night goes on without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.nightly.cycle.earlier import CASES_FILE
+from pipeline.nightly.cycle.record import faults_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.nightly.cycle.folders import Cycles
+
+HISTORY_FILE = "history.parquet"
+_CONSEQUENCES = {
+    CASES_FILE: "tonight is compared with the night before it, if there is one",
+    HISTORY_FILE: "the history is made again from the cycles that are kept",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LookBack:
+    """What there is of earlier nights.
+
+    Attributes
+    ----------
+    cycle : the newest cycle whose cases can be read, with which tonight is compared; "" for none.
+    history : the newest history that can be read; None for none.
+    later : cycles since that history, oldest first, whose cases can be read: name and table.
+    notes : what could not be read, a line for each file.
+    """
+
+    cycle: str = ""
+    history: Path | None = None
+    later: tuple[tuple[str, Path], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def look_back(cycles: Cycles) -> LookBack:
+    """Find what can be read of earlier nights; set aside what can't.
+
+    Only as far back as is needed: as a rule this reads two files of the last cycle.
+    """
+    compared, history, notes = "", None, list[str]()
+    later: list[tuple[str, Path]] = []
+    for cycle in reversed(cycles.up_to_latest()):
+        folder = cycles.folder(cycle)
+        wanted = (CASES_FILE,) if history is not None else (CASES_FILE, HISTORY_FILE)
+        faults = faults_of(folder, wanted)
+        for name, fault in faults.items():
+            cycles.set_aside(folder / name)
+            notes.append(f"{cycle}/{name} {fault}; {_CONSEQUENCES[name]}")
+        if CASES_FILE not in faults:
+            compared = compared or cycle
+        if history is None and HISTORY_FILE not in faults:
+            history = folder / HISTORY_FILE
+        elif history is None and CASES_FILE not in faults:
+            later.insert(0, (cycle, folder / CASES_FILE))
+        if compared and history is not None:
+            break
+    return LookBack(compared, history, tuple(later), tuple(notes))

@@ -1,0 +1,159 @@
+"""`night.json`: when and from what a cycle was made, how its cases ended, and hashes of its files.
+
+It is written last, once all that it vouches for is on the disk: a cycle with a record is whole, and
+what has changed since is told by the hashes. The one file of a cycle with times of making.
+"""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.errors import StageError
+from pipeline.nightly.cycle.folders import RECORD, writing
+from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
+from pipeline.storage.store import file_hash
+from pipeline.storage.whole_files import flush_tree, write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+
+def write_record(
+    folder: Path,
+    files: Sequence[str],
+    made: Mapping[str, Any],
+    by_outcome: Mapping[str, int],
+    notes: Sequence[str],
+) -> None:
+    """Put a cycle's files on the disk, then write how it was made and how its cases ended.
+
+    Parameters
+    ----------
+    files
+        Names of the cycle's files; all else in the folder goes before it is published.
+    made
+        When and from what it was made.
+    by_outcome
+        Number of cases by outcome.
+    notes
+        What somebody should look at beside the cases.
+    """
+    from pipeline.formats.tables.manifest import versions
+
+    to_look_at = by_outcome[ACT] or by_outcome[LOOK] or notes
+    with writing(folder):
+        flush_tree(folder)
+        content = {
+            **made,
+            "cases_by_outcome": dict(by_outcome),
+            "notes": list(notes),
+            "exit_code": LOOK_CODE if to_look_at else DONE,
+            "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+            "versions": dict(versions()),
+            "sha256": {name: file_hash(folder / name) for name in files},
+        }
+        write_whole(folder / RECORD, json.dumps(content, indent=2) + "\n")
+
+
+def record_of(folder: Path) -> dict[str, Any]:
+    """Read what a finished cycle says of its making.
+
+    Raises
+    ------
+    StageError
+        It can't be read: the disk, or somebody, has changed the cycle.
+    """
+    try:
+        said: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        said["sha256"].items()
+        datetime.fromisoformat(said["finished"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = getattr(error, "strerror", None) or "damaged"
+        raise StageError(
+            f"{folder / RECORD} can't be read ({reason}); run a night, which plans it anew"
+        ) from error
+    return said
+
+
+def finished_at(folder: Path) -> datetime | None:
+    """Return when a cycle was finished; None where it does not say so."""
+    try:
+        return datetime.fromisoformat(record_of(folder)["finished"])
+    except StageError:
+        return None
+
+
+def reason_to_revise(folder: Path, request: str, currents: str) -> str:
+    """Say why a finished cycle does not stand; empty where it does.
+
+    Parameters
+    ----------
+    request, currents
+        Hashes of what is asked for now, and of the currents that there are.
+    """
+    if faults := faults_of(folder):
+        return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())
+    said = record_of(folder)
+    changed = [
+        what
+        for what, now in (("request", request), ("currents", currents))
+        if said.get(what) != now
+    ]
+    return f"changed since {folder.name}: {' and '.join(changed)}" if changed else ""
+
+
+def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str]:
+    """Return what is wrong with a cycle's files, by their names: missing, damaged.
+
+    All of them by default, and then of the record itself. Where the record can't be read, a table
+    is read to its end instead.
+    """
+    try:
+        hashes = record_of(folder)["sha256"]
+    except StageError:
+        if files is None:
+            return {RECORD: "can't be read"}
+        return {name: fault for name in files if (fault := _table_fault(folder / name))}
+    found = {}
+    for name in hashes if files is None else files:
+        try:
+            if file_hash(folder / name) != hashes.get(name):
+                found[name] = "is damaged: its content is not what the night wrote"
+        except OSError as error:
+            found[name] = _unreadable(error)
+    return found
+
+
+def _table_fault(path: Path) -> str:
+    """Return why a Parquet table can't be read to its end; empty where it can."""
+    try:
+        pq.read_table(path)
+    except FileNotFoundError as error:
+        return _unreadable(error)
+    except (OSError, pa.ArrowException) as error:
+        return f"is damaged: {' '.join(str(error).split())[:100]}"
+    return ""
+
+
+def _unreadable(error: OSError) -> str:
+    """Say that a file is missing, or can't be read."""
+    if isinstance(error, FileNotFoundError):
+        return "is missing"
+    return f"can't be read ({error.strerror or type(error).__name__})"
+
+
+def summary(record: Mapping[str, Any]) -> str:
+    """Say in one line how a cycle ended."""
+    outcomes = ", ".join(f"{record['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
+    others = ", ".join(
+        f"{n:,} {name}"
+        for name, n in sorted(record["cases_by_status"].items())
+        if name != "planned"
+    )
+    return f"{record['cycle']}: {outcomes}" + (f"; {others}" if others else "")

@@ -1,0 +1,37 @@
+"""Figures in the documents: where each stands (claims.toml), and what was measured."""
+
+from __future__ import annotations
+
+import csv
+import tomllib
+from types import SimpleNamespace
+
+from tests.bench.record import FOLDER, recorded
+from tests.conftest import ROOT
+from tests.readme_table import METRICS
+
+PAGES = tomllib.loads((ROOT / "tests" / "claims.toml").read_text("utf-8"))
+"""Texts (`quoted`) and figures that are measured by nobody (`given`), by page."""
+
+
+def figures() -> dict[str, SimpleNamespace]:
+    """All recorded figures: by suite, and by their names in it."""
+    suites = (path.stem for path in FOLDER.glob("*.csv") if path != METRICS)
+    found = {suite: SimpleNamespace(**recorded(suite)) for suite in suites}
+    return {**found, "palawan": _palawan()}
+
+
+def _palawan() -> SimpleNamespace:
+    """The routes of palawan-season by season and rank."""
+    with METRICS.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return SimpleNamespace(
+        **{
+            f"{row['season']}_{row['rank']}": SimpleNamespace(
+                side=row["way"].split()[0],
+                per_distance=float(row["fuel_per_distance"]),
+                filled=100 * float(row["filled_share"]),
+            )
+            for row in rows
+        }
+    )

@@ -1,0 +1,129 @@
+"""A night that is stopped by a signal tells the service and the file of metrics so, every time."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from tests.pipeline.nightly.killed_nights import night
+from tests.pipeline.nightly.nights import plane_night
+from tests.pipeline.processes import started, wait_until
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.pipeline.nightly.ping_service import Service
+
+SEED = 20_261_123
+STOPS = int(os.environ.get("RENEW_NIGHT_STOPS", "20"))
+
+
+def _last_exit_code(file: Path) -> float:
+    families = text_string_to_metric_families(file.read_text())
+    samples = [sample for family in families for sample in family.samples]
+    return next(one.value for one in samples if one.name == "renew_nightly_last_exit_code")
+
+
+def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
+    """Stop a night some time after it began; return what was not told, or printed wrongly."""
+    service.asked.clear()
+    metrics = folder / "renew.prom"
+    metrics.unlink(missing_ok=True)
+    options = ("--metrics", str(metrics), "--ping", f"{service.url}/ID")
+    output = folder / f"out-{random.getrandbits(32):x}"
+    with started(*night(folder / "night.toml", output, *options)) as process:
+        wait_until(lambda: service.asked)
+        threading.Event().wait(after_s)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+    if process.returncode in {0, 10}:  # it had ended before
+        return "" if service.asked == ["/ID/start", "/ID"] else f"a success told as {service.asked}"
+    faults = []
+    if process.returncode != 128 + number:
+        faults.append(f"ended with {process.returncode}")
+    if "Traceback" in errors or "Error" in errors:
+        faults.append(errors[-1500:])
+    if service.asked not in (["/ID/start", "/ID/fail"], ["/ID/start", "/ID"]):
+        faults.append(f"told {service.asked}")
+    if not metrics.exists() or _last_exit_code(metrics) not in {0, 10, process.returncode}:
+        faults.append("no metrics")
+    return "; ".join(faults)
+
+
+@pytest.mark.slow
+def test_every_stop_is_told(tmp_path: Path, service: Service) -> None:
+    plane_night(tmp_path, pairs=30)
+    rng = random.Random(SEED)  # noqa: S311 - a test's seed
+    faults = {}
+    for i in range(STOPS):
+        number = (signal.SIGTERM, signal.SIGINT)[i % 2]
+        after_s = rng.uniform(0, 20)
+        if fault := _stop(tmp_path, service, number, after_s):
+            faults[f"stop {i + 1}, {number} after {after_s:.1f} s"] = fault
+        print(f"stop {i + 1} of {STOPS}: {fault or 'told'}", flush=True)  # noqa: T201 - it takes long
+    assert faults == {}
+
+
+_WATCHED = """
+import sys, time
+from pathlib import Path
+from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.night_watch import watched
+class Slow:  # what takes longer to close than a stopped process is given
+    def __enter__(self): print("ready", flush=True)
+    def __exit__(self, *_): time.sleep(60)
+def night():
+    with Slow():
+        time.sleep(60)
+with ending_promptly():
+    watched(night, metrics=Path(sys.argv[1]), url=sys.argv[2], on_event=lambda event: None)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_end_is_told_before_anything_is_closed(
+    tmp_path: Path, service: Service, number: int
+) -> None:
+    metrics = tmp_path / "renew.prom"
+    command = (sys.executable, "-c", _WATCHED, str(metrics), f"{service.url}/ID")
+    with started(*command) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        begun = time.monotonic()
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=30)
+        assert process.returncode == 128 + number
+        assert time.monotonic() - begun < 20
+    assert service.asked == ["/ID/start", "/ID/fail"]
+    assert _last_exit_code(metrics) == 128 + number
+    assert errors.count("\n") == 1
+
+
+_LOST = """
+import os, signal, sys, time
+from pipeline.cli.interruption import ending_promptly
+class Deaf:
+    def __del__(self):
+        os.kill(os.getpid(), {number})
+        for _ in range(1000): pass
+with ending_promptly():
+    {what}
+"""
+
+
+@pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_in_a_destructor_leaves_no_traceback(number: int, what: str) -> None:
+    with started(sys.executable, "-c", _LOST.format(number=int(number), what=what)) as process:
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    assert "Traceback" not in errors
+    assert "ignored" not in errors

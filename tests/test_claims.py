@@ -1,0 +1,236 @@
+"""What the documents claim is what was measured, and what they name exists."""
+
+from __future__ import annotations
+
+import csv
+import inspect
+import re
+import tomllib
+from functools import cache
+from typing import TYPE_CHECKING
+
+import pytest
+
+import renew
+from pipeline.experiments.environments.model import Case, EnvironmentSpec
+from pipeline.nightly.request.config import CaseTable, NightTable
+from pipeline.nightly.request.departures import DepartureSpec
+from pipeline.scenario import reference
+from pipeline.scenario.vessel import VesselSpec
+from tests import claims, command_reference
+from tests.bench.__main__ import SUITES
+from tests.bench.record import COLUMNS, FOLDER
+from tests.conftest import ROOT
+from tests.readme_table import BEGIN, END, METRICS
+from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pydantic import BaseModel
+
+# A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
+FIGURE = re.compile(r"(?<![\w.:/-])\d+(?:[.,]\d+)+(?:e-\d+)?|(?<![\w.])\d+(?= %)")
+OPTION = re.compile(r"--[a-z][a-z-]+")
+RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly )?[a-z]+)\b([^\n#;|]*)")
+DESIGN, NIGHT = "docs/explanation/design.md", "docs/how-to/nightly.md"
+CLAIMS = "docs/explanation/claims.md"
+PAGES = (*DOCUMENTS, "outputs/README.md")
+# Options of other programs that pages name by themselves.
+# Options of other programs that pages name by themselves.
+FOREIGN = {"docs/how-to/operation.md": {"--collector.textfile.directory"}}
+# Models of TOML files beside a scenario's, and their tables.
+OTHER_MODELS: tuple[type[BaseModel], ...] = (
+    VesselSpec,
+    NightTable,
+    CaseTable,
+    DepartureSpec,
+    EnvironmentSpec,
+    Case,
+)
+OTHER_TABLES = ("cases",)
+# Names of files that a run or a night writes.
+RESULT_FILE = re.compile(
+    r"[a-z][\w-]*\.(?:html|gpkg|csv|json|pdf|nc|rtz|gpx|kml|parquet|geojson|toml)"
+)
+
+
+def _text(document: str) -> str:
+    """A document's text, its lines joined: a sentence may be wrapped anywhere."""
+    return re.sub(r"\s+", " ", (ROOT / document).read_text("utf-8"))
+
+
+@pytest.mark.parametrize(
+    "document", [page for page in claims.PAGES if "quoted" in claims.PAGES[page]]
+)
+def test_figures_are_those_that_a_bench_wrote(document: str) -> None:
+    text, figures = _text(document), claims.figures()
+    expected = [quoted.format(**figures) for quoted in claims.PAGES[document]["quoted"]]
+    missing = [quoted for quoted in expected if quoted not in text]
+    assert missing == [], "as measured (docs/figures/), and so to be written on the page"
+
+
+@pytest.mark.parametrize(
+    "document", [page for page in claims.PAGES if "given" in claims.PAGES[page]]
+)
+def test_no_figure_stands_there_without_a_source(document: str) -> None:
+    """What is left, once tables of runs, code and quoted texts are taken out, is given."""
+    text = (ROOT / document).read_text("utf-8")
+    if BEGIN in text:
+        before, rest = text.split(BEGIN)
+        text = before + rest.split(END, 1)[1]
+    text = re.sub(r"\s+", " ", re.sub(r"\]\([^)]*\)", "]", FENCE.sub("", text)))
+    figures = claims.figures()
+    for quoted in claims.PAGES[document].get("quoted", ()):
+        text = text.replace(quoted.format(**figures), "")
+    given = {figure.removesuffix(" %") for figure in claims.PAGES[document]["given"]}
+    found = {figure.rstrip(".,") for figure in FIGURE.findall(text)}
+    versions = {figure for figure in found if re.fullmatch(r"3\.1\d|\d{4}\.\d{5}", figure)}
+    assert found - versions <= given, "give it in tests/claims.toml, or better measure it"
+
+
+def test_each_measured_figure_has_its_date_and_commit() -> None:
+    for path in FOLDER.glob("*.csv"):
+        if path == METRICS:
+            continue
+        assert path.stem in SUITES
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        assert rows
+        for row in rows:
+            assert tuple(row) == COLUMNS
+            assert re.fullmatch(r"\d{4}-\d\d-\d\d", row["measured"])
+            # Without the "+" of a program that was edited and not committed.
+            assert re.fullmatch(r"[0-9a-f]{7,}", row["commit"]), path.name
+
+
+def test_claims_name_suites_tests_and_dates_that_exist() -> None:
+    text = _text(CLAIMS)
+    suites = re.findall(r"`python -m tests\.bench ([a-z -]+)`", text)
+    assert suites
+    assert {name for names in suites for name in names.split()} <= SUITES.keys()
+    for file, name in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text):
+        assert f"def {name}(" in (ROOT / file).read_text("utf-8"), f"{file}::{name}"
+    dates = {row["measured"] for path in _measured() for row in _rows(path)}
+    assert set(re.findall(r"\b20\d\d-\d\d-\d\d\b", text)) == dates
+
+
+def _measured() -> Iterator[Path]:
+    """Files that a bench wrote."""
+    return (path for path in FOLDER.glob("*.csv") if path != METRICS)
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    """Rows of one."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_options_of_plan_are_on_its_pages() -> None:
+    options = set(inspect.signature(renew.plan).parameters)
+    described = inspect.getdoc(renew.plan) or ""
+    listed = set(re.findall(r"^(\w+(?:, \w+)*) : ", described, re.MULTILINE))
+    assert options <= {name for names in listed for name in names.split(", ")}
+    page = (ROOT / DESIGN).read_text("utf-8")
+    example = re.search(r"plan = renew\.plan\((.*?)\n\)", page, re.DOTALL)
+    assert example is not None
+    shown = dict(re.findall(r"^    (\w+)=(.+),$", example[1], re.MULTILINE))
+    defaults = {
+        name: one.default
+        for name, one in inspect.signature(renew.plan).parameters.items()
+        if one.kind is one.KEYWORD_ONLY
+    }
+    assert {name: eval(value) for name, value in shown.items()} == defaults  # noqa: S307
+
+
+def test_commands_and_their_options_are_on_their_page() -> None:
+    page = command_reference.PAGE.read_text("utf-8")
+    new = command_reference.with_commands(page, command_reference.text())
+    assert page == new, "run `make reference`"
+
+
+@pytest.mark.parametrize("document", PAGES)
+def test_commands_and_options_that_are_named_exist(document: str) -> None:
+    commands = command_reference.commands()
+    every = {"--help", "--version", "--install-completion", "--show-completion"}
+    known = every.union(*(command_reference.options(one) for one in commands.values()))
+    text = (ROOT / document).read_text("utf-8")
+    shell = [block["body"] for block in FENCE.finditer(text) if block["language"] in SHELL]
+    for typed in (*shell, *SPAN.findall(FENCE.sub("", text))):
+        for name, rest in RENEW.findall(typed.replace("\\\n", " ")):
+            if f"renew {name}" not in commands:
+                name = name.split()[0]  # noqa: PLW2901  # of a command's argument
+            command = commands.get(f"renew {name}")
+            assert command is not None or name == "nightly", f"no command: renew {name}"
+            if command is not None:
+                unknown = (
+                    set(OPTION.findall(rest)) - set(command_reference.options(command)) - every
+                )
+                assert not unknown, f"renew {name} has no {unknown}"
+    alone = {span.split()[0].split("=")[0] for span in SPAN.findall(text) if span.startswith("--")}
+    assert alone - known <= FOREIGN.get(document, set())
+
+
+@pytest.mark.parametrize("document", PAGES)
+def test_files_of_results_that_are_named_exist(document: str) -> None:
+    """Each is written by the pipeline, or is the repository's, or stands in the page's examples."""
+    text = (ROOT / document).read_text("utf-8")
+    examples = " ".join(block["body"] for block in FENCE.finditer(text))
+    named = {span for span in SPAN.findall(FENCE.sub("", text)) if RESULT_FILE.fullmatch(span)}
+    code = _pipeline()
+    tables = {f"{name}.csv" for name in re.findall(r'Table\(\s*"([\w-]+)"', code)}
+    named -= {name for name in named if f'"{name}"' in code or name in examples} | tables
+    assert [name for name in named if not any((ROOT / "catalog").rglob(name))] == []
+
+
+@cache
+def _pipeline() -> str:
+    """All of the pipeline's code."""
+    return "".join(path.read_text("utf-8") for path in (ROOT / "pipeline").rglob("*.py"))
+
+
+def test_keys_of_a_night_are_on_their_page() -> None:
+    page = (ROOT / NIGHT).read_text("utf-8")
+    for model in (NightTable, CaseTable):
+        missing = [name for name in model.model_fields if not re.search(rf"\b{name}\b", page)]
+        assert missing == []
+
+
+def _keys() -> dict[str, set[str]]:
+    """Keys of a scenario's tables by their paths."""
+    return {table.path: _names(table.model) for table in reference.tables()}
+
+
+def _names(model: type[BaseModel]) -> set[str]:
+    """Keys of a model as they are typed."""
+    return {field.alias or name for name, field in model.model_fields.items()}
+
+
+@pytest.mark.parametrize("document", PAGES)
+def test_keys_that_are_named_exist(document: str) -> None:
+    """Spans such as `planner.clearance` and `[chart]`, and all keys of TOML blocks."""
+    tables = _keys()
+    text = (ROOT / document).read_text("utf-8")
+    for span in SPAN.findall(text):
+        if re.fullmatch(r"\[\[?[a-z][a-z.]*\]?\]", span):
+            assert span.strip("[]") in {*tables, *OTHER_TABLES}, span
+        table, _, key = span.partition(".")
+        if table in {"planner", "chart", "outputs", "region", "plane"} and key.isidentifier():
+            assert key in tables[table], span
+    known = set().union(*tables.values(), *map(_names, OTHER_MODELS))
+    for block in FENCE.finditer(text):
+        if block["language"] == "toml":
+            named = set(_named(tomllib.loads(block["body"])))
+            assert named <= known, f"no such keys: {named - known}"
+
+
+def _named(value: object) -> Iterator[str]:
+    """All keys of a TOML value, of tables inside it too."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from _named(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _named(inner)

@@ -1,0 +1,62 @@
+"""The wheel in an environment of its own, as docs/how-to/install.md tells to install it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from renew._compiled import cache_folder
+from tests.bench.record import recorded
+from tests.conftest import ROOT
+
+FILES = "import pipeline, renew; print(renew.__file__, pipeline.__file__, sep='\\n')"
+SITE = "import sysconfig; print(sysconfig.get_path('purelib'))"
+
+
+def _ran(folder: Path, *command: str | Path) -> str:
+    """Run a command in a folder, with nothing of this process' way to find modules."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    # Machine code is named by the sources: what this checkout has compiled is not compiled again.
+    environment["NUMBA_CACHE_DIR"] = str(cache_folder().parent)
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment that holds the wheel, and of this one the dependencies alone."""
+    folder = tmp_path_factory.mktemp("installed")
+    _ran(ROOT, sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder)
+    (wheel,) = folder.glob("*.whl")
+    environment = folder / "environment"
+    _ran(folder, sys.executable, "-m", "venv", environment)
+    python = environment / "bin" / "python"
+    offline = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check")
+    _ran(folder, python, "-m", "pip", "install", *offline, wheel)
+    # A folder that a .pth file names is searched last, and its own .pth files are not read: the
+    # editable install of this checkout is one of them.
+    site = Path(_ran(folder, python, "-c", SITE).strip())
+    (site / "dependencies.pth").write_text(f"{sysconfig.get_path('purelib')}\n", encoding="utf-8")
+    return environment
+
+
+@pytest.mark.slow
+def test_a_wheel_plans_from_a_folder_outside_the_clone(installed: Path, tmp_path: Path) -> None:
+    """Packages and catalogue are the wheel's, and the fuel is what this checkout gives."""
+    programs = installed / "bin"
+    files = _ran(tmp_path, programs / "python", "-c", FILES).splitlines()
+    assert len(files) == 2
+    assert all(Path(file).is_relative_to(installed) for file in files)
+    _ran(tmp_path, programs / "renew", "run", "single-gyre", "--offline", "--output", "results")
+    with (tmp_path / "results" / "single-gyre" / "metrics.csv").open(encoding="utf-8") as file:
+        best = next(csv.DictReader(file))
+    assert float(best["fuel"]) == pytest.approx(recorded("gyre")["fuel"], rel=1e-4)
