@@ -55,7 +55,7 @@ def _change_gently(rng: random.Random, folder: Path) -> None:
         "look_percent": (0, 1e300),
         "stale_hours": (1e-300, 1e6),
         "workers": (1, 2),
-        "memory_gb": (0.25, 1.0, 1e308),
+        "memory_gb": (0.5, 1.0, 1e308),
         "output": ('"out"', '"./a/../b"', '"x y"', '"out\\n"', '"船"'),
     }
     text = file.read_text("utf-8")
