@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
-# Largest number of names that are listed where none is like the one given.
-_MAX_NAMES = 20
+# Length of the list of names where none is like the one given, in characters.
+_MAX_NAMES = 250
 # Limits from which on they are spelled with separators of thousands.
 _LARGE = 10_000
 _LIMITS = {
@@ -52,8 +53,10 @@ def near_miss(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:
         return f"did you mean {close[0]!r}?"
-    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    return f"there are: {', '.join(names[:_MAX_NAMES])}{more}" if names else "there are none"
+    ends = itertools.accumulate(len(name) + 2 for name in names)
+    listed = [name for name, end in zip(names, ends, strict=True) if end <= _MAX_NAMES] or names[:1]
+    more = f" and {len(names) - len(listed)} more" if len(names) > len(listed) else ""
+    return f"there are: {', '.join(listed)}{more}" if names else "there are none"
 
 
 def shown(value: object) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 
 from pipeline.errors import RequestError, StageError
+from pipeline.scenario.messages import near_miss
 
 
 def test_faults_that_are_alike_are_said_once_with_their_places() -> None:
@@ -50,3 +51,11 @@ def test_long_faults_keep_their_place_and_their_remedy() -> None:
 def test_a_fault_is_pickled_as_it_is() -> None:
     error = RequestError([f"seasons[{i}] is wrong" for i in range(9)])
     assert pickle.loads(pickle.dumps(error)).faults == error.faults  # noqa: S301 - our own
+
+
+def test_many_names_are_listed_in_part() -> None:
+    assert near_miss("zzz", ["b", "a"]) == "there are: a, b"
+    assert near_miss("zzz", ["a" * 300]) == f"there are: {'a' * 300}"
+    said = near_miss("zzz", [f"name-{i:03}" for i in range(100)])
+    assert said.startswith("there are: name-000, name-001, ")
+    assert said.endswith("name-023, name-024 and 75 more")
