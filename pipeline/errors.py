@@ -1,17 +1,76 @@
-"""The kinds of error that end a run."""
+"""The kinds of error that end a run, and how long their texts may be."""
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
+
+# Largest number of faults that are listed, and of characters of each and of a word in it.
+_MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
+# Number of faults that are alike but for their place from which on they are said once, and number
+# of the other places that are then named.
+_MIN_ALIKE, _MAX_PLACES = 4, 3
+# A place that faults of repeated tables and rows differ in: `seasons[3]`, `row 7`, `line 12`.
+_PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
+_LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
+_DIGITS = re.compile(r"\d+")
+
+
+def shortened(text: str) -> str:
+    """Cut long words in a message, and it all if need be: its end is the remedy, and is kept."""
+    words = _LONG_WORD.sub(lambda word: _without_middle(word[0], _MAX_WORD), text)
+    return _without_middle(words, _MAX_FAULT)
+
+
+def _without_middle(text: str, size: int) -> str:
+    """Leave out what is in the middle of a text that is too long."""
+    return text if len(text) <= size else f"{text[: size // 2]}…{text[1 - size // 2 :]}"
+
+
+def condensed(faults: Iterable[str]) -> tuple[str, ...]:
+    """Put each fault into a line; say those that are alike once, and count what is too many."""
+    alike: dict[str, list[str]] = {}
+    for fault in faults:
+        line = " ".join(fault.split())
+        kind = _PLACE.sub(lambda place: _DIGITS.sub("#", place[0]), line)
+        alike.setdefault(kind, []).append(line)
+    lines = []
+    for group in alike.values():
+        found = list(dict.fromkeys(group))
+        lines += found if len(found) < _MIN_ALIKE else [_once(found)]
+    if len(lines) > _MAX_FAULTS:
+        more = len(lines) - (_MAX_FAULTS - 1)
+        lines[_MAX_FAULTS - 1 :] = [f"and {more:,} more faults; mend these first"]
+    return tuple(map(shortened, lines))
+
+
+def _once(faults: Sequence[str]) -> str:
+    """Say the first of faults that are alike, and the places of the others."""
+    first = _PLACE.findall(faults[0])
+    places = dict.fromkeys(
+        ", ".join(
+            place
+            for place, other in zip(_PLACE.findall(fault), first, strict=True)
+            if place != other
+        )
+        for fault in faults[1:]
+    )
+    named = list(places)[:_MAX_PLACES]
+    more = len(faults) - 1 - len(named)
+    rest = f" and {more:,} more" if more else ""
+    return f"{faults[0]} (the same in {', '.join(named)}{rest})"
 
 
 class PipelineError(Exception):
     """An expected error, whose text is written for the user."""
 
     exit_code = 1
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__("\n".join(shortened(line) for line in text.splitlines()))
 
 
 class RequestError(PipelineError):
@@ -20,13 +79,14 @@ class RequestError(PipelineError):
     Parameters
     ----------
     faults
-        One line each: the value, the limit and the remedy.
+        One line each: the value, the limit and the remedy. Those that are alike but for their
+        place are said once.
     """
 
     exit_code = 2
 
     def __init__(self, faults: Sequence[str]) -> None:
-        self.faults = tuple(" ".join(fault.split()) for fault in faults)
+        self.faults = condensed(faults)
         super().__init__("\n".join(self.faults))
 
     def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:

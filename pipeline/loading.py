@@ -19,7 +19,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import with_currents
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import MAX_SEASONS, Scenario
 from pipeline.scenario.old_keys import with_current_keys
 from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
@@ -129,7 +129,8 @@ class _ValidTables:
     def of(cls, data: dict[str, Any], folder: Path) -> _ValidTables:
         """Select them from a scenario's table; relative paths start at `folder`."""
         seasons = data.get("seasons")
-        found = [_validated(Season, item) for item in seasons] if isinstance(seasons, list) else []
+        seasons = seasons[:MAX_SEASONS] if isinstance(seasons, list) else []
+        found = [_validated(Season, item) for item in seasons]
         chart = _validated(ChartSpec, data.get("chart"))
         endpoints = {}
         via = data.get("via")
@@ -248,7 +249,7 @@ def _unknown_names(data: dict[str, Any]) -> Iterator[str]:
         elif not isinstance(catalogue.source(name), catalogue.ChartEntry):
             yield f"{key} = {name!r} gives currents, not land; use 'osm-land'"
     seasons = data.get("seasons")
-    for i, season in enumerate(seasons if isinstance(seasons, list) else ()):
+    for i, season in enumerate(seasons[:MAX_SEASONS] if isinstance(seasons, list) else ()):
         named = season.get("currents") if isinstance(season, dict) else None
         for j, name in enumerate(named if isinstance(named, list) else ()):
             key = f"seasons[{i}].currents[{j}]"

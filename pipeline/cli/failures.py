@@ -6,12 +6,13 @@ import contextlib
 import json
 import traceback
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
+from typer.core import TyperGroup
 
 from pipeline.cli.interruption import MESSAGE, exit_code
-from pipeline.errors import PipelineError
+from pipeline.errors import PipelineError, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,6 +23,32 @@ _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
+
+
+class BriefRefusals(TyperGroup):
+    """Refuses wrong words without repeating long ones whole."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of click, or of typer's own copy of it
+        """Read the words before the command."""
+        with _brief_refusals():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above
+        """Read the command's own words, and run it."""
+        with _brief_refusals():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def _brief_refusals() -> Iterator[None]:
+    """Shorten what click says of words that it refuses."""
+    try:
+        yield
+    except Exception as error:
+        # Click's class of such errors is typer's own copy of it, or not, by typer's version.
+        if hasattr(error, "format_message") and isinstance(getattr(error, "message", None), str):
+            error.message = shortened(error.message)  # type: ignore[attr-defined]
+        raise
 
 
 def exit_code_of(error: BaseException) -> int:

@@ -25,7 +25,7 @@ import typer
 from pipeline.cli.earlier_results import dating_earlier_results
 from pipeline.cli.ending import end, short_path
 from pipeline.cli.experiments import experiments
-from pipeline.cli.failures import reported_errors
+from pipeline.cli.failures import BriefRefusals, reported_errors
 from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
 from pipeline.cli.nightly import app as nightly_app
@@ -40,6 +40,7 @@ from pipeline.cli.options import (
     ScenarioArgument,
     StrictOption,
 )
+from pipeline.cli.waiting import still_at_work
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.interpreters import ignore_working_directory
 
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="renew",
+    cls=BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -231,7 +233,7 @@ def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
     """List all faults of a scenario's file, and whether its start and goal are in water."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
         from pipeline.stages.endpoint_look import endpoints_on_land
@@ -257,7 +259,7 @@ def clean(
     ] = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.clean import clean as clean_store
 
         typer.echo(clean_store(output, older=older, everything=everything))
@@ -274,7 +276,7 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check what a run needs of this machine; exit code 1 if something would make it fail."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.doctor import examine, exit_code, spelled_as_json
 
         findings = []
@@ -290,7 +292,7 @@ def doctor(
 @app.command()
 def warm() -> None:
     """Compile what planning needs, so that no first plan has to wait for it."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.cli.warm import warm as warm_up
 
         typer.echo(warm_up())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.failures import reported_errors
+from pipeline.cli.waiting import still_at_work
 
 if TYPE_CHECKING:
     from pipeline.nightly.outcome import NightOutcome
@@ -47,7 +48,7 @@ def check(
     yes: YesOption = False,
 ) -> None:
     """List all faults of a night's file, with file and line; write nothing."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
         from pipeline.nightly.request.expansion import expand
         from pipeline.nightly.request.pairs_in_water import pairs_on_land

@@ -30,6 +30,10 @@ SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 _BIDI = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)])
 
 
+# Largest size of a file, bytes: checking it takes seconds, and some 200 times as much memory.
+_MAX_TOML_BYTES = 4 << 20
+
+
 class Licence(StrictModel):
     """Credit line, licence and origin of data."""
 
@@ -157,7 +161,13 @@ def root() -> Path:
 
 def names(section: Section) -> tuple[str, ...]:
     """Return the names of a section's entries, sorted."""
-    return tuple(sorted(path.stem for path in (root() / section).glob("*.toml")))
+    return _names_in(root() / section)
+
+
+@cache
+def _names_in(folder: Path) -> tuple[str, ...]:
+    """Names of the entries in a folder: it is asked for each season of a scenario."""
+    return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 
 def entry(section: Section, name: str) -> dict[str, Any]:
@@ -243,7 +253,12 @@ def entry_path(asked: str) -> Path:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; anything else is refused with a one-line error."""
     try:
-        text = path.read_bytes().decode("utf-8")
+        with path.open("rb") as file:
+            content = file.read(_MAX_TOML_BYTES + 1)
+        if len(content) > _MAX_TOML_BYTES:
+            size = f"{path.stat().st_size >> 20:,} MB, more than {_MAX_TOML_BYTES >> 20}"
+            raise RequestError([f"{path} has {size}: too much for a request; {EXAMPLE}"])
+        text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise RequestError(
             [f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
+# Length of the list of names where none is like the one given, in characters.
+_MAX_NAMES = 250
 # Limits from which on they are spelled with separators of thousands.
 _LARGE = 10_000
 _LIMITS = {
@@ -45,12 +48,15 @@ _KINDS = {
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Suggest the known name that was probably meant, or list all of them."""
+    """Suggest the known name that was probably meant, or list those that there are."""
     names = sorted(known)
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"there are: {', '.join(names)}" if names else "there are none"
+    ends = itertools.accumulate(len(name) + 2 for name in names)
+    listed = [name for name, end in zip(names, ends, strict=True) if end <= _MAX_NAMES] or names[:1]
+    more = f" and {len(names) - len(listed)} more" if len(names) > len(listed) else ""
+    return f"there are: {', '.join(listed)}{more}" if names else "there are none"
 
 
 def shown(value: object) -> str:
@@ -107,7 +113,7 @@ def _lines(
         fault = f"{relation} {limit_text(context[bound])}"
     elif kind in {"too_short", "too_long"}:
         limit = context.get("min_length", context.get("max_length"))
-        fault = f"has {context['actual_length']} items, not {limit}"
+        fault = f"has {context['actual_length'] or len(given):,} items, not {limit:,}"
     else:
         fault = _KINDS.get(kind, details["msg"].lower())
     return [f"{key} = {shown(given)} {fault}{remedy}"]

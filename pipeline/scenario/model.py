@@ -7,6 +7,7 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 
 from __future__ import annotations
 
+from collections import Counter
 from datetime import UTC, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from shapely.geometry import Polygon
+
+
+MAX_SEASONS = 1000
+"""Largest number of seasons of a scenario."""
 
 
 class PlannerOptions(StrictModel):
@@ -208,6 +213,7 @@ class Scenario(StrictModel):
     )
     seasons: tuple[Season, ...] = Field(
         min_length=1,
+        max_length=MAX_SEASONS,
         description="The currents to plan in, each by itself. Add a [[seasons]] table for each.",
     )
     planner: PlannerOptions = Field(
@@ -233,11 +239,11 @@ class Scenario(StrictModel):
         faults = []
         if self.region is not None and self.plane is not None:
             faults.append("has both [region] and [plane]; leave one of the two out")
-        names = [season.name for season in self.seasons]
+        names = Counter(season.name for season in self.seasons)
         faults += [
-            f"has {names.count(name)} seasons called {name!r}; rename all but one"
-            for name in dict.fromkeys(names)
-            if names.count(name) > 1
+            f"has {count} seasons called {name!r}; rename all but one"
+            for name, count in names.items()
+            if count > 1
         ]
         if self.plane is not None and self.plane.width_m * self.scale > MAX_PLANE_M:
             faults.append(

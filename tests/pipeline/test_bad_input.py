@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 import tomllib
 from typing import TYPE_CHECKING
 
@@ -261,6 +262,20 @@ def test_files_that_are_not_scenarios(tmp_path: Path, content: bytes, said: list
     line = only(run_at(tmp_path, str(path)))
     for words in ["thing.toml", *said]:
         assert words in line
+
+
+def test_what_is_too_large_for_a_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text(PLANE + "# a comment\n" * 400_000)
+    assert "has 4 MB, more than 4: too much for a request" in only(run_at(tmp_path, str(path)))
+    season = '[[seasons]]\nname = "s"\nuniform = { u = 0.1 }\n'
+    path.write_text(PLANE + season * 60_000)
+    began = time.process_time()
+    code, lines = run_at(tmp_path, str(path))
+    assert code == 2
+    assert len(lines) < 10
+    assert "has 60,001 items, not 1,000" in "\n".join(lines)
+    assert time.process_time() - began < 30
 
 
 def test_a_directory_a_missing_file_an_unknown_name(tmp_path: Path) -> None:

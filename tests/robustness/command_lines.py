@@ -7,14 +7,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tests.pipeline.small_plane import small_plane
+from tests.pipeline.small_region import small_region
 
 if TYPE_CHECKING:
     import random
     from pathlib import Path
 
 _PLANE = small_plane("plain")
+_REGION = (
+    small_region("region")
+    + """[[seasons]]
+name = "summer"
+valid = "2024-07"
+currents = ["embedded-palawan"]
+[planner]
+classes = 1
+"""
+)
 _COMMANDS = ("run", "plot", "check", "show", "list", "doctor", "clean")
-_ODD_WORDS = (
+ODD_WORDS = (
     "",
     " ",
     "-",
@@ -101,11 +112,11 @@ class CommandLine:
 
 def odd_command_line(rng: random.Random, folder: Path) -> CommandLine:
     """Make one, in a new folder."""
-    _fill(folder)
+    fill(folder)
     arguments = [rng.choice(_COMMANDS)]
     if arguments[0] in {"run", "plot", "check", "show"} and rng.random() < 0.95:
         likely = ("single-gyre", "plain.toml", "./plain.toml")
-        arguments.append(rng.choice(likely) if rng.random() < 0.5 else rng.choice(_ODD_WORDS))
+        arguments.append(rng.choice(likely) if rng.random() < 0.5 else rng.choice(ODD_WORDS))
     if arguments[0] in {"run", "plot", "doctor"} and rng.random() < 0.7:
         outputs = (
             "outputs",
@@ -125,7 +136,7 @@ def odd_command_line(rng: random.Random, folder: Path) -> CommandLine:
     while rng.random() < 0.3:
         arguments.append(rng.choice(_OPTIONS))
         if rng.random() < 0.7:
-            arguments.append(rng.choice(_ODD_WORDS))
+            arguments.append(rng.choice(ODD_WORDS))
     environment = {"PATH": os.environ["PATH"], "HOME": str(folder)}
     for name in rng.sample(sorted(_ODD_VARIABLES), rng.choice((0, 1, 1, 2, 4))):
         value = rng.choice(_ODD_VARIABLES[name])
@@ -139,7 +150,7 @@ def odd_command_line(rng: random.Random, folder: Path) -> CommandLine:
     )
 
 
-def _fill(folder: Path) -> None:
+def fill(folder: Path) -> None:
     """Put files and folders of all kinds into a folder."""
     folder.mkdir(parents=True)
     (folder / "plain.toml").write_text(_PLANE, encoding="utf-8")
@@ -151,4 +162,5 @@ def _fill(folder: Path) -> None:
     (folder / "read-only").mkdir(mode=0o500)
     (folder / "loop").symlink_to("loop")
     (folder / "dangling").symlink_to("nowhere/at/all")
+    (folder / "region.toml").write_text(_REGION, encoding="utf-8")
     os.mkfifo(folder / "pipe")

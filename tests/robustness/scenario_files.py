@@ -139,12 +139,43 @@ _OTHER: tuple[Any, ...] = (
 def mutated(rng: random.Random) -> bytes:
     """Make the content of a file: a catalogue scenario with one to four faults."""
     name = rng.choice(catalogue.names("scenarios"))
-    if rng.random() < 0.35:
-        return _with_text_faults(rng, name)
-    table = copy.deepcopy(catalogue.entry("scenarios", name))
+    return with_faults(rng, (catalogue.root() / "scenarios" / f"{name}.toml").read_bytes())
+
+
+def with_faults(rng: random.Random, content: bytes) -> bytes:
+    """Make one to four faults in a TOML file's content: in its tables, its text or its bytes."""
+    kind = rng.random()
+    if kind < 0.3:
+        return with_text_faults(rng, content)
+    table = tomllib.loads(content.decode())
     for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
         _change(rng, table)
-    return toml_of(table).encode("utf-8", "surrogatepass")
+    changed = toml_of(table).encode("utf-8", "surrogatepass")
+    return oddly_encoded(rng, changed) if kind < 0.35 else changed
+
+
+def oddly_encoded(rng: random.Random, content: bytes) -> bytes:
+    """Write a text as no editor should: another encoding, other ends of lines, NUL, no end."""
+    text = content.decode("utf-8", "replace")
+    return rng.choice(
+        (
+            lambda: b"\xef\xbb\xbf" + content,
+            lambda: text.encode("utf-16"),
+            lambda: text.encode("utf-16-le"),
+            lambda: text.encode("utf-32"),
+            lambda: text.encode("latin-1", "replace") + b"# \xe9\n",
+            lambda: content.replace(b"\n", b"\r\n"),
+            lambda: content.replace(b"\n", b"\r"),
+            lambda: content.replace(b"\n", b"\n\0", 1),
+            lambda: content + b"\0" * 1000,
+            lambda: content + b"# " + b"x" * 10_000_000,
+            lambda: content.replace(b"\n", b" \x1b[31m\n", 2),
+            lambda: content * 2,
+            lambda: content + b"[a]\n" * 20_000,
+            lambda: content + b"x = " + b"[" * 200 + b"]" * 200,
+            lambda: content + b".".join([b"a"] * 5000) + b" = 1\n",
+        )
+    )()
 
 
 def toml_of(table: dict[str, Any]) -> str:
@@ -222,9 +253,9 @@ def _change(rng: random.Random, table: dict[str, Any]) -> None:
         owner.insert(int(key), _odd_value(rng))
 
 
-def _with_text_faults(rng: random.Random, name: str) -> bytes:  # noqa: C901 - one for each kind
-    """Change the bytes of a scenario's file."""
-    content = bytearray((catalogue.root() / "scenarios" / f"{name}.toml").read_bytes())
+def with_text_faults(rng: random.Random, given: bytes) -> bytes:  # noqa: C901 - one for each kind
+    """Change the bytes of a text file."""
+    content = bytearray(given)
     for _ in range(rng.choice((1, 1, 2, 5))):
         at, kind = rng.randrange(len(content) + 1), rng.randrange(9)
         upto = min(len(content), at + rng.choice((1, 2, 10, 200)))
@@ -256,12 +287,3 @@ def _with_text_faults(rng: random.Random, name: str) -> bytes:  # noqa: C901 - o
         else:
             content = content[:at]
     return bytes(content)
-
-
-def is_toml(content: bytes) -> bool:
-    """Whether a file's content is TOML."""
-    try:
-        tomllib.loads(content.decode("utf-8"))
-    except (ValueError, RecursionError):
-        return False
-    return True

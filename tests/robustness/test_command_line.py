@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import resource
 import shutil
 import subprocess
@@ -12,16 +11,17 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.robustness.campaign import draw, number
 from tests.robustness.command_lines import odd_command_line
 from tests.robustness.limits import MAX_CPU_S, MAX_MEMORY_BYTES
+from tests.robustness.renew_processes import CODES, NIGHT_CODES, Renew
+from tests.robustness.typed_commands import restore, typed_command
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.robustness.command_lines import CommandLine
 
-SEED = 20_260_111
-RUNS = 200
 SAMPLE = range(6, 11)  # none of them waits for a network
 EXIT_CODES = {0, 1, 2, 130, 143}
 # Time after which a run counts as hung, s: it may wait for the processor, and for a scheduler.
@@ -63,7 +63,7 @@ def failures(folder: Path, root: Path, cases: range) -> list[str]:
     """Run odd command lines; describe those that failed."""
     found = []
     for case in cases:
-        line = odd_command_line(random.Random(f"{SEED} {case}"), folder / str(case))  # noqa: S311 - a test's seed
+        line = odd_command_line(draw("environments", case), folder / str(case))
         why = failure_of(line, root)
         if why:
             changed = {k: v for k, v in line.environment.items() if k != "PATH"}
@@ -78,6 +78,32 @@ def test_a_sample_of_odd_command_lines_ends_as_it_must(tmp_path: Path, root: Pat
 
 
 @pytest.mark.slow
-def test_two_hundred_odd_command_lines_end_as_they_must(tmp_path: Path, root: Path) -> None:
-    found = failures(tmp_path, root, range(RUNS))
+def test_many_odd_environments(tmp_path: Path, root: Path) -> None:
+    found = failures(tmp_path, root, range(number("environments", 100)))
     assert not found, "\n".join(found)
+
+
+def typed_failures(folder: Path, cases: range, renew: Renew) -> list[str]:
+    """Run commands as typed; describe those that failed."""
+    found = []
+    for case in cases:
+        place = folder / str(case)
+        arguments = typed_command(draw("command lines", case), place)
+        variables = {"HOME": str(place), "RENEW_PING": ""}
+        ended = renew(arguments, place, limit_s=5.0, variables=variables)
+        if why := ended.fault(NIGHT_CODES if arguments[:1] == ["nightly"] else CODES):
+            shown = [word if len(word) < 100 else f"{word[:40]}…{len(word)}" for word in arguments]
+            found.append(f"command line {case}: {shown}: {why}")
+        restore(place)
+        shutil.rmtree(place)
+    return found
+
+
+@pytest.mark.slow
+def test_many_commands_as_typed(tmp_path: Path) -> None:
+    lines = number("command_lines", 200)
+    with Renew() as renew:
+        found = typed_failures(tmp_path, range(lines), renew)
+        print(f"{lines} command lines: {dict(renew.met)}")  # noqa: T201
+    assert not found, "\n".join(found)
+    assert renew.met["exit 0"] > lines / 20

@@ -9,9 +9,9 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,6 +32,10 @@ class Member:
 
     name: str
     path: str
+
+
+# Dimensions of a block, in the order of the parts of a case's name that follow the scenario's.
+_DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 
 
 @dataclass(frozen=True)
@@ -79,21 +83,33 @@ class Block:
             self.pairs[pair],
         )
 
+    @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
-        """Return the names in each dimension, with which two blocks' cases can be told apart."""
+        """Names in each dimension, with which two blocks' cases can be told apart."""
         return (
             frozenset({self.scenario.name}),
-            *(
-                frozenset(NONE if one is None else one.name for one in dimension)
-                for dimension in (
-                    self.vessels,
-                    self.seasons,
-                    self.departures,
-                    self.members,
-                    self.pairs,
-                )
-            ),
+            *(frozenset(map(_name_of, getattr(self, dimension))) for dimension in _DIMENSIONS),
         )
+
+    def named(self, asked: str) -> Block | None:
+        """Return the cases of a name, or whose names begin with it; None where there are none.
+
+        Each dimension is looked through by itself: together they may have billions of cases.
+        """
+        scenario, *wanted = asked.strip("/").split("/")
+        kept: dict[str, Any] = {
+            dimension: tuple(one for one in getattr(self, dimension) if _name_of(one) == name)
+            for dimension, name in zip(_DIMENSIONS, wanted, strict=False)
+        }
+        beyond = wanted[len(_DIMENSIONS) :]
+        if scenario != self.scenario.name or not all(kept.values()) or set(beyond) - {NONE}:
+            return None
+        return replace(self, **kept)
+
+
+def _name_of(part: Season | Pair | Departure | VesselSpec | Member | None) -> str:
+    """Name of a part of a case."""
+    return NONE if part is None else part.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +138,7 @@ class Case:
     def parts(self) -> tuple[str, str, str, str, str, str]:
         """Names of scenario, season, pair, departure, vessel and member."""
         others = (self.pair, self.departure, self.vessel, self.member)
-        pair, departure, vessel, member = (NONE if one is None else one.name for one in others)
+        pair, departure, vessel, member = map(_name_of, others)
         return self.block.scenario.name, self.season.name, pair, departure, vessel, member
 
     @property
@@ -202,5 +218,5 @@ def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
     return [
         (one, other)
         for one, other in itertools.combinations(blocks, 2)
-        if all(a & b for a, b in zip(one.names(), other.names(), strict=True))
+        if not any(a.isdisjoint(b) for a, b in zip(one.names, other.names, strict=True))
     ]

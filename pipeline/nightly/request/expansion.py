@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
-from pipeline.nightly.request.cases import Block, Cases, Member, doubled, matches
+from pipeline.nightly.request.cases import Block, Cases, Member, doubled
 from pipeline.nightly.request.pairs import read_pairs
 from pipeline.scenario import catalogue
 from pipeline.scenario.strict import looks_like_path
@@ -289,22 +289,7 @@ def _name(stem: str) -> str:
 
 def _only(cases: Cases, asked: str) -> Cases:
     """Keep the cases of a name, or whose names begin with it."""
-    blocks = []
-    for block in cases.blocks:
-        kept = [case for case in Cases((block,)) if matches(case.name, asked)]
-        if not kept:
-            continue
-        blocks.append(
-            Block(
-                block.number,
-                block.scenario,
-                tuple(dict.fromkeys(case.vessel for case in kept)),
-                tuple(dict.fromkeys(case.season for case in kept)),
-                tuple(dict.fromkeys(case.departure for case in kept)),
-                tuple(dict.fromkeys(case.member for case in kept)),
-                tuple(dict.fromkeys(case.pair for case in kept)),
-            )
-        )
+    blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name
         raise RequestError([f"--only: no case is called {asked!r}; names are such as {example!r}"])

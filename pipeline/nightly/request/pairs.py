@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")
+# Largest size of a file, bytes: a million pairs take 50 MB of it, and 1 GB of memory.
+_MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 
@@ -34,7 +36,7 @@ class Pair:
 
 def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[str]]:
     """Read a file of pairs; return them, and its faults."""
-    if reason := unreadable_reason(path):
+    if reason := unreadable_reason(path) or _size_reason(path):
         return (), [
             f"{shown(path)} {reason}; give a CSV file with the columns {_columns(is_planar)}"
         ]
@@ -69,6 +71,13 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
     if not pairs and not faults:
         faults.append(f"{path.name} has no pairs; add a row for each below the head")
     return tuple(pairs), faults
+
+
+def _size_reason(path: Path) -> str:
+    """Say that a file is too large to be one of pairs, if so."""
+    size = path.stat().st_size
+    large = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
+    return large if size > _MAX_BYTES else ""
 
 
 def _columns(is_planar: bool) -> str:  # noqa: FBT001 - called with a name's value

@@ -1,16 +1,22 @@
-"""Damaged charts: what GDAL, GEOS and PROJ raise about a user's file becomes one line."""
+"""Damaged and hostile charts: what libraries raise about a user's file becomes one line.
+
+And of GDAL's drivers only those are used that read a file, and do not follow what it says.
+"""
 
 from __future__ import annotations
 
 import re
 import warnings
 from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError, RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from types import ModuleType
 
 # Largest longitude and latitude, degrees: half a turn beyond either way of counting, and rounding.
 MAX_LONLAT = (540.0, 90.01)
@@ -22,6 +28,26 @@ _ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messa
 _HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id")
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
+
+
+# GDAL's drivers that take what a file holds for a command: to read other files or addresses, to
+# start a program, or to load a library.
+_FOLLOWERS = (
+    *("ADBC", "AmigoCloud", "Carto", "CSW", "EEDA", "Elasticsearch", "GDALG", "GPSBabel", "HTTP"),
+    *("NGW", "OAPIF", "OGCAPI", "OGR_VRT", "PLSCENES", "VRT", "WFS"),
+)
+
+
+@cache
+def vector_library() -> ModuleType:
+    """Import pyogrio, and take from GDAL the drivers that follow what a file says."""
+    pyogrio = import_module("pyogrio")
+    from pyogrio._ogr import _register_drivers  # it has no public function for this
+
+    # GDAL looks at this option when it registers its drivers, which importing pyogrio does.
+    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(_FOLLOWERS)})
+    _register_drivers()
+    return pyogrio
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
 from pipeline.paths import require_readable
+from pipeline.storage.store import file_hash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,12 +36,15 @@ class S57Chart:
     @cached_property
     def identity(self) -> tuple[str, ...]:
         """Safety depth, and a hash of all files."""
+        from pipeline.sources.land.damage import reading
         from pipeline.sources.land.s57_cells import cell_files
 
         digest = hashlib.sha256()
-        for base in self._bases:
-            for file in cell_files(base):
-                digest.update(file.name.encode() + file.read_bytes())
+        bases = self._bases
+        with reading(str(self.path), "fetch the cells and their updates again"):
+            for base in bases:
+                for file in cell_files(base):
+                    digest.update(file.name.encode() + file_hash(file).encode())
         return ("s57", f"{self.safety_depth_m!r}", digest.hexdigest())
 
     @cached_property

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.sources.land.damage import MAX_LONLAT, reading
+from pipeline.sources.land.damage import MAX_LONLAT, reading, vector_library
 from pipeline.sources.land.polygons import near_box, repaired
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
     RequestError
         It can't be read, an update is missing, or it violates the product specification.
     """
-    import pyogrio
+    pyogrio = vector_library()
 
     remedy = "fetch the cell and its updates again"
     with reading(str(base), remedy) as issued:
@@ -162,7 +162,7 @@ def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
 
 def _identification(base: Path) -> dict[str, object]:
     """Read the cell's identification and parameters: the fields of DSID and DSPM."""
-    import pyogrio
+    pyogrio = vector_library()
 
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
     found = {
@@ -197,7 +197,7 @@ def _check(base: Path, identification: Mapping[str, object]) -> None:
 
 def _objects(base: Path, layer: str, box: Polygon) -> tuple[Objects, int]:
     """Read a class's objects that meet a box, valid and in its longitudes; count the repairs."""
-    import pyogrio
+    pyogrio = vector_library()
 
     meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
     geometry = shapely.force_2d(shapely.from_wkb(wkb))

@@ -25,7 +25,7 @@ from pipeline.sources.land.polygons import (
     flattened,
     repair_note,
 )
-from pipeline.sources.land.vector_layer import chart_fault, open_layer
+from pipeline.sources.land.vector_layer import chart_fault, open_layer, reading_chart
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,13 +61,15 @@ class VectorFile:
     def identity(self) -> tuple[str, ...]:
         """What the scenario says about the file, and a hash of it and its sidecar files."""
         digest = hashlib.sha256()
-        for file in self._files:
-            # A file geodatabase is a folder.
-            for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
-                if part.is_file():
-                    digest.update(part.name.encode())
-                    with part.open("rb") as content:
-                        digest.update(hashlib.file_digest(content, "sha256").digest())
+        files = self._files
+        with reading_chart(self.path):
+            for file in files:
+                # A file geodatabase is a folder.
+                for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
+                    if part.is_file():
+                        digest.update(part.name.encode())
+                        with part.open("rb") as content:
+                            digest.update(hashlib.file_digest(content, "sha256").digest())
         entry = self.entry.model_dump_json() if self.entry else ""
         return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
 

@@ -13,7 +13,7 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.scenario.messages import near_miss
-from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading
+from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading, vector_library
 from pipeline.sources.land.places import NAME_COLUMNS, named_places
 from pipeline.sources.land.polygons import flattened, repaired
 
@@ -91,7 +91,7 @@ class VectorLayer:
 
     def places(self, box: Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
-        import pyogrio
+        pyogrio = vector_library()
 
         found: list[PlaceName] = []
         # Its warnings are those of reading the areas themselves.
@@ -148,7 +148,7 @@ class VectorLayer:
 
     def _unread_reason(self) -> str:
         """Say why features can't be read; empty where those without a geometry never had one."""
-        import pyogrio
+        pyogrio = vector_library()
 
         if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
             return ""
@@ -206,7 +206,7 @@ class VectorLayer:
 
     def _read(self, window: Polygon) -> Geometries:
         """Read the geometries whose bounds meet a window, unchanged but without collections."""
-        import pyogrio
+        pyogrio = vector_library()
 
         _, numbers, wkb, _ = pyogrio.raw.read(
             self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
@@ -273,7 +273,7 @@ def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
         No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
         coordinates outside the CRS.
     """
-    import pyogrio
+    pyogrio = vector_library()
 
     with reading_chart(path) as issued:
         name = _layer(path, name)
@@ -312,7 +312,7 @@ def chart_fault(path: Path, fault: str) -> RequestError:
 
 def _layer(path: Path, name: str) -> str:
     """Name of the layer to read."""
-    import pyogrio
+    pyogrio = vector_library()
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if not names:
@@ -332,7 +332,7 @@ def _layer(path: Path, name: str) -> str:
 
 def _crs(path: Path, layer: str, crs: str) -> pyproj.CRS:
     """CRS of a layer: the one given, or the file's own."""
-    import pyogrio
+    pyogrio = vector_library()
     import pyproj
 
     given = crs or pyogrio.read_info(path, layer=layer)["crs"]

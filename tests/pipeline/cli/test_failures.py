@@ -257,3 +257,30 @@ def test_clean_says_what_it_freed(
     assert (tmp_path / "outputs" / "quick" / "report.html").exists()
     assert refusal("clean", "--output", output, "--older", "soon")[0] == 2
     assert refusal("clean", "--output", str(tmp_path / "none"))[0] == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--no-such-option=" + "x" * 5000],
+        ["x" * 5000],
+        ["run", "quick", "--limit", "x" * 5000],
+        ["run", "quick", "x" * 5000],
+        ["run", "--" + "x" * 5000],
+        ["plot", "quick", "--format", "x" * 5000],
+        ["run", "x" * 5000],
+        ["show", "x" * 200 + "/" + "x" * 200 + ".toml"],
+        ["nightly", "run", "--part", "x" * 5000],
+        ["nightly", "check", "--only", "x" * 5000],
+        ["clean", "--older", "9" * 5000],
+        ["go", "x" * 5000, "y" * 5000],
+        ["go", "1,1", "2,2", "--vessel", "x" * 5000],
+        ["go", "1,1", "2,2", "--speed", "9" * 5000 + "kn"],
+        ["go", "1,1", "2,2", "--depart", "x" * 5000],
+    ],
+    ids=lambda words: " ".join(word[:12] for word in words),
+)
+def test_long_words_are_not_repeated_whole(words: list[str]) -> None:
+    ended = CliRunner().invoke(app, words)
+    assert ended.exit_code == 2
+    assert max(map(len, ended.stderr.splitlines())) <= 500

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import http.server
 import json
 import os
 import re
+import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -261,3 +263,58 @@ def test_files_that_may_not_be_read_are_refused(tmp_path: Path) -> None:
     if os.access(file, os.R_OK):
         pytest.skip("this user may read every file")
     assert "may not be read; allow it, as with `chmod +r`" in refusal(file)
+
+
+class _Asked(http.server.BaseHTTPRequestHandler):
+    """Notes what it is asked for."""
+
+    def do_GET(self) -> None:
+        self.server.asked.append(self.path)  # type: ignore[attr-defined]
+        self.send_error(404)
+
+    do_HEAD = do_POST = do_GET  # noqa: N815 - names of the base class
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        (
+            '<OGRVRTDataSource><OGRVRTLayer name="x"><SrcDataSource>/vsicurl/{url}</SrcDataSource>'
+            "</OGRVRTLayer></OGRVRTDataSource>"
+        ),
+        (
+            '<OGRVRTDataSource><OGRVRTLayer name="land"><SrcDataSource>{file}</SrcDataSource>'
+            "</OGRVRTLayer></OGRVRTDataSource>"
+        ),
+        "<OGRWFSDataSource><URL>{url}</URL></OGRWFSDataSource>",
+        (
+            '{{"type": "gdal_streamed_alg", "command_line": "gdal vector pipeline '
+            "! read /vsicurl/{url} "
+            '! reproject --dst-crs=EPSG:4326"}}'
+        ),
+    ],
+    ids=["VRT of an address", "VRT of a file", "WFS", "GDALG"],
+)
+def test_a_chart_is_a_file_and_leads_nowhere_else(tmp_path: Path, content: str) -> None:
+    other = geojson(tmp_path)
+    chart = tmp_path / "chart.geojson"
+    with http.server.HTTPServer(("127.0.0.1", 0), _Asked) as server:
+        server.asked = []  # type: ignore[attr-defined]
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        url = f"http://127.0.0.1:{server.server_port}/land.geojson"
+        chart.write_text(content.format(url=url, file=other))
+        said = refusal(chart)
+        server.shutdown()
+        thread.join()
+        assert not server.asked  # type: ignore[attr-defined]
+    assert "not recognized as being in a supported file format" in said
+
+
+def test_a_chart_whose_bytes_cannot_be_read() -> None:
+    said = refusal("/proc/self/mem")
+    assert "Input/output error" in said
+    assert "export it again" in said

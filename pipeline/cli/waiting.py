@@ -1,0 +1,34 @@
+"""A word now and then from commands that have no stages to report."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# Time between two words, s.
+_PAUSE_S = 30.0
+
+
+@contextlib.contextmanager
+def still_at_work() -> Iterator[None]:
+    """Say on standard error now and then that a command without stages is at work."""
+    begun, ended = time.monotonic(), threading.Event()
+
+    def beat() -> None:
+        while not ended.wait(_PAUSE_S):
+            seconds = time.monotonic() - begun
+            print(f"still at work, after {seconds:.0f} s", file=sys.stderr, flush=True)  # noqa: T201 - to the user
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()

@@ -1,0 +1,45 @@
+"""A command without stages says now and then that it is at work."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli import waiting
+from pipeline.cli.main import app
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def _slow(*_: object, **__: object) -> list[str]:
+    """Take a while, and find nothing."""
+    time.sleep(0.35)
+    return []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "slow"),
+    [
+        (["check", "single-gyre"], "pipeline.stages.endpoint_look.endpoints_on_land"),
+        (["nightly", "check"], "pipeline.nightly.request.pairs_in_water.pairs_on_land"),
+        (["clean"], "pipeline.cli.clean.clean"),
+        (["warm"], "pipeline.cli.warm.warm"),
+        (["doctor", "--offline"], "pipeline.cli.doctor.examine"),
+    ],
+)
+def test_a_slow_command_says_that_it_is_at_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], slow: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(waiting, "_PAUSE_S", 0.1)
+    monkeypatch.setattr(slow, _slow)
+    threads = threading.active_count()
+    ended = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert ended.exit_code == 0
+    assert 2 <= ended.stderr.count("still at work, after 0 s") <= 4
+    assert threading.active_count() == threads

@@ -1,0 +1,61 @@
+"""Faults are said in some lines of some length, however many and long they are."""
+
+from __future__ import annotations
+
+import pickle
+
+from pipeline.errors import RequestError, StageError
+from pipeline.scenario.messages import near_miss
+
+
+def test_faults_that_are_alike_are_said_once_with_their_places() -> None:
+    faults = [f"seasons[{i}].valid = 'July' is not a time; give YYYY-MM" for i in range(50)]
+    said = RequestError([*faults, "start is missing"]).faults
+    assert said == (
+        (
+            "seasons[0].valid = 'July' is not a time; give YYYY-MM "
+            "(the same in seasons[1], seasons[2], seasons[3] and 46 more)"
+        ),
+        "start is missing",
+    )
+    rows = [f"night.toml, line 4: pairs.csv, row {i}: has 1 cells" for i in range(2, 6)]
+    assert RequestError(rows).faults == (f"{rows[0]} (the same in row 3, row 4, row 5)",)
+
+
+def test_few_faults_stay_lines_of_their_own() -> None:
+    faults = [f"seasons[{i}].valid is missing" for i in range(3)]
+    assert RequestError([*faults, faults[0]]).faults == tuple(faults)
+
+
+def test_what_is_too_many_is_counted() -> None:
+    faults = [f"row {i}: name = 'p{i}' is no name" for i in range(2449)]
+    said = RequestError(faults).faults
+    assert len(said) == 40
+    assert said[38:] == (faults[38], "and 2,410 more faults; mend these first")[-2:]
+
+
+def test_long_faults_keep_their_place_and_their_remedy() -> None:
+    (said,) = RequestError([f"--part = {'x' * 5000!r} is no share; give it as 3/64"]).faults
+    assert said.startswith("--part = 'xxx")
+    assert said.endswith("xxx' is no share; give it as 3/64")
+    assert len(said) < 250
+    (said,) = RequestError([f"--part = {'x y ' * 2000!r} is no share; give it as 3/64"]).faults
+    assert said.startswith("--part = 'x y")
+    assert said.endswith("x y ' is no share; give it as 3/64")
+    assert len(said) == 800
+    (line,) = str(StageError(f"{'a' * 900}; free some space")).splitlines()
+    assert line.endswith("; free some space")
+    assert len(line) < 250
+
+
+def test_a_fault_is_pickled_as_it_is() -> None:
+    error = RequestError([f"seasons[{i}] is wrong" for i in range(9)])
+    assert pickle.loads(pickle.dumps(error)).faults == error.faults  # noqa: S301 - our own
+
+
+def test_many_names_are_listed_in_part() -> None:
+    assert near_miss("zzz", ["b", "a"]) == "there are: a, b"
+    assert near_miss("zzz", ["a" * 300]) == f"there are: {'a' * 300}"
+    said = near_miss("zzz", [f"name-{i:03}" for i in range(100)])
+    assert said.startswith("there are: name-000, name-001, ")
+    assert said.endswith("name-023, name-024 and 75 more")
