@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
+.PHONY: help setup test lint types pytest format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -57,6 +57,12 @@ pytest: $(READY)  ## the quick tests, the import rules and the documents' exampl
 
 test-slow: $(READY)  ## the slow tests
 	$(BIN)/python -m pytest -q -m slow
+
+# The gate draws the same examples each time. What these find becomes an @example of the test.
+test-new-examples: $(READY)  ## all property tests with new examples; SEED=... draws those of a run again
+	@seed=$${SEED:-$$(date +%s)}; echo "Seed $$seed: make test-new-examples SEED=$$seed draws these examples again; one test does by"; \
+	echo "  $(BIN)/python -m pytest --hypothesis-profile=new-examples --hypothesis-seed=$$seed TEST"; \
+	$(BIN)/python -m pytest -q -n 2 -m 'hypothesis and not network' --hypothesis-profile=new-examples --hypothesis-seed=$$seed
 
 # What exercises the kernels and the planner; less what plans several times for something else (pickling, printing, seeds,
 # triangulators), so that it ends within minutes.

@@ -4,31 +4,38 @@ The one module of `renew` that knows files. Numba's own cache looks at the sourc
 alone and misses an edit of another that it inlines; here the cache's folder is named by a hash of
 all sources with kernels. It lies in the package where that can be written, else in the user's
 cache, else in a temporary folder; a folder that can only be read (an installation by root, a
-container that was warmed up) is read all the same.
+container that was warmed up) is read all the same. What can't be read, or is damaged, counts as not
+there.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
+import pickle
 import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import IO, Any, TypeVar, cast
 
 import numba
 import numpy as np
 import numpy.typing as npt
+from numba.core import cgutils
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
     _CacheLocator,
 )
+from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.pythonapi import PythonAPI
 from numba.core.registry import cpu_target
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
@@ -36,6 +43,8 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 _PACKAGE = Path(__file__).resolve().parent
 # Folders of earlier sources that are kept beside the one in use: another checkout may share them.
 _MAX_EARLIER = 3
+# Length of the digest at the end of each file, bytes.
+_DIGEST = hashlib.sha256().digest_size
 
 
 def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
@@ -45,7 +54,9 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays
     as it is.
     """
-    compile_it = numba.njit(error_model="numpy", nogil=True, forceinline=forceinline)
+    compile_it = numba.njit(
+        error_model="numpy", nogil=True, forceinline=forceinline, pipeline_class=_KernelCompiler
+    )
     compiled: Any = compile_it(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
@@ -69,14 +80,51 @@ def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return np.require(array, np.float64, ["C", "W"])
 
 
+class _KernelCompiler(Compiler):
+    """Numba's compiler, but for what kernels do where a signal interrupts them.
+
+    Arrays and named tuples are made of what a kernel returns with the help of a Python function: a
+    Ctrl-C that came while the kernel ran is raised there. Numba goes on with what that did not
+    return, which ends in a SystemError or a segmentation fault.
+    """
+
+    def _compile_core(self) -> object:
+        with global_compiler_lock:
+            # Kernels that it calls are compiled meanwhile, in the same way.
+            before = PythonAPI.unserialize
+            PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
+            try:
+                return super()._compile_core()
+            finally:
+                PythonAPI.unserialize = before  # type: ignore[method-assign]
+
+
+_UNSERIALIZED = PythonAPI.unserialize
+
+
+def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN401
+    """Emit code that unserializes an object; where that raises, the function that asks returns.
+
+    What the kernel has returned is lost then, and its memory with it.
+    """
+    found = _UNSERIALIZED(api, pointer)
+    if api.builder.function.function_type.return_type == api.pyobj:
+        with cgutils.if_unlikely(api.builder, cgutils.is_null(api.builder, found)):
+            api.builder.ret(api.get_null_object())
+    return found
+
+
 @cache
 def cache_folder() -> Path:
     """Folder into which machine code is written: the first of the possible ones that allows it."""
     for folder in _lasting_folders():
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
+            if folder.is_relative_to(_PACKAGE):
+                _open_as_package(folder.parent, folder)
             tempfile.TemporaryFile(dir=folder).close()
-            _remove_earlier(folder)
+            with contextlib.suppress(OSError):
+                _remove_earlier(folder)
             return folder
     return _temporary_folder()
 
@@ -114,10 +162,22 @@ def user_cache() -> Path | None:
     return None
 
 
+def _open_as_package(*folders: Path) -> None:
+    """Let all those look into folders of this user who may look into the package."""
+    mode = stat.S_IMODE(_PACKAGE.stat().st_mode)
+    for folder in folders:
+        state = folder.stat()
+        if state.st_uid == os.geteuid() and mode & ~state.st_mode:
+            folder.chmod(stat.S_IMODE(state.st_mode) | mode)
+
+
 def _temporary_folder() -> Path:
-    """A folder for this user alone: machine code is loaded from it, so no other may write there."""
-    own = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
+    """A folder for this user alone: machine code is loaded from it, so no other may write there.
+
+    Where none can be made it is one that can't be there, and nothing is saved.
+    """
     with contextlib.suppress(OSError):
+        own = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
         own.mkdir(mode=0o700, exist_ok=True)
         state = own.lstat()
         if (
@@ -127,13 +187,15 @@ def _temporary_folder() -> Path:
         ):
             (own / _name()).mkdir(exist_ok=True)
             return own / _name()
-    return Path(tempfile.mkdtemp(prefix="renew-"))
+    with contextlib.suppress(OSError):
+        return Path(tempfile.mkdtemp(prefix="renew-"))
+    return Path(os.devnull) / _name()
 
 
 @cache
 def _name() -> str:
-    """Name of the folder: it changes with every edit of a source that has kernels."""
-    digest = hashlib.sha256()
+    """Name of the folder: it changes with every edit of a source that has kernels, and Numba."""
+    digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
         if b"@kernel\n" in source or path == Path(__file__):
@@ -144,7 +206,7 @@ def _name() -> str:
 def _remove_earlier(folder: Path) -> None:
     """Remove the folders of earlier sources, but for the newest few."""
     others = [path for path in folder.parent.glob("kernels-*") if path != folder]
-    for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_MAX_EARLIER]:
+    for path in sorted(others, key=lambda path: path.lstat().st_mtime)[:-_MAX_EARLIER]:
         shutil.rmtree(path, ignore_errors=True)
 
 
@@ -173,6 +235,69 @@ def _noting_failures() -> Iterator[None]:
 def save_failures() -> tuple[OSError, ...]:
     """Why machine code could not be saved in this process; empty where all could."""
     return tuple(_failures)
+
+
+def load_failures() -> tuple[OSError, ...]:
+    """What of the cache can't be read or is damaged, and counts as not there, with each file."""
+    found = list[OSError]()
+    for folder in dict.fromkeys((cache_folder(), *_lasting_folders())):
+        try:
+            files = sorted(os.listdir(folder))  # noqa: PTH208 - as names
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            found.append(error)
+            continue
+        for name in files:
+            try:
+                _content(folder / name) if name.endswith((".nbi", ".nbc")) else None
+            except OSError as error:
+                found.append(error)
+    return tuple(found)
+
+
+def _content(path: Path) -> bytes:
+    """Read what was saved in a file; OSError where it can't be read or is damaged."""
+    content = path.read_bytes()
+    if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
+        raise OSError(errno.EIO, "is damaged", str(path))
+    return content[:-_DIGEST]
+
+
+class _CacheFiles(IndexDataCacheFile):
+    """Index and machine code of a kernel in a folder, each file with a digest at its end.
+
+    They need neither stamp nor version: the folder is named by both.
+    """
+
+    def _load_index(self) -> Any:  # noqa: ANN401 - a dictionary by keys of Numba's
+        return self._load(self._index_path) or {}
+
+    def _load_data(self, name: str) -> object:
+        return self._load(self._data_path(name))
+
+    def _load(self, path: str) -> object:
+        """What was saved in a file; None where it can't be read or is damaged."""
+        try:
+            return pickle.loads(_content(Path(path)))  # noqa: S301 - as Numba does
+        except OSError:
+            return None
+
+    def _save_index(self, overloads: object) -> None:
+        with self._open_for_write(self._index_path) as file:
+            file.write(self._dump(overloads))
+
+    def _dump(self, obj: object) -> bytes:
+        data: bytes = super()._dump(obj)
+        return data + hashlib.sha256(data).digest()
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[IO[bytes]]:
+        with super()._open_for_write(filepath) as file:
+            yield file
+            if Path(filepath).is_relative_to(_PACKAGE):
+                # Whoever may read the package may read its machine code, whatever the umask.
+                os.fchmod(file.fileno(), Path(__file__).stat().st_mode & 0o666)
 
 
 class _Locator(_CacheLocator):
@@ -213,11 +338,10 @@ class _KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._read_only = [
-            IndexDataCacheFile(str(folder), self._impl.filename_base, _name())
-            for folder in _lasting_folders()
-            if folder != cache_folder() and folder.is_dir()
-        ]
+        folders = dict.fromkeys((cache_folder(), *_lasting_folders()))
+        self._cache_file, *self._read_only = (
+            _CacheFiles(str(folder), self._impl.filename_base, _name()) for folder in folders
+        )
 
     def _load_overload(self, sig: object, target_context: Any) -> object:  # noqa: ANN401
         found = super()._load_overload(sig, target_context)

@@ -10,17 +10,31 @@ from typing import Any
 
 import hypothesis
 import pytest
+from hypothesis.internal.conjecture import providers
 
 ROOT = Path(__file__).resolve().parent.parent
 
 # Before any test imports pyplot: no screen.
 os.environ["MPLBACKEND"] = "Agg"
 
-# No deadline: the first call of a compiled kernel or a loaded machine is no bug.
-# In CI the examples are the same each time, so that a red run is the change's doing.
-hypothesis.settings.register_profile("default", deadline=None)
-hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
-hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "default")
+# The gate draws the same examples for everybody: a red run is the change's doing.
+# `make test-new-examples` draws others. No deadline, and slow draws are allowed: the first call of
+# a compiled kernel or a loaded machine is no bug.
+hypothesis.settings.register_profile(
+    "gate",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    print_blob=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.register_profile(
+    "new-examples", parent=hypothesis.settings.get_profile("gate"), derandomize=False
+)
+hypothesis.settings.load_profile("gate")
+# Some examples would be constants from the sources that happen to be imported by then: others in
+# each worker, after each edit, and none in a clone below a folder named `test`.
+providers.is_local_module_file = lambda _: False  # type: ignore[attr-defined, assignment]
 
 
 def _is_local(address: object) -> bool:

@@ -235,7 +235,23 @@ class ClassPlanner:
             best = self._steered(corridor, *slipped[0])
         if best is None:
             raise first or InfeasibleError("no path was found")
-        return best
+        return self._or_straight(best)
+
+    def _or_straight(self, found: Found) -> Found:
+        """A path that was found, or the straight way, where that is clear and needs less fuel.
+
+        Paths are looked for in a table of the current: where the field hardly changes across the
+        way, a bend may gain in the table what it loses in the field.
+        """
+        voyage, corridor = self.problem.voyage, found.corridor
+        straight = voyage.stops
+        if not self._is_of(corridor, straight) or voyage.fuel(straight) >= found.fuel:
+            return found
+        if all(stage.legs_clear(piece).all() for stage, piece in corridor.stages(straight)):
+            with contextlib.suppress(InfeasibleError):
+                other = self._steered_in_class(corridor, corridor, straight)
+                return min(found, other or found, key=lambda one: one.fuel)
+        return found
 
     def _steered_in_class(
         self, corridor: Corridor, used: Corridor, path: FloatArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.affinity import affine_transform
 
@@ -230,6 +230,7 @@ class Jets(renew.CurrentField):
 
 
 @settings(max_examples=6)
+@example(towards=0.0, wave_length=120.0, phase=0.0)  # a weak jet close beside the straight line
 @given(st.floats(0, 2 * math.pi), st.floats(20, 400), st.floats(0, math.pi))
 def test_a_stronger_following_current_never_costs_more_fuel(
     towards: float, wave_length: float, phase: float
@@ -243,6 +244,32 @@ def test_a_stronger_following_current_never_costs_more_fuel(
     assert fuels[0] == pytest.approx(160)
     # They may differ in either sense by as little as the table differs from the current.
     assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))
+
+
+@settings(max_examples=8)
+@example(towards=0.0, peak=0.2, wave_length=120.0, phase=0.0, later=0.2)
+@example(towards=0.0, peak=0.05, wave_length=120.0, phase=0.0, later=0.3)
+@given(
+    st.floats(0, 2 * math.pi),
+    st.floats(0, 0.4),
+    st.floats(20, 400),
+    st.floats(0, math.pi),
+    st.floats(0, 0.4),
+)
+def test_no_route_is_dearer_than_the_straight_line(
+    towards: float, peak: float, wave_length: float, phase: float, later: float
+) -> None:
+    east, north = math.cos(towards), math.sin(towards)
+    goal, beside = 80 * np.array([east, north]), 30 * np.array([-north, east])
+    chart = renew.Chart(shapely.box(-100, -100, 100, 100), [shapely.Point(beside).buffer(15)])
+    now, then = (Jets(one, towards, wave_length, phase) for one in (peak, later))
+    for current in (now, renew.VaryingCurrent([0.0, 300.0], [now, then])):
+        straight = renew.fuel(np.array([-goal, goal]), current, PAPER_VESSEL)
+        for padding in ("none", "adaptive"):
+            route = renew.plan(
+                chart, current, PAPER_VESSEL, -goal, goal, classes=2, padding=padding
+            ).best
+            assert route.fuel <= straight * (1 + 1e-12)
 
 
 # The eighth scene has an island and eddies of a fourteenth of the way.

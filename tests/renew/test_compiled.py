@@ -7,12 +7,16 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 
 import renew
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PACKAGE = Path(renew.__file__).parent
 # It prints the result of a kernel that inlines another one, how many kernels were compiled and not
@@ -24,7 +28,7 @@ result = outer.doubled(3.0)
 stats = outer.doubled.stats
 print(result, sum(stats.cache_misses.values()), _compiled.cache_is_temporary())
 print(_compiled.cache_folder())
-print(_compiled.processor(), len(_compiled.save_failures()))
+print(_compiled.processor(), len(_compiled.save_failures()), len(_compiled.load_failures()))
 """
 
 
@@ -53,6 +57,7 @@ class Ran(NamedTuple):
     folder: Path
     processor: str
     unsaved: int
+    unread: int
 
 
 def run(package: Path, *prefix: str, **variables: str) -> Ran:
@@ -68,9 +73,14 @@ def run(package: Path, *prefix: str, **variables: str) -> Ran:
     )
     figures, folder, more = done.stdout.splitlines()
     result, compiled, temporary = figures.split()
-    processor, unsaved = more.split()
+    processor, *failures = more.split()
     return Ran(
-        float(result), int(compiled), temporary == "True", Path(folder), processor, int(unsaved)
+        float(result),
+        int(compiled),
+        temporary == "True",
+        Path(folder),
+        processor,
+        *map(int, failures),
     )
 
 
@@ -157,23 +167,217 @@ def test_without_a_lasting_folder_it_is_written_to_a_private_temporary_one(
     assert run(package, **places).folder != folder
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can run as another user")
-@pytest.mark.skipif(shutil.which("setpriv") is None, reason="needs setpriv of util-linux")
-def test_another_user_loads_what_root_has_compiled(package: Path, tmp_path: Path) -> None:
+NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all")
+needs_nobody = pytest.mark.skipif(
+    os.geteuid() != 0 or shutil.which("setpriv") is None,
+    reason="only root can run as another user, by setpriv of util-linux",
+)
+
+
+@pytest.fixture
+def home(package: Path, tmp_path: Path) -> Path:
+    """Give a home folder of another user, who can read the package."""
     for folder in (package, *package.parents):
         if folder != Path(tempfile.gettempdir()) and folder.is_relative_to(tempfile.gettempdir()):
             folder.chmod(0o755)
     home = tmp_path / "home"
     home.mkdir()
     home.chmod(0o777)
-    nobody = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all")
-    first = run(package, *nobody, HOME=str(home))
+    return home
+
+
+@needs_nobody
+def test_another_user_loads_what_root_has_compiled(package: Path, home: Path) -> None:
+    first = run(package, *NOBODY, HOME=str(home))
     assert first[:3] == (6.0, 1, False)
     assert first.folder.is_relative_to(home / ".cache")
-    assert run(package, *nobody, HOME=str(home)).compiled == 0
+    assert run(package, *NOBODY, HOME=str(home)).compiled == 0
     # What root has compiled is loaded, although this user can't write there.
     shutil.rmtree(home / ".cache")
     assert run(package).folder.is_relative_to(package)
-    assert run(package, *nobody, HOME=str(home)).compiled == 0
+    assert run(package, *NOBODY, HOME=str(home)).compiled == 0
     # A home folder that can't be written, such as that of a service.
-    assert run(package, *nobody, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
+    assert run(package, *NOBODY, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
+
+
+@needs_nobody
+def test_what_root_compiles_under_umask_077_can_be_read_as_the_package_can(
+    package: Path, home: Path
+) -> None:
+    private = ("sh", "-c", 'umask 077; exec "$@"', "sh")
+    folder = run(package, *private).folder
+    assert {oct(path.stat().st_mode & 0o777) for path in (folder, folder.parent)} == {"0o755"}
+    assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o644}
+    assert run(package, *NOBODY, HOME=str(home), PYTHONDONTWRITEBYTECODE="1").compiled == 0
+
+
+OTHER_UNREADABLE = ("folder", "pycache", "asked", "home")
+
+
+@needs_nobody
+@pytest.mark.parametrize(
+    "what", ["files", *(pytest.param(one, marks=pytest.mark.slow) for one in OTHER_UNREADABLE)]
+)
+def test_a_cache_that_cannot_be_read_is_no_cache(package: Path, home: Path, what: str) -> None:
+    asked = {"NUMBA_CACHE_DIR": str(home / "asked")} if what == "asked" else {}
+    folder = run(package, HOME=str(home), **asked).folder
+    if what == "home":
+        private = [home / ".cache" / "renew"]
+        shutil.copytree(folder, private[0] / folder.name)
+    else:
+        private = {"files": list(folder.iterdir()), "pycache": [folder.parent]}.get(what, [folder])
+    for path in private:
+        path.chmod(0o000)
+    again = run(package, *NOBODY, HOME=str(home), TMPDIR=str(home), **asked)
+    assert (again.result, again.compiled) == (6.0, 0 if what == "home" else 1)
+    assert again.unread
+
+
+def cut(path: Path) -> None:
+    """Leave the first half of a file."""
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    """Leave a file with nothing in it."""
+    path.write_bytes(b"")
+
+
+def flip(path: Path) -> None:
+    """Change a bit in the middle of a file."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 4
+    path.write_bytes(content)
+
+
+def overwrite(path: Path) -> None:
+    """Put something else into a file."""
+    path.write_bytes(b"cos\nsystem\n(S'exit 1'\ntR.")
+
+
+def replace_by_folder(path: Path) -> None:
+    """Put a folder where a file was."""
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGE = [(flip, ".nbc"), (cut, ".nbi")]
+MORE_DAMAGE = [
+    (damage, kind)
+    for damage in (cut, empty, flip, overwrite, replace_by_folder)
+    for kind in (".nbi", ".nbc")
+    if (damage, kind) not in DAMAGE
+]
+
+
+@pytest.mark.parametrize(
+    ("damage", "kind"),
+    [*DAMAGE, *(pytest.param(*one, marks=pytest.mark.slow) for one in MORE_DAMAGE)],
+)
+def test_a_damaged_cache_is_no_cache_and_is_mended(
+    package: Path, kind: str, damage: Callable[[Path], None]
+) -> None:
+    folder = run(package).folder
+    for path in folder.glob(f"*{kind}"):
+        damage(path)
+    again = run(package)
+    assert again[:3] == (6.0, 1, False)
+    lasts = damage is replace_by_folder
+    # The kernel and the one that it inlines.
+    assert (again.unsaved, again.unread) == ((2, 2) if lasts else (0, 0))
+    assert run(package).compiled == int(lasts)
+
+
+@pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")
+def test_without_any_folder_to_write_to_it_runs_all_the_same(package: Path) -> None:
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    (package / "__pycache__").touch()
+    found = run(package, "prlimit", "--fsize=0", HOME=os.devnull)
+    assert (found.result, found.compiled, found.temporary) == (6.0, 1, True)
+    assert found.unsaved
+
+
+# A kernel with results of each kind, and one that it calls. It is at work when the signal comes,
+# which is raised as soon as its results are made.
+INTERRUPTED = """
+import os, signal, sys, threading
+import numpy as np
+from typing import TYPE_CHECKING, NamedTuple
+from renew._compiled import kernel
+
+class Results(NamedTuple):
+    one: np.ndarray
+    other: np.ndarray
+
+@kernel
+def root_of_sum(count):
+    total = 0.0
+    for k in range(count):
+        total = np.sqrt(total + k)
+    return total
+
+@kernel
+def results(count):
+    total = root_of_sum(count)
+    return Results(np.full(3, total), np.full(2, total)), np.full(3, total), [total]
+
+results(1)
+for _ in range(2):
+    threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    try:
+        results(60_000_000)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_ctrl_c_within_a_kernel_is_a_keyboard_interrupt(package: Path) -> None:
+    (package / "interrupted.py").write_text(INTERRUPTED)
+    done = subprocess.run(
+        [sys.executable, "-m", "renew.interrupted"],
+        cwd=package.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "interrupted\n" * 2), done.stderr
+
+
+# Plans that are interrupted at random moments, and prints how each of them ended.
+INTERRUPTED_PLANS = """
+import random, signal
+import renew
+from tests.strategies import PAPER_VESSEL, single_gyre
+
+def plan():
+    found = renew.plan(chart, gyre, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0), classes=4)
+    renew.contingency(found.best, chart, gyre, PAPER_VESSEL)
+    return found
+
+(chart, gyre), moments = single_gyre(), random.Random(1)
+plan()
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+for _ in range(500):
+    try:
+        signal.setitimer(signal.ITIMER_REAL, moments.uniform(0.001, 0.08))
+        plan()
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        print("ended")
+    except BaseException as error:
+        print(type(error).__name__)
+"""
+
+
+@pytest.mark.slow
+def test_plans_that_are_interrupted_end_with_a_keyboard_interrupt(root: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_PLANS],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    ended = Counter(done.stdout.split())
+    assert ended.total() == 500
+    assert set(ended) <= {"KeyboardInterrupt", "ended"}
+    assert ended["KeyboardInterrupt"] >= 300
