@@ -197,7 +197,7 @@ def leftovers(output: Path) -> list[str]:
     """Return what is in an output folder that an undisturbed night does not leave."""
     expected = re.compile(
         r"latest|\.nightly\.lock|\.artefacts(/.*)?"
-        r"|(\d{4}-\d\d-\d\dT\d\dZ(-\w{8})?|undated-\w{8})(/[\w.]+)?"
+        r"|(\d{4}-\d\d-\d\dT\d\dZ(-\w{8})?|undated-\w{8})(-r\d+)?(/[\w.]+)?"
     )
     found = [str(path.relative_to(output)) for path in output.rglob("*")]
     hidden = [name for name in found if "/." in name or name.endswith(".tmp")]
