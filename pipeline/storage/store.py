@@ -13,6 +13,7 @@ import contextlib
 import hashlib
 import os
 import pickle
+import warnings
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, TypeVar
@@ -134,7 +135,8 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
         return None
     try:
         value = values_from(content)
-    except Exception:  # noqa: BLE001 - a pickle of somebody else's may raise anything
+    except Exception as error:  # noqa: BLE001 - a pickle of somebody else's may raise anything
+        warnings.warn(f"{path} is none of this program's, and not used: {error}", stacklevel=2)
         return None
     if not isinstance(value, kind):
         return None

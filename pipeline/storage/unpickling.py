@@ -28,6 +28,7 @@ _ALLOWED = {
     "numpy._core.numeric": {"_frombuffer"},
     "pathlib": {"Path", "PosixPath", "PurePosixPath"},
     "pathlib._local": {"Path", "PosixPath", "PurePosixPath"},  # their name in Python 3.13
+    "pydantic_core._pydantic_core": {"TzInfo"},  # of dates in scenarios
     "shapely.io": {"from_wkb"},
     "tblib": {"Code", "Frame", "Traceback"},
     "tblib.pickling_support": {"unpickle_exception", "unpickle_traceback"},

@@ -57,11 +57,11 @@ class VaryingCurrent(CurrentField):
         self._times = np.array(times, dtype=float)
         faults = _faults(self._times)
         if callable(currents):
-            self._function: VaryingFunction = currents
+            self._function: VaryingFunction | None = currents
             self._slices: tuple[CurrentField, ...] = ()
         else:
             self._slices = tuple(map(as_field, currents))
-            self._function = self._between
+            self._function = None
             if len(self._slices) != self._times.size:
                 faults.append(f"{len(self._slices)} currents for {self._times.size} times")
             if not all(one.is_steady for one in self._slices):
@@ -77,7 +77,7 @@ class VaryingCurrent(CurrentField):
         """Velocity (..., 2) at points (..., 2) and times (...), s; held outside its span."""
         points = np.asarray(points, dtype=float)
         times = np.clip(np.broadcast_to(time, points.shape[:-1]), self._times[0], self._times[-1])
-        return checked_velocity(points, self._function(points, times))
+        return checked_velocity(points, (self._function or self._between)(points, times))
 
     @property
     def slice_times(self) -> FloatArray:
