@@ -6,7 +6,7 @@ A message names the value, the limit it broke and what to change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from renew._types import FloatArray
 
-Spelling: TypeAlias = Callable[[FloatArray], str]
+PlaceSpelling: TypeAlias = Callable[[FloatArray], str]
 """Spells a place (2,), m, for a message: in metres, or as whoever knows more would give it."""
 
 
@@ -24,28 +24,103 @@ def in_metres(place: FloatArray) -> str:
     return f"({x:.10g}, {y:.10g}) m"
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment on the clock of the current, s, that a message names."""
+
+    seconds: float
+
+
+MomentSpelling: TypeAlias = Callable[[Moment], str]
+"""Spells a moment for a message: in seconds, or as a date by whoever knows when the clock began."""
+
+
+def in_seconds(moment: Moment) -> str:
+    """Spell a moment in seconds on the clock of the current."""
+    return f"{moment.seconds:.6g} s"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Text:
+    """A message that keeps the places and moments it names as values, until somebody spells them.
+
+    Attributes
+    ----------
+    template : for `str.format`, {0} being the first value; taken as it is where there is none.
+    values : places (2,), m; moments; texts inside the text.
+    """
+
+    template: str
+    values: tuple[FloatArray | Moment | Text, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the message with places in metres and moments in seconds."""
+        return self.spelled()
+
+    def spelled(self, place: PlaceSpelling = in_metres, moment: MomentSpelling = in_seconds) -> str:
+        """Return the message with its places and moments spelled by functions."""
+        words = []
+        for value in self.values:
+            if isinstance(value, Text):
+                words.append(value.spelled(place, moment))
+            else:
+                words.append(moment(value) if isinstance(value, Moment) else place(value))
+        return self.template.format(*words) if words else self.template
+
+    @property
+    def places(self) -> tuple[FloatArray, ...]:
+        """The places that it names, (2,) m each, in the order of its values."""
+        found: list[FloatArray] = []
+        for value in self.values:
+            if isinstance(value, Text):
+                found += value.places
+            elif not isinstance(value, Moment):
+                found.append(value)
+        return tuple(found)
+
+    @classmethod
+    def joined(cls, separator: str, texts: Sequence[Text]) -> Text:
+        """Return texts one after the other."""
+        return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
+
+
+def from_until(begin: float, end: float, *, on: str = "") -> Text:
+    """Say from when until when (s), where these are finite; `on` stands for an end that is not."""
+    parts = [Text(" from {0}", (Moment(begin),))] if math.isfinite(begin) else []
+    parts.append(Text(" until {0}", (Moment(end),)) if math.isfinite(end) else Text(on))
+    return Text.joined("", parts)
+
+
 class PlanningError(Exception):
     """A plan that cannot be made; the base of all errors that `renew` raises on purpose.
+
+    Its class says of what kind it is.
 
     Parameters
     ----------
     message
-        The text. Where places are given it is a template for `str.format`: {0} is the first.
-    places
-        Points (2,), m, that the message names. `str(error)` gives them in planar metres.
+        The text; where values are given, a template for `str.format`: {0} is the first.
+    values
+        Places (2,), m, moments and texts that the message names. `str(error)` gives places in
+        planar metres and moments in seconds.
     """
 
-    def __init__(self, message: str, *places: FloatArray) -> None:
-        self.message, self.places = message, places
-        super().__init__(self.located(in_metres))
+    def __init__(self, message: str | Text, *values: FloatArray | Moment | Text) -> None:
+        self.text = message if isinstance(message, Text) else Text(message, values)
+        super().__init__(str(self.text))
 
-    def located(self, spell: Spelling) -> str:
-        """Text of the message with its places spelled in another way, such as in lon/lat."""
-        return self.message.format(*map(spell, self.places)) if self.places else self.message
+    @property
+    def places(self) -> tuple[FloatArray, ...]:
+        """The places that the message names, (2,) m each."""
+        return self.text.places
 
-    def __reduce__(self) -> tuple[type[PlanningError], tuple[str | FloatArray, ...]]:
+    def located(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
+        """Text of the message with its places, and moments, spelled in another way."""
+        return self.text.spelled(place, moment)
+
+    def __reduce__(self) -> tuple[type[PlanningError], tuple[Text]]:
         """Survive the way back from a worker process."""
-        return type(self), (self.message, *self.places)
+        return type(self), (self.text,)
 
 
 class ParameterError(PlanningError, ValueError):
@@ -110,9 +185,11 @@ class UnreachableError(PlanningError):
     """No water joins start and goal, or no class between them can be sailed.
 
     `straits` are the gaps that block the classes; none where anything else blocks one of them.
+    `causes` are the errors for which classes were rejected; none where no class was found.
     """
 
     straits: tuple[Strait, ...] = ()
+    causes: tuple[PlanningError, ...] = ()
 
 
 class InfeasibleError(PlanningError):

@@ -15,7 +15,16 @@ from shapely.geometry.base import BaseGeometry
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.drawing import Line, plan_html
-from renew.errors import PlanningError, Spelling, Strait, UnreachableError
+from renew.errors import (
+    MomentSpelling,
+    PlaceSpelling,
+    PlanningError,
+    Strait,
+    Text,
+    UnreachableError,
+    from_until,
+    in_seconds,
+)
 from renew.inputs.shut_area import ShutArea
 from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
@@ -55,10 +64,9 @@ class OverpoweredHours(NamedTuple):
     end: float
 
     @property
-    def text(self) -> str:
-        """The hours as a text, in seconds on the current's clock."""
-        begin = f" from {self.begin:.6g} s" if math.isfinite(self.begin) else ""
-        return begin + (f" until {self.end:.6g} s" if math.isfinite(self.end) else " on")
+    def text(self) -> Text:
+        """The hours as a text that names their moments on the current's clock."""
+        return from_until(self.begin, self.end, on=" on")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +201,14 @@ class Rejected:
         """
         return self._compute_fuel()
 
-    def located_reason(self, spell: Spelling) -> str:
-        """The reason with every place (2,), m, spelled by a function, such as in lon/lat."""
-        return self.cause.located(spell) if self.cause else self.reason
+    @property
+    def text(self) -> Text:
+        """The reason with the places and moments that it names as values."""
+        return self.cause.text if self.cause else Text(self.reason)
+
+    def located_reason(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
+        """The reason with every place (2,), m, and moment spelled by functions, as in lon/lat."""
+        return self.text.spelled(place, moment)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle the fuel instead of what it is made from: a current may be any function."""
@@ -284,7 +297,7 @@ class Departures:
     paths : the paths (m, 2), m; None where no class can be sailed.
     times : when the points of each path are passed (m,), s; None where there is none.
     homotopies : the name of each path's class; empty where there is none.
-    reasons : why there is none; empty where there is one.
+    causes : the error for which there is none; None where there is one.
     unproven : time (s) by which a departure between those planned may still beat the best one, to
         within the error of the paths that were found; inf where the current is as strong as the
         vessel in places.
@@ -297,9 +310,14 @@ class Departures:
     paths: tuple[FloatArray | None, ...]
     times: tuple[FloatArray | None, ...]
     homotopies: tuple[str, ...]
-    reasons: tuple[str, ...]
+    causes: tuple[PlanningError | None, ...]
     unproven: float
     plan: Plan
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why there is none; empty where there is one."""
+        return tuple("" if cause is None else str(cause) for cause in self.causes)
 
     @property
     def durations(self) -> FloatArray:

@@ -11,7 +11,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import dated, moment_text, season_name
+from pipeline.formats.shared.text import moment_text, moments_of, season_name
 from pipeline.model import Zone
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import extract_polygons, repaired
@@ -96,12 +96,9 @@ def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea
 def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
     """Say which areas routes go around because a way through would meet them while shut."""
     return tuple(
-        dated(
-            f"{season_name(plan.season)}: a way of less fuel leads through {area.text}, and might "
-            "meet it then, early, on time or late: the routes keep out of it (best without "
-            "waiting)",
-            scene.departures.get(plan.season),
-        )
+        f"{season_name(plan.season)}: a way of less fuel leads through "
+        f"{area.text.spelled(moment=moments_of(scene.departures.get(plan.season)))}, and might "
+        "meet it then, early, on time or late: the routes keep out of it (best without waiting)"
         for plan in plans
         if plan.plan is not None
         for area in plan.plan.shut

@@ -16,7 +16,7 @@ import numpy as np
 import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.departure_text import departure_text
-from pipeline.formats.shared.text import about_season, dated, season_text
+from pipeline.formats.shared.text import about_season, moments_of, season_text
 from pipeline.model import DepartureChoice
 from pipeline.scenario.interval import interval
 from pipeline.stages.avoided_areas import later
@@ -82,8 +82,9 @@ def choose_departures(
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
-            reason = " ".join(error.located(scene.place_text).split())
-            departed = _without(departed, season.name, dated(reason, season.first_departure))
+            moments = moments_of(season.first_departure)
+            reason = " ".join(error.located(scene.place_text, moments).split())
+            departed = _without(departed, season.name, reason)
     if scenario.seasons and not departed.parts.current_keys:
         raise RequestError(
             [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
@@ -151,6 +152,7 @@ def _choice(
         progress=progress,
         with_classes=False,
     )
+    moments = moments_of(first)
     return DepartureChoice(
         season=season.name,
         first=first,
@@ -159,7 +161,8 @@ def _choice(
         durations_s=found.durations,
         homotopies=found.homotopies,
         reasons=tuple(
-            dated(" ".join(reason.split()), first) if reason else "" for reason in found.reasons
+            "" if cause is None else " ".join(cause.located(scene.place_text, moments).split())
+            for cause in found.causes
         ),
         chosen_s=float(found.departures[found.best]),
         unproven_s=found.unproven,

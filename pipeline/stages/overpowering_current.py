@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import dated, moment_text, season_name
+from pipeline.formats.shared.text import moment_text, moments_of, season_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from datetime import datetime
 
     import numpy.typing as npt
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     import renew
     from pipeline.model import CurrentGrid, Scene, SeasonPlan
+    from renew.errors import Moment
 
     FloatArray = npt.NDArray[np.float64]
     BoolArray = npt.NDArray[np.bool_]
@@ -72,16 +73,15 @@ def overpowering_notes(
 def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
     """Say at which hours the current shuts the ways of routes and of rejected classes."""
     return tuple(
-        dated(f"{season_name(plan.season)}: {note}", scene.departures.get(plan.season))
-        for plan in plans
-        for note in _waiting(plan, scene)
+        f"{season_name(plan.season)}: {note}" for plan in plans for note in _waiting(plan, scene)
     )
 
 
 def _waiting(plan: SeasonPlan, scene: Scene) -> Iterator[str]:
-    """The same for one season, with times in seconds."""
+    """Say it for one season."""
+    moments = moments_of(scene.departures.get(plan.season))
     routes = [
-        f"route {rank} {_places(route.overpowered, scene)}"
+        f"route {rank} {_places(route.overpowered, scene, moments)}"
         for rank, route in enumerate(plan.ranked_routes, start=1)
         if route.overpowered
     ]
@@ -91,7 +91,7 @@ def _waiting(plan: SeasonPlan, scene: Scene) -> Iterator[str]:
             "the best without waiting"
         )
     rejected = [
-        f"class {one.homotopy} {_places(one.overpowered, scene)}"
+        f"class {one.homotopy} {_places(one.overpowered, scene, moments)}"
         for one in (plan.plan.rejected if plan.plan else ())
         if one.overpowered
     ]
@@ -108,9 +108,14 @@ def _named(classes: list[str]) -> str:
     return "; ".join(classes[:_MAX_CLASSES]) + more
 
 
-def _places(hours: tuple[renew.OverpoweredHours, ...], scene: Scene) -> str:
-    """The places of a way that are shut, and when (s)."""
-    places = [f"at {scene.place_text(one.place)}{one.text}" for one in hours[:_MAX_SPELLS]]
+def _places(
+    hours: tuple[renew.OverpoweredHours, ...], scene: Scene, moments: Callable[[Moment], str]
+) -> str:
+    """Name the places of a way that are shut, and when."""
+    places = [
+        f"at {scene.place_text(one.place)}{one.text.spelled(moment=moments)}"
+        for one in hours[:_MAX_SPELLS]
+    ]
     more = f" and at {len(hours) - _MAX_SPELLS} more places" if len(hours) > _MAX_SPELLS else ""
     return ", ".join(places) + more
 
@@ -136,7 +141,9 @@ def _hours(grid: CurrentGrid, where: tuple[int, int], speed_m_s: float, departur
         for begin, end in _spells(grid, where, speed_m_s)
     ]
     more = f" and {len(spells) - _MAX_SPELLS} more times" if len(spells) > _MAX_SPELLS else ""
-    return "shut " + ", ".join(spells[:_MAX_SPELLS]) + more if spells else "before she departs"
+    return (
+        "shut " + ", ".join(spells[:_MAX_SPELLS]) + more if spells else "before the vessel departs"
+    )
 
 
 def _spells(

@@ -7,10 +7,11 @@ import time
 from typing import TYPE_CHECKING
 
 import renew
-from pipeline.formats.shared.text import dated, season_text
+from pipeline.formats.shared.text import moments_of, season_text
 from pipeline.model import SeasonPlan
 from pipeline.stages.endpoints import is_shut_in
 from pipeline.stages.speed_choices import largest_stretch, planned_in_time
+from renew.errors import TooLateError
 
 if TYPE_CHECKING:
     from pipeline.model import Scene
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 
 MIN_LATENESS_S = 3600.0
 """Time by which a vessel may be early or late at least, in currents that change."""
-
-# What the planner says of a class that would arrive after the end of the currents.
-KNOWN_UNTIL = "the current is known until"
 
 
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
@@ -48,15 +46,17 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         else:
             plan = planned(arrive_by_s)
     except renew.PlanningError as error:
-        failure = " ".join(error.located(scene.place_text).split())
         stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
-        failure = dated(failure, scene.departures.get(season), stretch)
-        if KNOWN_UNTIL in failure:
+        moments = moments_of(scene.departures.get(season), stretch)
+        failure = " ".join(error.located(scene.place_text, moments).split())
+        causes = error.causes if isinstance(error, renew.UnreachableError) else ()
+        are_late = [isinstance(cause, TooLateError) for cause in causes]
+        if any(are_late):
             failure += (
                 f"; {season_text(season)}: its currents end too early: give currents that reach "
                 "further, raise its max_hours where they do, or depart earlier"
             )
-        if "allow a smaller padding" in failure:
+        if not all(are_late):
             failure += "; all are keys of [planner], and renew go has --clearance"
         is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
             scene, [strait.gap for strait in error.straits]

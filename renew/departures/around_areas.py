@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from renew.departures.sailings import Sailing, Sailings
-from renew.errors import InfeasibleError, PlanningError, UnreachableError
+from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
 from renew.inputs.chart import Chart
 from renew.inputs.shut_area import ShutArea, polygons_of
 from renew.route import Plan, Rejected, Route
@@ -42,9 +42,10 @@ def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleErro
         if found is not None:
             where, begin, end = found
             return InfeasibleError(
-                f"near {{0}} the vessel, or a turn of hers, may be in {area.text}, from "
-                f"{begin:.6g} s until {end:.6g} s",
+                "near {0} the vessel, or a turn that it begins, may be in {1},{2}",
                 where,
+                area.text,
+                from_until(begin, end),
             )
     return None
 
@@ -116,12 +117,12 @@ def plan_around(
 
 def unavoidable(closed: Sequence[ShutArea], failure: PlanningError | None) -> UnreachableError:
     """Error where every way meets one of some areas while it is shut, and none leads around."""
-    around = "" if failure is None else f"; around them: {failure.message}"
-    areas = "; ".join(area.text for area in closed)
+    around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
     return UnreachableError(
-        f"every way may meet {areas}{around}. Depart at another time, so as to pass before or "
-        "after, or let the area be entered",
-        *(failure.places if failure is not None else ()),
+        "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
+        "the area be entered",
+        Text.joined("; ", [area.text for area in closed]),
+        around,
     )
 
 
@@ -154,7 +155,7 @@ class SailingsAround:
                     raise
                 first = self._sailings(frozenset()).sailing(departure)
                 reason = unavoidable(sorted(closed, key=self._areas.index), error)
-                return replace(first, found=None, reason=str(reason), rejected=())
+                return replace(first, found=None, cause=reason, rejected=())
             met = self._met(sailing, closed)
             if not met:
                 self._closed_at[departure] = closed

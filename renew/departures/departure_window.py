@@ -149,7 +149,7 @@ class DepartureWindow:
             paths=tuple(one.found.path if one.found else None for one in sailings),
             times=tuple(one.times for one in sailings),
             homotopies=tuple(one.homotopy for one in sailings),
-            reasons=tuple("" if one.found else one.reason for one in sailings),
+            causes=tuple(None if one.found else one.cause for one in sailings),
             unproven=self.unproven,
             plan=plan,
         )

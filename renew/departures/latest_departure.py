@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from renew._types import FloatArray
 from renew.departures.sailings import DeparturePlanner, Sailing
-from renew.errors import ArrivalError
+from renew.errors import ArrivalError, Moment, Text
 from renew.inputs.voyage import Voyage
 
 # Share of the time under way by which she may arrive earlier than asked, and largest number of
@@ -64,15 +64,19 @@ def too_late_error(
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
-    remedies = ["allow that time", *_earlier(voyage, path, first.duration, arrive_by)]
+    remedies = [Text("allow that time"), *_earlier(voyage, path, first.duration, arrive_by)]
     remedies += _faster(voyage, path, arrive_by, faster)
     return ArrivalError(
-        f"arrive_by = {arrive_by:.6g} s can't be made: who leaves at {voyage.departure:.6g} s is "
-        f"there at {first.arrival:.6g} s at the earliest. Either {', or '.join(remedies)}"
+        "arrive_by = {0} can't be made: who leaves at {1} is there at {2} at the earliest. Either "
+        "{3}",
+        Moment(arrive_by),
+        Moment(voyage.departure),
+        Moment(first.arrival),
+        Text.joined(", or ", remedies),
     )
 
 
-def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float) -> list[str]:
+def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float) -> list[Text]:
     """The latest departure at which a path is in time, as a text; none where none is."""
 
     def is_in_time(earlier: float) -> bool:
@@ -81,10 +85,10 @@ def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float
 
     most = min(voyage.departure - voyage.current.span[0], _EARLIEST * duration)
     found = _least(is_in_time, 0.0, most)
-    return [] if found is None else [f"leave at {voyage.departure - found:.6g} s"]
+    return [] if found is None else [Text("leave at {0}", (Moment(voyage.departure - found),))]
 
 
-def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[str]:
+def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[Text]:
     """The least speed at which a path is in time, put into a text; none where none is."""
 
     def is_in_time(speed: float) -> bool:
@@ -93,7 +97,7 @@ def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> li
 
     speed = voyage.vessel.speed
     found = _least(is_in_time, speed, _FASTEST * speed)
-    return [] if found is None else [text.format(found)]
+    return [] if found is None else [Text(text.format(found))]
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:

@@ -18,6 +18,7 @@ from renew.errors import (
     InfeasibleError,
     PlanningError,
     TooLateError,
+    UnreachableError,
 )
 from renew.inputs.arguments import check_current_at_endpoints
 from renew.paths.least_fuel_path import refined_path
@@ -41,7 +42,7 @@ class Sailing:
     departure: float
     planner: ClassPlanner
     found: Found | None
-    reason: str = ""
+    cause: PlanningError | None = None
     rejected: tuple[Rejected, ...] = ()
 
     @property
@@ -81,8 +82,8 @@ class Sailing:
     def error(self) -> PlanningError:
         """Why there is no path, with what would help."""
         planner = self.planner
-        if not self.rejected:
-            return CurrentTooStrongError(self.reason)
+        if not self.rejected and self.cause is not None:
+            return self.cause
         return no_class_error(self.rejected, planner.problem, planner.policy, planner.method)
 
     @property
@@ -125,14 +126,16 @@ class Sailings:
         try:
             check_current_at_endpoints(problem.voyage)
         except CurrentTooStrongError as error:
-            return Sailing(departure, planner, None, str(error))
+            return Sailing(departure, planner, None, error)
         results = Results(planner, fuel_estimate=lambda channel: _fuel_estimate(bare, channel))
         results.look_for_best(self._classes)
         rejected = tuple(results.rejected.values())
-        reason = (
-            f"all {len(rejected)} classes were rejected: {rejected[0].reason}" if rejected else ""
-        )
-        return Sailing(departure, planner, results.best, reason, rejected)
+        cause = None
+        if rejected:
+            cause = UnreachableError(
+                f"all {len(rejected)} classes were rejected: {{0}}", rejected[0].text
+            )
+        return Sailing(departure, planner, results.best, cause, rejected)
 
     def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
         """All classes at the departure of a sailing that has a path, and the best of these."""

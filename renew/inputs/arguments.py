@@ -14,9 +14,11 @@ from renew._types import FloatArray
 from renew.errors import (
     CurrentTooStrongError,
     GoalInNoGoError,
+    Moment,
     ParameterError,
     PlanningError,
     StartInNoGoError,
+    Text,
     ViaInNoGoError,
 )
 from renew.inputs.current import CurrentField
@@ -274,8 +276,8 @@ def check_departures(current: CurrentField, departures: Sequence[float]) -> None
     for departure in departures:
         if not first <= departure < last:
             raise ParameterError(
-                f"departure = {departure:g} s lies outside the times for which the current is "
-                f"known, {first:g} to {last:g} s"
+                "departure = {0} lies outside the times for which the current is known, {1} to {2}",
+                *(Moment(float(one)) for one in (departure, first, last)),
             )
 
 
@@ -290,18 +292,21 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
         if strength >= voyage.vessel.speed:
             raise CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
-                f"{voyage.vessel.speed:.3g} m/s through water{_until(voyage, point)}. Take a "
-                f"faster vessel or another {name}"
+                f"{voyage.vessel.speed:.3g} m/s through water{{0}}. Take a faster vessel or "
+                f"another {name}",
+                _until(voyage, point),
             )
 
 
-def _until(voyage: Voyage, point: FloatArray) -> str:
+def _until(voyage: Voyage, point: FloatArray) -> Text:
     """Until when the current stays as strong as the vessel at a point (2,), if it ever falls."""
     if voyage.current.is_steady:
-        return ""
+        return Text("")
     now, speed = voyage.departure, voyage.vessel.speed
     end = overpowered_spells(voyage.table, point, speed, now, now)[:, 1].max(initial=now)
-    return f", and the current stays so until {end:.6g} s" if now < end < math.inf else ""
+    if not now < end < math.inf:
+        return Text("")
+    return Text(", and the current stays so until {0}", (Moment(float(end)),))
 
 
 def _is_number(value: object) -> TypeGuard[float]:

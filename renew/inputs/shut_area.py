@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from renew.errors import GeometryError, ParameterError
+from renew.errors import GeometryError, ParameterError, Text, from_until
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,12 @@ class ShutArea:
         return math.isinf(self.begin) and math.isinf(self.end)
 
     @property
-    def text(self) -> str:
+    def text(self) -> Text:
         """The area with its hours, for a message."""
-        name = f"area {self.name!r}" if self.name else "an area"
-        begin = "" if math.isinf(self.begin) else f" from {self.begin:.6g} s"
-        end = "" if math.isinf(self.end) else f" until {self.end:.6g} s"
-        return f"{name}, which is shut{begin}{end}" if begin or end else f"{name}, always shut"
+        name = Text(f"area {self.name!r}" if self.name else "an area")
+        if self.is_always_shut:
+            return Text("{0}, always shut", (name,))
+        return Text("{0}, which is shut{1}", (name, from_until(self.begin, self.end)))
 
 
 def polygons_of(areas: Sequence[ShutArea]) -> list[Polygon]:

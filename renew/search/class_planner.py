@@ -13,7 +13,7 @@ import shapely
 from renew._types import FloatArray
 from renew.classes.channel import Channel
 from renew.classes.h_signature import name
-from renew.errors import InfeasibleError, TooLateError
+from renew.errors import InfeasibleError, Moment, TooLateError
 from renew.inputs.arguments import Method
 from renew.inputs.voyage import Voyage
 from renew.padding.padding_model import PaddingModel, region_of
@@ -286,7 +286,9 @@ class ClassPlanner:
         arrival, (_, last) = trajectory[-1, 0], voyage.current.span
         if arrival > last:
             raise TooLateError(
-                f"it would arrive at {arrival:.6g} s, and the current is known until {last:.6g} s"
+                "it would arrive at {0}, and the current is known until {1}",
+                Moment(arrival),
+                Moment(last),
             )
         velocity = voyage.current.velocity(trajectory[:, 1:3], trajectory[:, 0])
         strength = np.linalg.norm(velocity, axis=1)

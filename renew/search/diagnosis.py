@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
-from renew._types import FloatArray
 from renew.classes.dual_graph import widest_gap
 from renew.classes.h_signature import shortened
-from renew.errors import TooLateError, UnreachableError
+from renew.errors import Text, TooLateError, UnreachableError
 from renew.padding.policy import PaddingPolicy
 from renew.route import Rejected, Route
 from renew.search.class_planner import ClassPlanner, PathMethod
@@ -37,30 +35,25 @@ def no_class_error(
     alike: dict[str, list[Rejected]] = {}
     for one in rejected:
         alike.setdefault(one.reason, []).append(one)
-    reasons: list[str] = []
-    places: list[FloatArray] = []
-    for group in itertools.islice(alike.values(), _MAX_REASONS):
-        # The places of each reason are numbered on from those of the reasons before it.
-        found = group[0].cause.places if group[0].cause else ()
-        numbers = itertools.count(len(places))
-
-        def numbered(_: FloatArray, numbers: Iterator[int] = numbers) -> str:
-            return f"{{{next(numbers)}}}"
-
-        reasons.append(f"{_named(group)}: {group[0].located_reason(numbered)}")
-        places += found
+    reasons = [
+        Text("{0}: {1}", (Text(_named(group)), group[0].text))
+        for group in itertools.islice(alike.values(), _MAX_REASONS)
+    ]
     left = len(alike) - _MAX_REASONS
     more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
-    if rejected and all(isinstance(one.cause, TooLateError) for one in rejected):
-        # Neither padding nor risk makes her arrive much earlier.
+    if all(isinstance(one.cause, TooLateError) for one in rejected):
+        # Neither padding nor risk makes the vessel arrive much earlier.
         remedy = "take currents that reach further, or depart earlier"
     else:
         tried = "; ".join(suggest_relaxations(problem, policy, method))
         remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     error = UnreachableError(
-        f"{count} rejected: {'; '.join(reasons)}{more}. To find a route: {remedy}", *places
+        f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
+        Text.joined("; ", reasons),
+        Text(remedy),
     )
+    error.causes = tuple(one.cause for one in rejected if one.cause is not None)
     straits = tuple(one.strait for one in rejected if one.strait is not None)
     if len(straits) == len(rejected):
         error.straits = straits

@@ -21,7 +21,7 @@ import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.classes.channel import Channel
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, Text
 from renew.inputs.voyage import Voyage, shares
 from renew.kernels.current_table import velocities, velocity
 from renew.kernels.overpowered_spells import overpowered_spells
@@ -63,13 +63,9 @@ def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
     """The reason against a class with the hours at which the current shuts its way, if any."""
     if not hours:
         return error
-    message = error.message if error.places else error.message.replace("{", "{{").replace("}", "}}")
-    shut = [f"{{{len(error.places) + at}}}{one.text}" for at, one in enumerate(hours[:_MAX_NAMED])]
+    shut = Text.joined(", ", [Text("{0}{1}", (one.place, one.text)) for one in hours[:_MAX_NAMED]])
     more = f" and at {len(hours) - _MAX_NAMED} more places" if len(hours) > _MAX_NAMED else ""
-    places = (*error.places, *(one.place for one in hours[:_MAX_NAMED]))
-    longer = type(error)(
-        f"{message}. The current shuts its way at {', '.join(shut)}{more}", *places
-    )
+    longer = type(error)(f"{{0}}. The current shuts its way at {{1}}{more}", error.text, shut)
     longer.strait, longer.blocked = error.strait, error.blocked
     return longer
 

@@ -94,7 +94,7 @@ class SpeedPlanner:
             paths=tuple(None if one is None else one.path for one in best),
             times=tuple(None if one is None else one.times for one in best),
             homotopies=tuple("" if one is None else one.homotopy for one in best),
-            reasons=tuple(str(one) if isinstance(one, PlanningError) else "" for one in plans),
+            causes=tuple(one if isinstance(one, PlanningError) else None for one in plans),
             unproven=math.inf,
             plan=chosen,
         )

@@ -27,7 +27,7 @@ from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.departures.latest_departure import too_late_error
 from renew.departures.sailings import Sailings
-from renew.errors import InfeasibleError, PlanningError
+from renew.errors import InfeasibleError, Moment, PlanningError
 from renew.inputs.arguments import check_current_at_endpoints
 from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
 from renew.route import Plan, Rejected, Route, TradeOff
@@ -212,8 +212,9 @@ class SpeedSearch:
         """Refuse a way that comes too late at the highest speed."""
         if not math.isfinite(profile.fuel):
             raise InfeasibleError(
-                f"it would arrive at {profile.arrival:.6g} s at the earliest, and has to by "
-                f"{self.voyage.deadline:.6g} s"
+                "it would arrive at {0} at the earliest, and has to by {1}",
+                Moment(profile.arrival),
+                Moment(self.voyage.deadline),
             )
 
     def way(self, planner: ClassPlanner, found: Found) -> Way:

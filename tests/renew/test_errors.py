@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 import renew
-from renew.errors import InfeasibleError, PlanningError, Strait, in_metres
+from renew.errors import (
+    InfeasibleError,
+    PlanningError,
+    Strait,
+    Text,
+    from_until,
+    in_metres,
+)
 
 PLACES = np.array([1.0, -2.5]), np.array([1e5, 0.1234567])
 
@@ -70,3 +77,13 @@ def test_a_blocking_strait_is_named_with_its_width_and_what_the_padding_takes() 
         "padding takes 2.50 m on the left and 3.00 m on the right bank"
     )
     assert math.isclose(strait.width, np.linalg.norm(gap[1] - gap[0]))
+
+
+def test_a_message_keeps_its_moments_as_values_and_texts_within_it() -> None:
+    inner = Text("shut{0} at {1}", (from_until(0.0, 7200.0), PLACES[0]))
+    error = renew.UnreachableError("{0} {{all}}: {1}", Text("classes {1, 2}"), inner)
+    assert str(error) == "classes {1, 2} {all}: shut from 0 s until 7200 s at (1, -2.5) m"
+    hours = error.located(lambda _: "here", lambda moment: f"{moment.seconds / 3600:g} h")
+    assert hours == "classes {1, 2} {all}: shut from 0 h until 2 h at here"
+    assert [place.tolist() for place in error.places] == [PLACES[0].tolist()]
+    assert str(from_until(-np.inf, np.inf, on=" on")) == " on"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.text import dated, season_name
+from pipeline.formats.shared.text import moments_of, season_name
 from pipeline.formats.shared.unknowns import unknowns
 
 if TYPE_CHECKING:
@@ -182,8 +182,8 @@ class RunResult:
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
         """Why a class of a season has no route, as text for readers."""
-        reason = rejected.located_reason(self.scene.place_text)
-        return dated(reason, self.scene.departures.get(season))
+        moments = moments_of(self.scene.departures.get(season))
+        return rejected.located_reason(self.scene.place_text, moments)
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
-import re
 from datetime import UTC, timedelta
 from typing import TYPE_CHECKING
 
 from pipeline.geo.position import position_text
 from pipeline.scenario.departures import named_departure
+from renew.errors import in_seconds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from datetime import datetime
 
     from pipeline.model import GapShares, RouteMetrics, Zone
     from pipeline.scenario.model import Scenario
+    from renew.errors import Moment
 
 ABSENT = "–"
 USEFUL_GAP = 1.0
 """Optimality gap above which a lower bound on fuel says nothing of use."""
-# A time on a current's clock in one of the planner's reasons.
-_CLOCK_TIME = re.compile(
-    r"\b(arrive at|known until|arrive_by =|leaves? at|there at|from|until) "
-    r"(-?[\d.]+(?:e\+?\d+)?) s\b"
-)
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
@@ -164,20 +160,16 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     )
 
 
-def dated(reason: str, departure: datetime | None, stretch: float = 1.0) -> str:
-    """Write the seconds since departure in one of the planner's reasons as dates.
+def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Moment], str]:
+    """Return how the planner's moments are spelled: as dates, or in seconds without a departure.
 
-    They stay as they are where the current has no clock. A second of the planner's is `stretch`
-    true ones.
+    A second of the planner's is `stretch` true ones.
     """
     if departure is None:
-        return reason
-
-    def date(found: re.Match[str]) -> str:
-        seconds = round(stretch * float(found[2]))
-        return f"{found[1]} {exact_moment_text(departure + timedelta(seconds=seconds))}"
-
-    return _CLOCK_TIME.sub(date, reason)
+        return in_seconds
+    return lambda moment: exact_moment_text(
+        departure + timedelta(seconds=round(stretch * moment.seconds))
+    )
 
 
 def to_minute(moment: datetime) -> datetime:

@@ -103,7 +103,7 @@ def test_a_way_round_is_the_best_without_waiting() -> None:
     assert not plan.best.overpowered
     for hours in rejected.overpowered:
         check(hours)
-        assert hours.text in rejected.reason
+        assert str(hours.text) in rejected.reason
     assert rejected.overpowered
 
 
