@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 _ROOT = Path(__file__).resolve().parents[1]
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -48,13 +48,22 @@ def python_environment() -> Mapping[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, entries)), _SAFE_PATH: "1"}
 
 
-def ignore_working_directory() -> None:
-    """Keep every interpreter that libraries start from here on out of the working directory.
+@contextlib.contextmanager
+def ignoring_working_directory() -> Iterator[None]:
+    """Keep every interpreter that libraries start in the block out of the working directory.
 
     `multiprocessing`, and with it Dask, starts interpreters by a command line of its own; all of
     them inherit this process's variables.
     """
+    before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_SAFE_PATH, None)
+        else:
+            os.environ[_SAFE_PATH] = before
 
 
 def run_python(arguments: Sequence[str], stdin: str, deadline_s: float) -> ProcessResult:

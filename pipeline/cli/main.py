@@ -42,7 +42,7 @@ from pipeline.cli.options import (
 )
 from pipeline.cli.waiting import still_at_work
 from pipeline.formats.figures.kinds import Form, Kind, Width
-from pipeline.interpreters import ignore_working_directory
+from pipeline.interpreters import ignoring_working_directory
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,8 +63,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point `renew`."""
     _open_missing_streams()
-    ignore_working_directory()
-    with ending_promptly():
+    with ending_promptly(), ignoring_working_directory():
         app()
 
 

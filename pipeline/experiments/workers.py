@@ -14,7 +14,7 @@ from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.interpreters import ignore_working_directory
+from pipeline.interpreters import ignoring_working_directory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -27,10 +27,10 @@ WARM_MODULE = "pipeline.experiments.warm"
 
 def begin_warming() -> ForkServerContext:
     """Start the fork server, if it doesn't run yet: it compiles while other things are done."""
-    ignore_working_directory()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([WARM_MODULE])
-    forkserver.ensure_running()
+    with ignoring_working_directory():
+        forkserver.ensure_running()
     return context
 
 

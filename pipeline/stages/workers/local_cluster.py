@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.interpreters import ignore_working_directory
+from pipeline.interpreters import ignoring_working_directory
 from pipeline.stages.workers.connection import quiet, within
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
     """
     import dask
 
-    with quiet(), dask.config.set(_SETTINGS):
+    with quiet(), dask.config.set(_SETTINGS), ignoring_working_directory():
         cluster = _started(workers or cores(), memory_gb)
         try:
             yield str(cluster.scheduler_address)
@@ -62,7 +62,6 @@ def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> LocalCluste
     """Start a cluster; where a process dies as it starts, start another one."""
     from distributed import LocalCluster
 
-    ignore_working_directory()
     try:
         return LocalCluster(
             n_workers=workers,

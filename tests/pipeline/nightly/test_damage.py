@@ -108,7 +108,7 @@ def _check_next_night(nights: Nights, damaged: tuple[str, ...]) -> None:
     assert rows(output)[0]["earlier_cycle"] == compared
 
 
-@pytest.mark.parametrize("damage", ["empty", "flip"])
+@pytest.mark.parametrize("damage", ["flip"])
 def test_a_damaged_yesterday_is_noted_and_the_history_mended(nights: Nights, damage: str) -> None:
     output = nights.begun()
     for name in _TABLES:
@@ -192,7 +192,16 @@ _PLACES: dict[Callable[[Path], None], str] = {
 }
 
 
-@pytest.mark.parametrize("spoil", list(_PLACES), ids=lambda one: one.__name__)
+_QUICK = {_real_folder, _dangling, _damaged_store, _folder_for_lock}
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        pytest.param(one, marks=() if one in _QUICK else pytest.mark.slow, id=one.__name__)
+        for one in _PLACES
+    ],
+)
 def test_what_stands_in_the_way_is_set_aside_or_named(
     nights: Nights, spoil: Callable[[Path], None]
 ) -> None:
