@@ -26,9 +26,7 @@ from renew.inputs.arguments import (
     as_departures,
     as_point,
     as_via,
-    check_current_at_endpoints,
-    check_departures,
-    check_endpoints,
+    check_objects,
     check_options,
 )
 from renew.inputs.chart import Chart
@@ -38,6 +36,12 @@ from renew.inputs.shut_area import ShutArea
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.inputs.voyage import Voyage
+from renew.inputs.voyage_checks import (
+    check_current_at_endpoints,
+    check_departures,
+    check_endpoints,
+    check_pace,
+)
 from renew.padding.policy import PaddingPolicy
 from renew.route import Departures, Plan
 from renew.search.class_planner import ClassPlanner, PathMethod
@@ -178,12 +182,14 @@ def plan(
         lateness=lateness,
         min_lateness=min_lateness,
     )
+    check_objects(chart, vessel, avoid)
+    points = as_via(via)
     check_options(
-        **options, departure=departure, arrive_by=arrive_by, speed=speed, has_via=len(via) > 0
+        **options, departure=departure, arrive_by=arrive_by, speed=speed, has_via=len(points) > 0
     )
     chart = with_always_shut(chart, avoid)
 
-    planner_of = _planners(current, start, goal, departure, options, via)
+    planner_of = _planners(current, start, goal, departure, options, points)
     if speed is not None:
         deadline = _deadline(current, arrive_by)
         given = chart, avoid, vessel, speed, deadline, classes
@@ -281,19 +287,20 @@ def plan_departures(
     if unknown:
         raise TypeError(f"plan_departures() has no option {unknown}")
     options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
-    times = as_departures(departures)
+    check_objects(chart, vessel, avoid)
+    times, points = as_departures(departures), as_via(via)
     check_options(
         **options,
         departure=float(times[0]),
         arrive_by=arrive_by,
         to_within=to_within,
         speed=speed,
-        has_via=len(via) > 0,
+        has_via=len(points) > 0,
         is_sweep=True,
     )
     chart, first = with_always_shut(chart, avoid), float(times[0])
 
-    planner_of = _planners(current, start, goal, first, options, via)
+    planner_of = _planners(current, start, goal, first, options, points)
     if speed is not None:
         check_departures(as_field(current), times.tolist())
         deadline = _deadline(current, arrive_by)
@@ -334,7 +341,7 @@ def _planners(
     goal: FloatArray | tuple[float, float],
     departure: float,
     options: PlanOptions,
-    via: ViaPoints,
+    via: FloatArray,
 ) -> PlannerOf:
     """Return a factory (chart, vessel, speed choice) -> ClassPlanner, of valid options."""
     field, stops = as_field(current), (as_point("start", start), as_point("goal", goal))
@@ -349,10 +356,11 @@ def _planners(
             float(departure),
             float(options["lateness"]),
             float(options["min_lateness"]),
-            as_via(via),
+            via,
             choice=choice,
         )
         check_endpoints(voyage)
+        check_pace(voyage)
         policy = PaddingPolicy(
             options["padding"],
             options["clearance"],

@@ -272,7 +272,8 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
             highest = time[r : r + 2, c : c + 2].max()
             lasts = max(highest - (low + level * step), 0.0) / least
             begin = grid.departure + clock
-            end = begin + lasts
+            # A current that repeats itself has nothing new after a period.
+            end = begin + min(lasts, grid.current.period)
             if is_any_time:
                 begin, end = grid.hours[0, r, c], grid.hours[1, r, c]
                 if end < begin:

@@ -20,7 +20,7 @@ from renew.errors import (
     TooLateError,
     UnreachableError,
 )
-from renew.inputs.arguments import check_current_at_endpoints
+from renew.inputs.voyage_checks import check_current_at_endpoints
 from renew.paths.least_fuel_path import refined_path
 from renew.route import Plan, Rejected
 from renew.search.class_planner import ClassPlanner, Found

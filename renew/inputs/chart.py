@@ -11,6 +11,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from renew.errors import GeometryError
+from renew.inputs.figures import shown
 
 # Coordinates closer than this share of the extent's diagonal are one point. The grid keeps
 # overlay results noded (no sliver between an island and the extent that it touches), and is
@@ -48,8 +49,8 @@ class Chart:
         no_go: Iterable[Polygon] = (),
         land: Iterable[Polygon] | None = None,
     ) -> None:
-        islands = [part for geometry in no_go for part in _polygons(geometry)]
-        bare = None if land is None else [part for one in land for part in _polygons(one)]
+        islands = _all_polygons("no_go", no_go)
+        bare = None if land is None else _all_polygons("land", land)
         _check(extent, {"no_go": islands, "land": bare or []})
         # Where the extent has a hole there is no water: land like any other.
         islands += [Polygon(hole) for hole in extent.interiors]
@@ -123,6 +124,17 @@ class Chart:
         return xmin, ymin, xmax, ymax
 
 
+def _all_polygons(name: str, geometries: object) -> list[Polygon]:
+    """Take the polygons out of geometries; refuse what is none."""
+    if not isinstance(geometries, Iterable) or isinstance(geometries, str | bytes):
+        raise GeometryError(f"chart: {name} must be polygons in a row, not {shown(geometries)}")
+    given = list(geometries)
+    for at, geometry in enumerate(given):
+        if not isinstance(geometry, BaseGeometry):
+            raise GeometryError(f"chart: {name}[{at}] must be a Polygon, not {shown(geometry)}")
+    return [part for geometry in given for part in _polygons(geometry)]
+
+
 def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     """Take the polygons out of any geometry; points and lines have no area to keep out of."""
     return [
@@ -135,7 +147,7 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
 def _check(extent: Polygon, kinds: Mapping[str, list[Polygon]]) -> None:
     """Raise one GeometryError that names every bad polygon."""
     if not isinstance(extent, Polygon) or extent.is_empty:
-        raise GeometryError(f"chart: the extent must be a non-empty Polygon, not {extent!r}")
+        raise GeometryError(f"chart: the extent must be a non-empty Polygon, not {shown(extent)}")
     faults = []
     named = ((f"{kind}[{i}]", p) for kind, of in kinds.items() for i, p in enumerate(of))
     for name, polygon in (("extent", extent), *named):

@@ -18,6 +18,7 @@ import numpy as np
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
 from renew.errors import ParameterError
+from renew.inputs.figures import as_floats, is_number, shown
 from renew.inputs.tabulation import tabulated
 from renew.kernels.angles import wrapped
 from renew.kernels.current_table import Table, table_of, velocities
@@ -153,14 +154,14 @@ def as_field(current: CurrentLike) -> CurrentField:
     if callable(current):
         return FunctionCurrent(current)
     raise ParameterError(
-        f"current = {current!r} is neither a CurrentField nor a callable; pass "
+        f"current = {shown(current)} is neither a CurrentField nor a callable; pass "
         "renew.UniformCurrent(0, 0) for still water"
     )
 
 
 def checked_velocity(points: FloatArray, answer: object) -> FloatArray:
     """Velocities (..., 2) that a function gave for points (..., 2), if that is what they are."""
-    velocity = np.asarray(answer, dtype=float)
+    velocity = as_floats("current: what the function returned", answer)
     if velocity.shape != points.shape:
         raise ParameterError(
             f"current: for points of shape {points.shape} the function returned shape "
@@ -225,7 +226,14 @@ class GyreCurrent(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse what is not finite, and a rectangle without area."""
-        check_finite("gyre", amplitude=self.amplitude, width=self.width, height=self.height)
+        check_finite(
+            "gyre",
+            amplitude=self.amplitude,
+            width=self.width,
+            height=self.height,
+            columns=self.columns,
+            rows=self.rows,
+        )
         if self.width <= 0 or self.height <= 0:
             raise ParameterError(
                 f"gyre: width = {self.width!r} and height = {self.height!r} m must be above 0"
@@ -293,8 +301,13 @@ class GriddedCurrent(TabulatedCurrent):
     """
 
     def __init__(self, x: FloatArray, y: FloatArray, u: FloatArray, v: FloatArray) -> None:
-        x, y = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(y, dtype=float)
-        uv = np.stack([np.asarray(u, dtype=float), np.asarray(v, dtype=float)], axis=-1)
+        x, y, u, v = (
+            np.ascontiguousarray(as_floats(f"gridded current: {name}", given))
+            for name, given in (("x", x), ("y", y), ("u", u), ("v", v))
+        )
+        if u.shape != v.shape:
+            raise ParameterError(f"gridded current: u has shape {u.shape}, and v {v.shape}")
+        uv = np.stack([u, v], axis=-1)
         faults = [
             f"{name} has {axis.size} nodes, not ascending"
             if axis.size > 1
@@ -330,11 +343,13 @@ class GriddedCurrent(TabulatedCurrent):
 def check_finite(name: str, **figures: float) -> None:
     """Refuse figures that are not finite, or so large that squares overflow; all at once."""
     faults = [
-        f"{key} = {value!r}" for key, value in figures.items() if not abs(value) <= _MAX_FIGURE
+        f"{key} = {shown(value)}"
+        for key, value in figures.items()
+        if not (is_number(value) and abs(value) <= _MAX_FIGURE)
     ]
     if faults:
         raise ParameterError(
-            f"{name}: {', '.join(faults)} must be finite, and at most {_MAX_FIGURE:g}"
+            f"{name}: {', '.join(faults)} must be numbers, finite, and at most {_MAX_FIGURE:g}"
         )
 
 

@@ -20,6 +20,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError
 from renew.inputs.current import CurrentField, CurrentLike, as_field
+from renew.inputs.figures import as_floats, check_kind, is_finite, shown
 from renew.inputs.vessel import Vessel
 from renew.kernels.ground_speed import ground_speed as made_along
 from renew.kernels.ground_speed import ground_speeds, sailing_at
@@ -30,6 +31,8 @@ Drift: TypeAlias = Literal["projected", "crab"]
 # single gyre the error is below 1e-9 of the fuel.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PIECES = 256
+# Largest coordinate of a path (m): beyond it squares overflow.
+_MAX_PLACE = 1e150
 WITHIN = (_NODES + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
 # Rounds in which times in a changing current are put in, the change of them, as a share of the time
@@ -38,10 +41,20 @@ WITHIN = (_NODES + 1) / 2
 _ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-7, 1e-6, 0.9
 
 
-def check_drift(drift: str) -> None:
+def check_drift(drift: object) -> None:
     """Refuse a drift model that is not one of the two."""
-    if drift not in get_args(Drift):
-        raise ParameterError(f"drift = {drift!r} is not one of {', '.join(get_args(Drift))}")
+    if not isinstance(drift, str) or drift not in get_args(Drift):
+        raise ParameterError(f"drift = {shown(drift)} is not one of {', '.join(get_args(Drift))}")
+
+
+def as_path(given: object) -> FloatArray:
+    """Take a path as an array (n, 2), m."""
+    path = as_floats("path", given)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
+        raise ParameterError(f"path has shape {path.shape}; it must be (n, 2) with n >= 2")
+    if not (np.abs(path) <= _MAX_PLACE).all():
+        raise ParameterError(f"path has points that are not finite, or beyond {_MAX_PLACE:g} m")
+    return path
 
 
 def ground_speed(
@@ -169,14 +182,15 @@ def passage(
     sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. From a `guess` of the
     times (n,) at the path's points, s, the same is found sooner.
     """
-    path = np.asarray(path, dtype=float)
-    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
-        raise ParameterError(f"path has shape {path.shape}; it must be (n, 2) with n >= 2")
+    path = as_path(path)
     check_drift(drift)
+    check_kind("vessel", vessel, Vessel)
+    if not is_finite(departure):
+        raise ParameterError(f"departure = {shown(departure)} s must be finite")
     field = as_field(current)
     pieces = Pieces.of(path)
     leg = pieces.leg
-    through_water = _by_leg(speeds, vessel, len(path) - 1)[leg]
+    through_water = speeds_by_leg(speeds, vessel, len(path) - 1)[leg]
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
@@ -193,11 +207,11 @@ def passage(
     )
 
 
-def _by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
+def speeds_by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
     """Speeds (n,) through water of n legs: as given, or the vessel's."""
     if speeds is None:
         return np.full(legs, vessel.speed)
-    speeds = np.asarray(speeds, dtype=float)
+    speeds = as_floats("speeds", speeds)
     if speeds.shape != (legs,) or not (np.isfinite(speeds) & (speeds > 0)).all():
         raise ParameterError(
             f"speeds has shape {speeds.shape}; it must be ({legs},), one a leg, all above 0 m/s"
@@ -342,10 +356,10 @@ def fuel(
     Raises
     ------
     ParameterError
-        A path or speeds of another shape, or an unknown drift model.
+        A path or speeds of another shape or not finite, no vessel, or an unknown drift model.
     """
     leg, times = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
     if speeds is None:
         return float(vessel.fuel_rate * (times[-1] - departure))
-    rate = vessel.fuel_coefficient * np.asarray(speeds, dtype=float)[leg] ** vessel.fuel_exponent
+    rate = vessel.fuel_coefficient * as_floats("speeds", speeds)[leg] ** vessel.fuel_exponent
     return float((rate * np.diff(times)).sum()) if math.isfinite(times[-1]) else math.inf

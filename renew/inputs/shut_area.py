@@ -11,6 +11,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from renew.errors import GeometryError, ParameterError, Text, from_until
+from renew.inputs.figures import is_number, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,12 @@ class ShutArea:
                 f"area {self.name!r} is not valid: {shapely.is_valid_reason(polygon)}. Mend with "
                 "shapely.make_valid"
             )
-        if not self.begin < self.end:
+        hours = self.begin, self.end
+        if not (all(map(is_number, hours)) and self.begin < self.end):
+            begin, end = map(shown, hours)
             raise ParameterError(
-                f"area {self.name!r} is shut from {self.begin:g} until {self.end:g} s; the end "
-                "must come after the beginning"
+                f"area {self.name!r} is shut from {begin} until {end} s; the end must come after "
+                "the beginning"
             )
 
     @property

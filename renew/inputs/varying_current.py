@@ -23,6 +23,7 @@ from renew.inputs.current import (
     check_finite,
     checked_velocity,
 )
+from renew.inputs.figures import as_floats, shown
 from renew.inputs.tabulation import tabulated_in_time
 from renew.kernels.current_table import Table, table_of
 
@@ -54,12 +55,17 @@ class VaryingCurrent(CurrentField):
     def __init__(
         self, times: FloatArray | Sequence[float], currents: Sequence[CurrentLike] | VaryingFunction
     ) -> None:
-        self._times = np.array(times, dtype=float)
+        self._times = as_floats("varying current: times", times).copy()
         faults = _faults(self._times)
         if callable(currents):
             self._function: VaryingFunction | None = currents
             self._slices: tuple[CurrentField, ...] = ()
         else:
+            if not isinstance(currents, Sequence):
+                raise ParameterError(
+                    f"varying current: currents = {shown(currents)} must be a field for each time "
+                    "in a row, or one function"
+                )
             self._slices = tuple(map(as_field, currents))
             self._function = None
             if len(self._slices) != self._times.size:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from renew.errors import ParameterError
+from renew.inputs.figures import is_number, shown
 
 MAX_SPEED = 1e6
 """Highest speed through water (m/s) that is no slip of the pen."""
@@ -50,9 +51,9 @@ class Vessel:
     def __post_init__(self) -> None:
         """Refuse what no vessel has; all faults at once."""
         faults = [
-            f"{name} = {value!r} must be a number above 0 and at most {most:g}"
+            f"{name} = {shown(value)} must be a number above 0 and at most {most:g}"
             for name, most in _LIMITS.items()
-            if not 0 < (value := getattr(self, name)) <= most
+            if not (is_number(value := getattr(self, name)) and 0 < value <= most)
         ]
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))

@@ -18,7 +18,7 @@ from renew.inputs.punctuality import early_and_late
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
-from renew.kernels.current_table import Table, fastest_change
+from renew.kernels.current_table import Table, changes
 from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
 
@@ -88,7 +88,7 @@ class Voyage:
     @cached_property
     def current_change(self) -> float:
         """The most by which the current changes in a second anywhere in its table, m/s²."""
-        return fastest_change(self.table)
+        return float(changes(self.table).max())
 
     @property
     def speed_change(self) -> float:

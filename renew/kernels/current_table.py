@@ -122,9 +122,9 @@ def weakest_and_strongest(table: Table) -> tuple[FloatArray, FloatArray]:
 
 
 @kernel
-def fastest_change(table: Table) -> float:
-    """The most by which the current at any node changes in a second, m/s²."""
-    most = 0.0
+def changes(table: Table) -> FloatArray:
+    """The most by which the current at any node changes in a second, m/s², from slice to slice."""
+    most = np.zeros(max(1, len(table.times) - 1))
     for k in range(len(table.times) - 1):
         lasts = table.times[k + 1] - table.times[k]
         before, after = table.uv[k].reshape(-1, 2), table.uv[k + 1].reshape(-1, 2)
@@ -132,7 +132,7 @@ def fastest_change(table: Table) -> float:
         for i in range(len(before)):
             u, v = after[i, 0] - before[i, 0], after[i, 1] - before[i, 1]
             square = max(square, u * u + v * v)
-        most = max(most, math.sqrt(square) / lasts)
+        most[k] = math.sqrt(square) / lasts
     return most
 
 
@@ -247,6 +247,9 @@ def next_slice(table: Table, time: float) -> float:
         begin = math.floor((time - times[0]) / table.period) * table.period
     for _ in range(2):
         at = int(np.searchsorted(times, time - begin, side="right"))
+        # By rounding it may be at this very time that the next one is found again.
+        while at <= last and begin + times[at] <= time:
+            at += 1
         if at <= last:
             # In the next period the first slice is that at whose time this one ends.
             return float(begin + times[at])

@@ -28,7 +28,7 @@ from renew.classes.h_signature import Word
 from renew.departures.latest_departure import too_late_error
 from renew.departures.sailings import Sailings
 from renew.errors import InfeasibleError, Moment, PlanningError
-from renew.inputs.arguments import check_current_at_endpoints
+from renew.inputs.voyage_checks import check_current_at_endpoints
 from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
 from renew.route import Plan, Rejected, Route, TradeOff
 from renew.search.class_planner import ClassPlanner, Found

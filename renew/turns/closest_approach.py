@@ -9,7 +9,9 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
+from renew.inputs.arguments import check_seed
 from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.figures import check_kind
 from renew.inputs.vessel import Vessel
 from renew.padding.reach_quantile import TurnSampler
 from renew.padding.turn_reach import normals_away
@@ -67,6 +69,10 @@ def tightest(
         Edges whose padding reaches over the start or the goal are left out, as harbours lie there.
         None where no other edge is padded.
     """
+    check_kind("route", route, Route)
+    check_kind("vessel", vessel, Vessel)
+    check_seed(seed)
+    field = as_field(current)
     edges, padding = route.padding_used[:, :4].reshape(-1, 2, 2), route.padding_used[:, 4]
     lines = shapely.linestrings(edges)
     endpoints = shapely.points(route.path[[0, -1]])
@@ -89,7 +95,7 @@ def tightest(
     inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
     when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
     sampler = TurnSampler(seed, _DRAWS)
-    statistics = as_field(current).statistics(
+    statistics = field.statistics(
         route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
     )
     headings, currents = sampler.draws(statistics, np.array([course]))

@@ -17,7 +17,7 @@ import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.errors import ParameterError
+from renew.inputs.arguments import check_turns
 from renew.inputs.chart import Chart
 from renew.inputs.current import (
     CurrentField,
@@ -26,7 +26,7 @@ from renew.inputs.current import (
     as_field,
     sample_statistics,
 )
-from renew.inputs.fuel import Drift, ground_speed, reading_times
+from renew.inputs.fuel import Drift, as_path, ground_speed, reading_times, speeds_by_leg
 from renew.inputs.punctuality import early_and_late
 from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
@@ -123,21 +123,17 @@ def contingency(
     Raises
     ------
     ParameterError
-        A spacing that is not positive.
+        No route, chart or vessel, or figures out of range.
     """
-    if not (math.isfinite(spacing) and spacing > 0):
-        raise ParameterError(f"spacing = {spacing!r} m must be finite and above 0")
-    if not 0 <= lateness < 1:
-        raise ParameterError(f"lateness = {lateness!r} must be at least 0 and below 1")
-    if not 0 <= min_lateness < math.inf:
-        raise ParameterError(f"min_lateness = {min_lateness!r} s must be finite and at least 0")
-    field, path = as_field(current), np.asarray(route.path, dtype=float)
+    field, path = as_field(current), as_path(getattr(route, "path", None))
+    length, lates = shapely.LineString(path).length, (lateness, min_lateness)
+    check_turns(chart, vessel, length, spacing=spacing, seed=seed, late=lates)
     if departure is None:
         departure = float(getattr(route, "times", np.zeros(1))[0])
     points, course = stations(path, spacing)
     if speeds is None:
         speeds = getattr(route, "speeds", None)
-    own = np.full(len(path) - 1, vessel.speed) if speeds is None else np.asarray(speeds, float)
+    own = speeds_by_leg(speeds, vessel, len(path) - 1)
     speed = speeds_along(points, path, own)
     vessel = replace(vessel, speed=float(own.max()))
     times = reading_times(

@@ -1,0 +1,49 @@
+"""Figures and objects as callers give them: refused where they aren't what they should be."""
+
+from __future__ import annotations
+
+import reprlib
+import sys
+from typing import TypeGuard
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import ParameterError
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
+
+
+def shown(value: object) -> str:
+    """A value as Python writes it, for a message; of a long one the beginning and the end."""
+    return _SHORT.repr(value)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a real number, and neither true or false nor a duration."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
+        value, bool | np.timedelta64
+    )
+
+
+def is_finite(value: object) -> TypeGuard[float]:
+    """Whether a value is a number that is finite as a float."""
+    return is_number(value) and bool(abs(value) <= sys.float_info.max)
+
+
+def as_floats(name: str, value: object) -> FloatArray:
+    """Take real numbers as an array of floats; not text, complex numbers, dates or masked ones."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biufO" and not np.ma.is_masked(value):
+            return np.asarray(array, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ParameterError(f"{name} = {shown(value)} must be real numbers")
+
+
+def check_kind(name: str, value: object, kind: type) -> None:
+    """Refuse an object that is not of a class of ours."""
+    if not isinstance(value, kind):
+        raise ParameterError(f"{name} = {shown(value)} must be a renew.{kind.__name__}")
