@@ -84,10 +84,10 @@ nightly: $(READY)  ## a night that runs offline: outputs/nightly/latest/
 	$(BIN)/renew nightly run
 
 experiments: $(READY)  ## the paper's tables again, with its baselines and stronger rivals: outputs/experiments/
-	$(BIN)/renew experiments
+	$(BIN)/python -m experiments
 
 experiments-quick: $(READY)  ## the same for single gyre and 4-gyre, one seed, small budgets
-	$(BIN)/renew experiments --quick
+	$(BIN)/python -m experiments --quick
 
 bench: $(READY)  ## the figures to reach, as a table
 	$(BIN)/python -m tests.bench
@@ -123,7 +123,7 @@ wheel: $(READY)  ## build dist/*.whl
 FORKS := fewest
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --no-config --universal --fork-strategy $(FORKS) --generate-hashes \
-	  --python-version 3.11 --group dev --group docs --extra triangle --extra baselines \
+	  --python-version 3.11 --group dev --group docs --extra triangle \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 

@@ -60,8 +60,12 @@ def test_imports_keep_to_the_walls(
     assert kept, capsys.readouterr().out
 
 
-def test_what_is_imported_is_declared_and_the_other_way_round(project: dict[str, Any]) -> None:
-    graph = grimp.build_graph("renew", "pipeline", include_external_packages=True, cache_dir=None)
+def test_what_is_imported_is_declared_and_the_other_way_round(
+    root: Path, project: dict[str, Any]
+) -> None:
+    graph = grimp.build_graph(
+        "renew", "pipeline", "experiments", include_external_packages=True, cache_dir=None
+    )
     outside = {module for module in graph.modules if graph.is_module_squashed(module)}
     distributions = packages_distributions()
     imported = {
@@ -69,7 +73,8 @@ def test_what_is_imported_is_declared_and_the_other_way_round(project: dict[str,
         for module in outside - sys.stdlib_module_names
         for distribution in distributions[module.partition(".")[0]]
     }
-    declared = _declared(project)
+    groups = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["dependency-groups"]
+    declared = _declared(project) | {_canonical(needed) for needed in groups["experiments"]}
     declared |= {name for name, bringer in COMES_WITH.items() if bringer in declared}
 
     assert imported - declared == set(), "imported, and not declared in pyproject.toml"

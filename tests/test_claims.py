@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import renew
-from pipeline.experiments.environments.model import Case, EnvironmentSpec
+from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.nightly.request.config import CaseTable, NightTable
 from pipeline.nightly.request.departures import DepartureSpec
 from pipeline.scenario import reference
@@ -178,16 +178,17 @@ def test_files_of_results_that_are_named_exist(document: str) -> None:
     text = (ROOT / document).read_text("utf-8")
     examples = " ".join(block["body"] for block in FENCE.finditer(text))
     named = {span for span in SPAN.findall(FENCE.sub("", text)) if RESULT_FILE.fullmatch(span)}
-    code = _pipeline()
+    code = _writers()
     tables = {f"{name}.csv" for name in re.findall(r'Table\(\s*"([\w-]+)"', code)}
     named -= {name for name in named if f'"{name}"' in code or name in examples} | tables
     assert [name for name in named if not any((ROOT / "catalog").rglob(name))] == []
 
 
 @cache
-def _pipeline() -> str:
-    """All of the pipeline's code."""
-    return "".join(path.read_text("utf-8") for path in (ROOT / "pipeline").rglob("*.py"))
+def _writers() -> str:
+    """All code that writes results."""
+    files = (path for room in ("pipeline", "experiments") for path in (ROOT / room).rglob("*.py"))
+    return "".join(path.read_text("utf-8") for path in files)
 
 
 def test_keys_of_a_night_are_on_their_page() -> None:

@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|experiments|nightly`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly`.
 
 Exit codes:
 
@@ -24,7 +24,6 @@ import typer
 
 from pipeline.cli.earlier_results import dating_earlier_results
 from pipeline.cli.ending import end, short_path
-from pipeline.cli.experiments import experiments
 from pipeline.cli.failures import BriefRefusals, reported_errors
 from pipeline.cli.go import NegativeFigures, go
 from pipeline.cli.interruption import ending_promptly
@@ -147,7 +146,6 @@ def run(
 
 
 app.command(cls=NegativeFigures)(go)
-app.command()(experiments)
 app.add_typer(nightly_app, name="nightly")
 
 

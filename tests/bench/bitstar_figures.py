@@ -12,8 +12,11 @@ import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import renew
 from renew.inputs.current import as_field
+from renew.inputs.voyage import Voyage
 from tests.bench.figure import Figure
 from tests.eddies import SCENES, eddy_scene
 from tests.strategies import PAPER_VESSEL
@@ -53,24 +56,17 @@ def figures() -> Iterator[Figure]:
 
 def _bit_star_fuel(scene: int, seed: int) -> float:
     """Fuel of the best path that BIT* finds in a scene; inf if it finds none."""
-    # Modules of the extra `baselines`.
-    from pipeline.experiments.baselines.candidate import Budget, NoPathError
-    from pipeline.experiments.baselines.with_fuel import bit_star
-    from pipeline.experiments.kernels.water import BARE, PaddedWater
+    # Modules that import ompl.
+    from experiments.baselines.candidate import Budget, NoPathError, Task
+    from experiments.baselines.with_fuel import bit_star
+    from experiments.kernels.water import BARE, PaddedWater
 
     waters = eddy_scene(*SCENES[scene])
     water = PaddedWater.of(waters.chart, BARE)
+    ends = np.asarray(waters.start, dtype=float), np.asarray(waters.goal, dtype=float)
+    voyage = Voyage(waters.chart, as_field(waters.current), PAPER_VESSEL, *ends, "projected")
     try:
-        (candidate,) = bit_star(
-            waters.chart,
-            as_field(waters.current),
-            PAPER_VESSEL,
-            waters.start,
-            waters.goal,
-            water=water,
-            budget=Budget(calls=CALLS),
-            seed=seed,
-        )
+        (candidate,) = bit_star(Task(voyage, water, Budget(calls=CALLS), seed))
     except NoPathError:
         return math.inf
     return renew.fuel(candidate.path, waters.current, PAPER_VESSEL)

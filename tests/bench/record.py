@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 FOLDER = ROOT / "docs" / "figures"
 COLUMNS = ("figure", "value", "measured", "commit")
-_CODE = ("renew", "pipeline", "catalog")
+_CODE = ("renew", "pipeline", "catalog", "experiments")
 _DIGITS = 10
 
 

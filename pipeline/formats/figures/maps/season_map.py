@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> str:
     """Draw a season as an `<svg>` element for a page; see `page_svg`."""
     figure, [(axes, sea)] = map_figure(result)
-    _draw_season(axes, sea, result, season)
+    draw_season(axes, sea, result, season)
     return page_svg(figure, identity=identity, label=label)
 
 
@@ -61,7 +61,7 @@ def overview_figure(
         width_pt=width_pt,
     )
     for season, (axes, sea) in zip(chosen, maps, strict=True):
-        _draw_season(axes, sea, result, season)
+        draw_season(axes, sea, result, season)
         in_season_colour(axes, season_colour(result.season_index(season)))
     return figure
 
@@ -79,8 +79,8 @@ def _titles(result: RunResult, season: str) -> tuple[str, str]:
     return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel)}"
 
 
-def _draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
-    """Draw currents, zones, land, routes and frame."""
+def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
+    """Draw currents, zones, land, routes (if it has any) and frame on a map of `map_figure`."""
     layers = [*_area_layers(axes, result, season), *_route_layers(result, season)]
     add_layers(axes, layers, sea)
     paths = [ranked.route.path for ranked in result.season_routes(season)]

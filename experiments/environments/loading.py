@@ -1,0 +1,164 @@
+"""Environments from their files, and their scenes in planar metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from experiments.environments.model import EnvironmentSpec
+from pipeline.errors import RequestError
+from pipeline.formats.shared.result import RunResult
+from pipeline.geo.projection import Projection
+from pipeline.loading import parse_scenario
+from pipeline.model import Evaluation, SeasonPlan
+from pipeline.scenario import catalogue
+from pipeline.scenario.messages import model_faults, near_miss
+from pipeline.stages import planar
+from pipeline.stages.fetch import fetch
+from pipeline.stages.project import project
+from pipeline.stages.simplify import simplify_land
+from renew.inputs.voyage import Voyage
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from experiments.environments.model import Case
+    from pipeline.model import Fetched, Simplified
+    from pipeline.scenario.model import Scenario
+    from pipeline.storage.store import Store
+
+FOLDER = Path(__file__).resolve().parents[1] / "catalog"
+"""Folder of the environments' files."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """An environment, and its scenario's run as far as to the plans, which are made here."""
+
+    spec: EnvironmentSpec
+    result: RunResult
+
+    @property
+    def waters(self) -> str:
+        """Which chart and which currents these are."""
+        fetched = self.result.fetched
+        names = [credit.text for credit in fetched.land.credits]
+        names += dict.fromkeys(f"{grid.credit.text} ({grid.valid})" for grid in fetched.currents)
+        if self.result.scene.is_planar:
+            names.append("currents as given in the environment's file")
+        return "; ".join(names)
+
+    def voyage(self, case: Case) -> Voyage:
+        """The voyage of a case, m and m/s."""
+        scene = self.result.scene
+        current = scene.currents[case.season]
+        return Voyage(scene.chart, current, scene.vessel, scene.start, scene.goal, "projected")
+
+    def options(self, case: Case) -> dict[str, object]:
+        """Options of `renew.plan` for a case."""
+        return {
+            "classes": self.spec.classes,
+            "padding": case.padding,
+            "clearance": case.clearance,
+            "distinct_by": self.result.scenario.planner.distinct_by,
+        }
+
+
+def names() -> tuple[str, ...]:
+    """Names of all environments."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_spec(name: str) -> EnvironmentSpec:
+    """Load and check an environment's file.
+
+    Raises
+    ------
+    RequestError
+        There is none of that name, or it is invalid: one line for each fault.
+    """
+    if name not in names():
+        raise RequestError([f"no environment {name!r}: {near_miss(name, names())}"])
+    data = catalogue.read_toml(FOLDER / f"{name}.toml")
+    try:
+        spec = EnvironmentSpec.model_validate(data)
+    except ValidationError as error:
+        lines = model_faults(error, EnvironmentSpec, data)
+        raise RequestError([f"environment {name!r}: {line}" for line in lines]) from None
+    cases = [case.name for case in spec.cases]
+    faults = [
+        f"environment {name!r}: published case {row.case!r} is none: {near_miss(row.case, cases)}"
+        for row in spec.published
+        if row.case not in cases
+    ]
+    if faults:
+        raise RequestError(faults)
+    return spec
+
+
+def load_environment(spec: EnvironmentSpec, store: Store) -> Environment:
+    """Load an environment's scene: as given in metres, or from chart and currents, offline."""
+    scenario = _scenario(spec)
+    if scenario.is_planar:
+        fetched = planar.fetched_plane(scenario)
+        simplified, scene = planar.unsimplified(fetched.land), planar.plane_scene(scenario)
+    else:
+        fetched = fetch(scenario, store, offline=True).fetched
+        simplified = _simplified(scenario, fetched)
+        scene = project(scenario, fetched, simplified)
+    seasons = tuple(SeasonPlan(season.name, None, "", 0.0) for season in scenario.seasons)
+    none = Evaluation((), {})
+    now = datetime.now(UTC)
+    return Environment(
+        spec, RunResult(scenario, fetched, simplified, scene, seasons, none, {}, now)
+    )
+
+
+def _scenario(spec: EnvironmentSpec) -> Scenario:
+    """The environment's scenario, with its own currents, its own scale, and its seasons only."""
+    if isinstance(spec.scenario, str):
+        data = catalogue.read_toml(catalogue.scenario_path(spec.scenario))
+    else:
+        data = dict(spec.scenario)
+    _check_seasons(spec, [season.get("name") for season in data.get("seasons", [])])
+    wanted = {case.season for case in spec.cases}
+    data["seasons"] = [season for season in data["seasons"] if season["name"] in wanted]
+    if spec.currents:
+        data["seasons"] = [
+            {**season, "currents": list(spec.currents)} for season in data["seasons"]
+        ]
+    if spec.scale is not None:
+        data["scale"] = spec.scale
+    return parse_scenario(data)
+
+
+def _check_seasons(spec: EnvironmentSpec, known: Sequence[str]) -> None:
+    """Refuse cases of seasons that the scenario does not have."""
+    faults = [
+        f"environment {spec.name!r}: case {case.name!r} has season {case.season!r}: "
+        f"{near_miss(case.season, known)}"
+        for case in spec.cases
+        if case.season not in known
+    ]
+    if faults:
+        raise RequestError(faults)
+
+
+def _simplified(scenario: Scenario, fetched: Fetched) -> Simplified:
+    """The chart's land, simplified as for any run."""
+    if scenario.region is None:
+        raise RequestError([f"environment {scenario.name!r}: its scenario needs a region"])
+    return simplify_land(
+        fetched.land.polygons,
+        scenario.region.shape,
+        margin_m=scenario.chart.margin_m,
+        accuracy_m=fetched.land.accuracy_m,
+        tolerance_m=scenario.chart.tolerance_m,
+        turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
+        endpoints=(scenario.start, scenario.goal),
+        projection=Projection.for_region(scenario.region.shape, 1.0, scenario.region.crs),
+    ).simplified
