@@ -14,6 +14,7 @@ import typer
 from pipeline.cli.ending import short_path
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.waiting import still_at_work
 
 if TYPE_CHECKING:
     from experiments.jobs import Result
@@ -42,7 +43,7 @@ def experiments(
     ] = Path("outputs"),
 ) -> None:
     """Run the paper's experiments again and write OUTPUT/experiments/report.html."""
-    with reported_errors():
+    with reported_errors(), still_at_work():
         from experiments.run import chosen_specs, run
         from pipeline.paths import folder_to_write
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -95,6 +96,7 @@ def run(
         from pipeline.cli.night_watch import watched
         from pipeline.nightly.night import run_night
 
+        _refuse_no_file(metrics)
         with night_progress() as on_event:
 
             def night() -> NightOutcome:
@@ -142,6 +144,21 @@ def _loaded(config: Path | None, output: Path | None) -> NightConfig:
     from pipeline.nightly.request.config import load_config
 
     return load_config(config, output)
+
+
+def _is_regular(path: Path) -> bool:
+    """Whether reading a path ends: a file, or a folder, whose refusal is a note at the end."""
+    return path.is_file() or path.is_dir()
+
+
+def _refuse_no_file(metrics: Path | None) -> None:
+    """Refuse to replace what is no file: the figures there are read before, and a pipe waits."""
+    from pipeline.errors import RequestError
+    from pipeline.paths import shown
+
+    # Not Path.exists, which raises where a name is too long.
+    if metrics is not None and os.path.exists(metrics) and not _is_regular(metrics):  # noqa: PTH110
+        raise RequestError([f"--metrics: {shown(metrics)} is no file; name one to replace"])
 
 
 def _share(text: str | None) -> tuple[int, int]:

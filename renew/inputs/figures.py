@@ -16,8 +16,8 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 
 
 def shown(value: object) -> str:
-    """A value as Python writes it, for a message; of a long one the beginning and the end."""
-    return _SHORT.repr(value)
+    """A value as Python writes it, on one line; of a long one the beginning and the end."""
+    return " ".join(_SHORT.repr(value).split())
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -36,7 +36,10 @@ def as_floats(name: str, value: object) -> FloatArray:
     """Take real numbers as an array of floats; not text, complex numbers, dates or masked ones."""
     try:
         array = np.asarray(value)
-        if array.dtype.kind in "biufO" and not np.ma.is_masked(value):
+        if array.dtype.kind == "O":
+            # NumPy would take None for NaN.
+            array = np.array([float(one) for one in array.ravel()]).reshape(array.shape)
+        if array.dtype.kind in "biuf" and not np.ma.is_masked(value):
             return np.asarray(array, dtype=float)
     except (TypeError, ValueError, OverflowError):
         pass

@@ -89,7 +89,9 @@ def typed_failures(folder: Path, cases: range, renew: Renew) -> list[str]:
     for case in cases:
         place = folder / str(case)
         arguments = typed_command(draw("command lines", case), place)
-        variables = {"HOME": str(place), "RENEW_PING": ""}
+        # One cache for all: to unpack the world's land for each home takes half a minute.
+        cache = str(folder / "cache")
+        variables = {"HOME": str(place), "XDG_CACHE_HOME": cache, "RENEW_PING": ""}
         ended = renew(arguments, place, limit_s=5.0, variables=variables)
         if why := ended.fault(NIGHT_CODES if arguments[:1] == ["nightly"] else CODES):
             shown = [word if len(word) < 100 else f"{word[:40]}…{len(word)}" for word in arguments]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -128,7 +129,8 @@ class _Expansion:
     def _named_or_path(self, asked: str) -> str:
         """Return a path from the file's folder if something is there, else the text itself."""
         path = self._here(asked)
-        return path if looks_like_path(asked) or Path(path).exists() else asked
+        # Path.exists raises where a name is too long.
+        return path if looks_like_path(asked) or os.path.exists(path) else asked  # noqa: PTH110
 
     def _with_own_currents(self, scenario: Scenario) -> Scenario:
         """Replace the scenario's currents by those of the table."""

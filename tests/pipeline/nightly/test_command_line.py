@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,8 +21,6 @@ from tests.pipeline.nightly.nights import (
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from typer.testing import Result
 
 
@@ -43,6 +42,10 @@ def faults(result: Result) -> list[str]:
         (
             'scenario = "palawan-sesaon"',
             "night.toml, line 3: cases[0].scenario: no scenario 'palawan-sesaon' (no such file or",
+        ),
+        (
+            f'scenario = "{"x" * 5000}"',
+            "night.toml, line 3: cases[0].scenario: 'xxx",
         ),
         (
             'scenario = "single-gyre"\nvessels = ["usv-9m"]',
@@ -180,6 +183,16 @@ def test_too_many_cases_need_yes(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "108,000 of them (single-gyre 108,000), more than 100,000; give --yes" in result.stderr
     assert renew("check", "--config", file, "--yes").exit_code == 0
+
+
+@pytest.mark.parametrize("kind", ["a FIFO", "a device"])
+def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
+    metrics = Path("/dev/zero") if kind == "a device" else tmp_path / "metrics.prom"
+    if kind == "a FIFO":
+        os.mkfifo(metrics)
+    result = renew("run", "--config", plane_night(tmp_path), "--metrics", metrics)
+    assert result.exit_code == 2
+    assert faults(result) == [f"--metrics: {metrics} is no file; name one to replace"]
 
 
 @pytest.mark.parametrize("part", ["0/3", "4/3", "1", "a/b"])

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from shapely import Polygon, box
 
 import renew
 from tests.strategies import PAPER_VESSEL, single_gyre
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 
@@ -37,6 +42,72 @@ def test_bad_endpoints_are_refused(
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
     with pytest.raises(error, match=message):
         renew.plan(chart, STILL, PAPER_VESSEL, start, goal)
+
+
+CHART, GYRE = single_gyre()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"chart": None}, r"chart = None must be a renew\.Chart"),
+        ({"vessel": "boat"}, r"vessel = 'boat' must be a renew\.Vessel"),
+        ({"avoid": [box(1, 1, 2, 2)]}, r"avoid\[0\] = .* must be a renew\.ShutArea"),
+        ({"avoid": 3}, "avoid = 3 must be areas in a row"),
+        ({"via": None}, "via = None must be points"),
+        ({"via": "here"}, "via = 'here' must be points"),
+        ({"start": ("10", "10")}, r"start = \('10', '10'\) must be real numbers"),
+        ({"goal": np.array([90 + 1j, 90])}, "goal = .* must be real numbers"),
+        ({"goal": np.ma.array([90.0, 90.0], mask=[True, False])}, "goal = .* real numbers"),
+        ({"method": np.zeros(2)}, "method = .* is not one of optimal, sampled"),
+        ({"padding": np.zeros(2), "distinct_by": np.zeros(2)}, "padding = .* must be"),
+        ({"clearance": 10**400}, "clearance = 1000.* m must be finite"),
+        ({"risk": np.complex128(0.1)}, "risk = .* must lie between"),
+        ({"speed": np.array(1.0)}, "speed = .* must be two speeds"),
+        ({"order": "x" * 5000}, r"^order = .{,110} is not one of fuel, length, depth-first$"),
+        ({"current": lambda points: np.full(points.shape, "0.1")}, "the function .* real numbers"),
+        ({"current": lambda points: 1j * points}, "current: what the function returned = .* real"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused(wrong: dict[str, Any], message: str) -> None:
+    right = {"chart": CHART, "current": GYRE, "vessel": PAPER_VESSEL, "start": (10, 10)}
+    with pytest.raises(renew.ParameterError, match=message):
+        renew.plan(**(right | {"goal": (90, 90)} | wrong))
+
+
+def test_a_current_that_changes_faster_than_the_vessel_can_turn_is_refused() -> None:
+    fast = renew.SwingingGyre(0.2, 100.0, 100.0, 0.25, omega=1e3)
+    with pytest.raises(renew.ParameterError, match=r"changes by .* each second; more than 0\.305 "):
+        renew.plan(CHART, fast, PAPER_VESSEL, (10, 10), (90, 90))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: renew.Vessel("1", None), "speed = '1' must be a number .*; turn_rate = None"),
+        (lambda: renew.Vessel(speed=True, turn_rate=0.6), "speed = True must be a number"),
+        (lambda: renew.UniformCurrent(None, 1j), r"u = None, v = 1j must be numbers"),
+        (lambda: renew.GyreCurrent(0.1, 9.0, 9.0, columns="2"), "columns = '2' must be numbers"),
+        (lambda: renew.GriddedCurrent([0, 1], [0, 1], [["a"]], None), "u = .* real numbers"),
+        (lambda: renew.GriddedCurrent([0, 1], [0, 1], [1, 2], [1]), "u has shape"),
+        (lambda: renew.VaryingCurrent(["0", "1"], [GYRE, GYRE]), "times = .* real numbers"),
+        (lambda: renew.VaryingCurrent([0, 1], None), "currents = None must be a field"),
+        (lambda: renew.ShutArea(box(0, 0, 1, 1), None, 3), "shut from None until 3 s"),
+        (lambda: renew.Chart(box(0, 0, 1, 1), box(0, 0, 1, 1)), "no_go must be polygons in a row"),
+        (lambda: renew.Chart(box(0, 0, 1, 1), [None]), r"no_go\[0\] must be a Polygon, not None"),
+        (lambda: renew.fuel([[0, 0], [math.inf, 1]], GYRE, PAPER_VESSEL), "path has points that"),
+        (lambda: renew.fuel([[0, 0], [1, 1]], GYRE, None), "vessel = None must be"),
+        (
+            lambda: renew.fuel([[0, 0], [1, 1]], GYRE, PAPER_VESSEL, departure="0"),
+            "departure = '0'",
+        ),
+        (lambda: renew.contingency(None, CHART, GYRE, PAPER_VESSEL), "path = None must be"),
+        (lambda: renew.tightest(None, GYRE, PAPER_VESSEL), r"route = None must be a renew\.Route"),
+    ],
+)
+def test_objects_of_wrong_figures_are_refused(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(renew.PlanningError, match=message):
+        make()
 
 
 @pytest.mark.parametrize(
