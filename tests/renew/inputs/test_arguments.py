@@ -45,6 +45,8 @@ def test_bad_endpoints_are_refused(
 
 
 CHART, GYRE = single_gyre()
+ANY: Any = renew
+"""The API without its types."""
 
 
 @pytest.mark.parametrize(
@@ -72,7 +74,7 @@ CHART, GYRE = single_gyre()
 def test_arguments_of_another_kind_are_refused(wrong: dict[str, Any], message: str) -> None:
     right = {"chart": CHART, "current": GYRE, "vessel": PAPER_VESSEL, "start": (10, 10)}
     with pytest.raises(renew.ParameterError, match=message):
-        renew.plan(**(right | {"goal": (90, 90)} | wrong))
+        ANY.plan(**(right | {"goal": (90, 90)} | wrong))
 
 
 def test_a_current_that_changes_faster_than_the_vessel_can_turn_is_refused() -> None:
@@ -84,25 +86,25 @@ def test_a_current_that_changes_faster_than_the_vessel_can_turn_is_refused() -> 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: renew.Vessel("1", None), "speed = '1' must be a number .*; turn_rate = None"),
-        (lambda: renew.Vessel(speed=True, turn_rate=0.6), "speed = True must be a number"),
-        (lambda: renew.UniformCurrent(None, 1j), r"u = None, v = 1j must be numbers"),
-        (lambda: renew.GyreCurrent(0.1, 9.0, 9.0, columns="2"), "columns = '2' must be numbers"),
-        (lambda: renew.GriddedCurrent([0, 1], [0, 1], [["a"]], None), "u = .* real numbers"),
-        (lambda: renew.GriddedCurrent([0, 1], [0, 1], [1, 2], [1]), "u has shape"),
-        (lambda: renew.VaryingCurrent(["0", "1"], [GYRE, GYRE]), "times = .* real numbers"),
-        (lambda: renew.VaryingCurrent([0, 1], None), "currents = None must be a field"),
-        (lambda: renew.ShutArea(box(0, 0, 1, 1), None, 3), "shut from None until 3 s"),
-        (lambda: renew.Chart(box(0, 0, 1, 1), box(0, 0, 1, 1)), "no_go must be polygons in a row"),
-        (lambda: renew.Chart(box(0, 0, 1, 1), [None]), r"no_go\[0\] must be a Polygon, not None"),
-        (lambda: renew.fuel([[0, 0], [math.inf, 1]], GYRE, PAPER_VESSEL), "path has points that"),
-        (lambda: renew.fuel([[0, 0], [1, 1]], GYRE, None), "vessel = None must be"),
+        (lambda: ANY.Vessel("1", None), "speed = '1' must be a number .*; turn_rate = None"),
+        (lambda: ANY.Vessel(speed=True, turn_rate=0.6), "speed = True must be a number"),
+        (lambda: ANY.UniformCurrent(None, 1j), r"u = None, v = 1j must be numbers"),
+        (lambda: ANY.GyreCurrent(0.1, 9.0, 9.0, columns="2"), "columns = '2' must be numbers"),
+        (lambda: ANY.GriddedCurrent([0, 1], [0, 1], [["a"]], None), "u = .* real numbers"),
+        (lambda: ANY.GriddedCurrent([0, 1], [0, 1], [1, 2], [1]), "u has shape"),
+        (lambda: ANY.VaryingCurrent(["0", "1"], [GYRE, GYRE]), "times = .* real numbers"),
+        (lambda: ANY.VaryingCurrent([0, 1], None), "currents = None must be a field"),
+        (lambda: ANY.ShutArea(box(0, 0, 1, 1), None, 3), "shut from None until 3 s"),
+        (lambda: ANY.Chart(box(0, 0, 1, 1), box(0, 0, 1, 1)), "no_go must be polygons in a row"),
+        (lambda: ANY.Chart(box(0, 0, 1, 1), [None]), r"no_go\[0\] must be a Polygon, not None"),
+        (lambda: ANY.fuel([[0, 0], [math.inf, 1]], GYRE, PAPER_VESSEL), "path has points that"),
+        (lambda: ANY.fuel([[0, 0], [1, 1]], GYRE, None), "vessel = None must be"),
         (
-            lambda: renew.fuel([[0, 0], [1, 1]], GYRE, PAPER_VESSEL, departure="0"),
+            lambda: ANY.fuel([[0, 0], [1, 1]], GYRE, PAPER_VESSEL, departure="0"),
             "departure = '0'",
         ),
-        (lambda: renew.contingency(None, CHART, GYRE, PAPER_VESSEL), "path = None must be"),
-        (lambda: renew.tightest(None, GYRE, PAPER_VESSEL), r"route = None must be a renew\.Route"),
+        (lambda: ANY.contingency(None, CHART, GYRE, PAPER_VESSEL), "path = None must be"),
+        (lambda: ANY.tightest(None, GYRE, PAPER_VESSEL), r"route = None must be a renew\.Route"),
     ],
 )
 def test_objects_of_wrong_figures_are_refused(make: Callable[[], object], message: str) -> None:
