@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from experiments.jobs import Result
 from pipeline.cli.ending import short_path
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.interruption import ending_promptly
 from pipeline.cli.waiting import still_at_work
-
-if TYPE_CHECKING:
-    from experiments.jobs import Result
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

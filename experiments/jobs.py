@@ -9,25 +9,22 @@ from __future__ import annotations
 import math
 import pickle
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 import renew
 from experiments.baselines.candidate import Budget, Candidate, Task
 from experiments.baselines.registry import PLANNERS
+from experiments.environments.loading import Environment
 from experiments.kernels.water import PaddedWater
 from experiments.referee.equal_padding import equal_padding
 from experiments.referee.referee import Judgement, judged
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from experiments.environments.loading import Environment
-    from renew._types import FloatArray
-    from renew.inputs.voyage import Voyage
+from renew._types import FloatArray
+from renew.inputs.voyage import Voyage
 
 Water = Literal["bare", "padded"]
 

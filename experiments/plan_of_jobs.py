@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from experiments.baselines.registry import PLANNERS
+from experiments.baselines.registry import PLANNERS, Planner
+from experiments.environments.model import EnvironmentSpec
 from experiments.jobs import Job
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from experiments.baselines.registry import Planner
-    from experiments.environments.model import EnvironmentSpec
 
 Part = Literal["main", "equal-padding", "k-sweep", "ablation", "eddies"]
 

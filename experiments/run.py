@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.environments.loading import load_environment, load_spec, names
+from experiments.environments.loading import Environment, load_environment, load_spec, names
+from experiments.environments.model import EnvironmentSpec
 from experiments.jobs import Job, Result, run_job
 from experiments.plan_of_jobs import QUICK, Design
 from experiments.tables.tables import Findings, Results, tables
@@ -23,10 +23,6 @@ from experiments.workers import begin_warming, processors, results_of
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.tables.manifest import versions
 from pipeline.session import session
-
-if TYPE_CHECKING:
-    from experiments.environments.loading import Environment
-    from experiments.environments.model import EnvironmentSpec
 
 NAME = "experiments"
 """Folder of the results, in the folder of all results."""

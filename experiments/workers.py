@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from multiprocessing import forkserver
-from typing import TYPE_CHECKING
+from multiprocessing.context import ForkServerContext
 
+from experiments.jobs import Job, Result
 from pipeline.errors import StageError
 from pipeline.interpreters import ignoring_working_directory
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from multiprocessing.context import ForkServerContext
-
-    from experiments.jobs import Job, Result
 
 WARM_MODULE = "experiments.warm"
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 # Largest number of faults that are listed, and of characters of each and of a word in it.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200

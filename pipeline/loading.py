@@ -7,8 +7,10 @@ are valid by themselves, so that one bad key hides no other fault.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -27,9 +29,6 @@ from pipeline.scenario.strict import Point, looks_like_path
 from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
     from shapely.geometry import Polygon
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.position import position_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.model import Evaluation, Fetched, SeasonPlan, ShutStrait
-    from pipeline.scenario.model import Scenario
+from pipeline.model import Evaluation, Fetched, SeasonPlan, ShutStrait
+from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "plan", "write"]
 STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")

@@ -5,13 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 # What is neither a file nor a folder: reading it may wait for ever, or never end.
 _OTHER_KINDS = (

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 import renew
 from pipeline.choices.offing import Offing
@@ -18,16 +20,17 @@ from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.formats.shared.text import season_text, seasons_text
 from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene, SeasonPlan
-from pipeline.outcome import Event, Outcome, ignore
-from pipeline.session import session
+from pipeline.model import Evaluation, Scene, SeasonPlan, Simplified
+from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
+from pipeline.scenario.model import Scenario
+from pipeline.session import Origin, session
 from pipeline.stages import planar
 from pipeline.stages.avoided_areas import area_identities, shut_notes
 from pipeline.stages.choose_departures import choose_departures
 from pipeline.stages.fetch import FetchedParts, fetch
 from pipeline.stages.overpowering_current import waiting_notes
 from pipeline.stages.seasons.runner import run_tasks
-from pipeline.stages.seasons.task import SeasonTask
+from pipeline.stages.seasons.task import SeasonTask, Status
 from pipeline.stages.second_shoreline import crossing_notes
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.side_bounds import side_bounds
@@ -36,18 +39,7 @@ from pipeline.stages.speed_choices import speed_choices
 from pipeline.stages.unresolved_straits import unresolved_strait_notes
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.write import write
-from pipeline.storage.store import artefact_key, file_hash
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from pipeline.model import Evaluation, Simplified
-    from pipeline.outcome import EventHandler, Stage
-    from pipeline.scenario.model import Scenario
-    from pipeline.session import Origin
-    from pipeline.stages.seasons.task import Status
-    from pipeline.storage.store import Store
+from pipeline.storage.store import Store, artefact_key, file_hash
 
 
 def run(

@@ -10,9 +10,9 @@ import contextlib
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.paths import folder_to_write
@@ -23,9 +23,6 @@ from pipeline.storage.pruning import MAX_STORE_BYTES, Freed, prune
 from pipeline.storage.result_folder import remove_leftovers
 from pipeline.storage.store import DOWNLOADS, Store, remove_unfinished
 from pipeline.storage.whole_files import write_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"

@@ -10,20 +10,16 @@ one, and they are left out.
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import shapely
 from scipy.sparse.csgraph import dijkstra
 
+import renew
+from renew._types import FloatArray, IntArray
 from tests.compiler import compiled
 from tests.oracles import grid_graph, tighten
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import renew
-    from renew._types import FloatArray, IntArray
 
 # A prime below 2^31, so that products fit into 63 bits.
 _PRIME = 2_147_483_647

@@ -12,15 +12,12 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import renew
+from renew._types import FloatArray
 from tests.oracles import _transversals, _Water, grid_graph
-
-if TYPE_CHECKING:
-    import renew
-    from renew._types import FloatArray
 
 # Number of pieces of an edge, and of a leg between transversals or along a path.
 _EDGE_PIECES, _LEG_PIECES, _PATH_PIECES = 4, 3, 24

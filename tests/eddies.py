@@ -7,18 +7,15 @@ divergence, as a sea's has nearly none; its peak is 0.85 of the vessel's speed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from shapely import Polygon, affinity, box
 
 import renew
+from renew._types import FloatArray
 from tests.oracles import grid_dijkstra, tighten
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 PEAK_M_S = 0.85
 """Strongest current, m/s."""

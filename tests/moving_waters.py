@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from tests.clock_oracle import earliest_arrival, tighten
 from tests.strategies import PAPER_VESSEL, SIZE, random_islands
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 PERIODS = (0.5, 1.0, 3.0)
 """Periods of the currents, in voyages of about 200 s."""

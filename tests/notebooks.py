@@ -9,15 +9,13 @@ from __future__ import annotations
 import os
 import re
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import jupytext
 from nbclient import NotebookClient
 
 from tests.conftest import ROOT
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SOURCES, EXECUTED = ROOT / "docs" / "notebooks", ROOT / "docs" / "tutorials"
 # Time that one cell may take, s.

@@ -12,25 +12,20 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from shapely.geometry.base import BaseGeometry
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+import renew
+from pipeline._types import IntArray
+from renew._types import BoolArray, FloatArray
 
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    import renew
-    from renew._types import BoolArray, FloatArray
-
-    IntArray = npt.NDArray[np.int64]
-    Field = Callable[[FloatArray], FloatArray]
+Field = Callable[[FloatArray], FloatArray]
 
 STENCIL_RADIUS = 7
 """Largest number of grid steps along an axis between two nodes that an edge joins."""

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shapely import Polygon, box
 
 import renew
+from renew.inputs.arguments import Padding
 from tests.strategies import PAPER_VESSEL, single_gyre
 
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
-
-    Point = tuple[float, float]
+Point = tuple[float, float]
 
 _FOUR_GYRE_ISLANDS = (
     ((80, 52), (75, 60), (61, 32), (86, 36)),

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize
 
-if TYPE_CHECKING:
-    import renew
-    from renew._types import FloatArray
+import renew
+from renew._types import FloatArray
 
 # Number of pieces of a leg on a path.
 _PIECES = 4

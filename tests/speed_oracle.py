@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import minimize
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from renew._types import FloatArray
+from renew._types import FloatArray
 
 # Places and weights of Simpson's rule on a leg.
 _PLACES, _WEIGHTS = np.array([0.0, 0.25, 0.5, 0.75, 1.0]), np.array([7, 32, 12, 32, 7]) / 90

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -11,11 +10,9 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.fuel import Drift
 from renew.inputs.voyage import Voyage
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.fuel import Drift
 
 SIZE = 200.0
 """Side of the random scenes (m)."""

@@ -9,14 +9,12 @@ import sys
 import tomllib
 import zipfile
 from importlib.metadata import packages_distributions
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import grimp
 import pytest
 from importlinter.cli import lint_imports
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # Imported by none of our modules, and declared all the same.
 NEEDED_UNIMPORTED = {

@@ -6,10 +6,12 @@ import csv
 import inspect
 import re
 import tomllib
+from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
@@ -23,12 +25,6 @@ from tests.bench.record import COLUMNS, FOLDER
 from tests.conftest import ROOT
 from tests.readme_table import BEGIN, END, METRICS
 from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pydantic import BaseModel
 
 # A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
 FIGURE = re.compile(r"(?<![\w.:/-])\d+(?:[.,]\d+)+(?:e-\d+)?|(?<![\w.])\d+(?= %)")

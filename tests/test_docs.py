@@ -9,9 +9,9 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import jupytext
 import pytest
@@ -19,9 +19,6 @@ import pytest
 import renew
 from tests.notebooks import EXECUTED, SOURCES
 from tests.readme_table import METRICS, table, with_table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER_MAP = "docs/explanation/paper-map.md"

@@ -6,12 +6,9 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # Two property tests that note what they are given. Hypothesis would take the constants of a module
 # beside them for interesting numbers, once that is imported.

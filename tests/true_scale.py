@@ -7,20 +7,14 @@ are right to a few centimetres; the land is the original polygons, in degrees.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pyproj
 import shapely
+from shapely.geometry import Polygon
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
+from pipeline._types import FloatArray, Geometries
 
 _GEOD = pyproj.Geod(ellps="WGS84")
 _METRES_PER_DEGREE = 111_195.0

@@ -10,24 +10,20 @@ straight legs and the same current, and only their searches differ.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+from renew._types import BoolArray, FloatArray, IntArray
 
-    from shapely import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    from renew._types import BoolArray, FloatArray, IntArray
-
-    Field = Callable[[FloatArray], FloatArray]
+Field = Callable[[FloatArray], FloatArray]
 
 SPACING_M = 0.05 * 111_195.0
 """Spacing of the grid, m: 0.05 degrees of latitude."""

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import renew
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from experiments.kernels.water import PaddedWater
-    from renew._types import FloatArray
-    from renew.inputs.voyage import Voyage
+from experiments.kernels.water import PaddedWater
+from renew._types import FloatArray
+from renew.inputs.voyage import Voyage
 
 
 class NoPathError(renew.PlanningError):

@@ -10,18 +10,17 @@ import heapq
 import math
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-if TYPE_CHECKING:
-    from renew._types import FloatArray, IntArray
-    from renew.classes.h_signature import Rays, Word
+from renew._types import FloatArray, IntArray
+from renew.classes.h_signature import Rays, Word
 
-    Label: TypeAlias = tuple[float, int, int, Word]
+Label: TypeAlias = tuple[float, int, int, Word]
 
 # Number of words that a node may be reached by, for each class that is wanted: paths that cross
 # themselves are found and dropped.

@@ -11,17 +11,14 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import renew
 from experiments.baselines.candidate import Candidate, Task
 from experiments.baselines.grid_a_star import shifted
 from experiments.baselines.with_fuel import quickest
-
-if TYPE_CHECKING:
-    import renew
-    from renew._types import BoolArray, FloatArray, IntArray
+from renew._types import BoolArray, FloatArray, IntArray
 
 # Number of cells of the grid along the longer side, and of cells that a leg spans along an axis.
 _CELLS, _REACH = 150, 3

@@ -5,18 +5,15 @@ from __future__ import annotations
 import functools
 import itertools
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.baselines.class_search import Graph, best_of_classes
 from experiments.baselines.spaces import Space, seed_ompl, with_smoothed
+from experiments.kernels.water import PaddedWater
+from renew._types import FloatArray, IntArray
 from renew.classes.h_signature import Rays
-
-if TYPE_CHECKING:
-    from experiments.kernels.water import PaddedWater
-    from renew._types import FloatArray, IntArray
 
 # The eight neighbours in the order of their directions, 45 degrees apart.
 _STEPS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))

@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.kernels.leg_time import LegTimes, leg_times
+from experiments.kernels.water import PaddedWater
+from renew._types import BoolArray, FloatArray
 from renew.bounds.travel_time import TravelGrid, locate, solve, source
 from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
-
-if TYPE_CHECKING:
-    from experiments.kernels.water import PaddedWater
-    from renew._types import BoolArray, FloatArray
 
 # Number of cells of the grid along the longer side.
 _CELLS = 400

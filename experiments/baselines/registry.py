@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal, cast
 
-if TYPE_CHECKING:
-    from experiments.baselines.candidate import Baseline
+from experiments.baselines.candidate import Baseline
 
 Group = Literal["ours", "paper", "fuel"]
 

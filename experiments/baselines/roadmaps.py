@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 import ompl.base as ob
@@ -20,11 +19,9 @@ from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.baselines.class_search import Graph, best_of_classes
 from experiments.baselines.spaces import Space, seed_ompl, smoothed, with_smoothed
 from experiments.kernels.dubins import dubins_motions, dubins_path
+from experiments.kernels.water import PaddedWater
+from renew._types import FloatArray, IntArray
 from renew.classes.h_signature import Rays
-
-if TYPE_CHECKING:
-    from experiments.kernels.water import PaddedWater
-    from renew._types import FloatArray, IntArray
 
 NEIGHBOURS = 15
 """Neighbours that a node is joined to; the paper does not say how many."""

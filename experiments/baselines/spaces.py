@@ -11,23 +11,20 @@ import itertools
 import math
 import time
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ompl.base as ob
 import ompl.geometric as og
 import ompl.util as ou
 
+import renew
 from experiments.baselines.candidate import Candidate, NoPathError
 from experiments.kernels.dubins import dubins_clear, dubins_path
 from experiments.kernels.leg_time import LegTimes, leg_time
-from experiments.kernels.water import leg_clear
-
-if TYPE_CHECKING:
-    import renew
-    from experiments.kernels.water import PaddedWater
-    from renew._types import FloatArray
-    from renew.classes.h_signature import Rays
+from experiments.kernels.water import PaddedWater, leg_clear
+from renew._types import FloatArray
+from renew.classes.h_signature import Rays
 
 
 def seed_ompl(seed: int) -> None:

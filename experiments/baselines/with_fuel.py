@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 import ompl.geometric as og
@@ -21,9 +20,7 @@ from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.baselines.roadmaps import roadmap
 from experiments.baselines.spaces import Calls, FuelObjective, Space, seed_ompl
 from experiments.kernels.leg_time import LegTimes, leg_times
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray, IntArray
+from renew._types import FloatArray, IntArray
 
 # Number of nodes that no budget of PRM* reaches: its calls end it.
 _NODES = 1_000_000

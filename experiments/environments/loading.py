@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from experiments.environments.model import EnvironmentSpec
+from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.errors import RequestError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
-from pipeline.model import Evaluation, SeasonPlan
+from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults, near_miss
+from pipeline.scenario.model import Scenario
 from pipeline.stages import planar
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
+from pipeline.storage.store import Store
 from renew.inputs.voyage import Voyage
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from experiments.environments.model import Case
-    from pipeline.model import Fetched, Simplified
-    from pipeline.scenario.model import Scenario
-    from pipeline.storage.store import Store
 
 FOLDER = Path(__file__).resolve().parents[1] / "catalog"
 """Folder of the environments' files."""

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from experiments.environments.model import Case, EnvironmentSpec
 from experiments.figures import curves, maps
+from experiments.tables.tables import Findings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from matplotlib.figure import Figure
-
-    from experiments.environments.model import Case, EnvironmentSpec
-    from experiments.tables.tables import Findings
 
 
 @dataclass(frozen=True)

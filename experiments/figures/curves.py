@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+import renew
 from experiments.baselines.registry import PLANNERS
+from experiments.environments.model import EnvironmentSpec
 from experiments.plan_of_jobs import TIMED
 from experiments.tables.summary import Runs
+from experiments.tables.tables import Results
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.turning import draw_reaches
+from renew._types import FloatArray
 from renew.padding.turn_reach import turn_reach
-
-if TYPE_CHECKING:
-    import renew
-    from experiments.environments.model import EnvironmentSpec
-    from experiments.tables.tables import Results
-    from renew._types import FloatArray
 
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import shapely
 
 from experiments.baselines.registry import PLANNERS
+from experiments.environments.loading import Environment
+from experiments.environments.model import Case
+from experiments.jobs import Judged
 from experiments.tables.summary import Runs
+from experiments.tables.tables import Results
 from pipeline.formats.figures.artists import stroke
 from pipeline.formats.figures.maps.chart_map import add_layers, map_figure
 from pipeline.formats.figures.maps.layers import land_handles, soft_handle, soft_layer
 from pipeline.formats.figures.maps.season_map import draw_season
 from pipeline.formats.figures.palette import COLOURS
+from renew._types import FloatArray
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-
-    from experiments.environments.loading import Environment
-    from experiments.environments.model import Case
-    from experiments.jobs import Judged
-    from experiments.tables.tables import Results
-    from renew._types import FloatArray
 
 # Colours of planners (Okabe and Ito); those behind them are dashed.
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8b5a2b", "#444444")

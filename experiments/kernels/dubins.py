@@ -6,16 +6,12 @@ The six words LSL, RSR, LSR, RSL, RLR and LRL in Shkel and Lumelsky's (2001) nor
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.kernels.compiled import compiled
-from experiments.kernels.water import leg_clear
-
-if TYPE_CHECKING:
-    from experiments.kernels.water import Buckets
-    from renew._types import BoolArray, FloatArray, IntArray
+from experiments.kernels.water import Buckets, leg_clear
+from renew._types import BoolArray, FloatArray, IntArray
 
 # Turns of the six words: 1 is left, -1 right, 0 straight.
 _WORDS = np.array([(1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1)])

@@ -6,17 +6,14 @@ Water whose current is as strong as the vessel is impassable, as it is for our p
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+import renew
 from experiments.kernels.compiled import compiled
-from renew.kernels.current_table import velocity
-
-if TYPE_CHECKING:
-    import renew
-    from renew._types import FloatArray
-    from renew.kernels.current_table import Table
+from renew._types import FloatArray
+from renew.kernels.current_table import Table, velocity
 
 # Gauss-Legendre nodes and weights of a piece of a leg, and the largest number of pieces along the
 # longer side of the chart.

@@ -8,19 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
+import renew
 from experiments.kernels.compiled import compiled
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment, capsule_interval, segment_distance
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    import renew
-    from renew._types import BoolArray, FloatArray, IntArray
 
 BARE = -1.0
 """Padding of an edge that may be passed at any distance, but not touched."""

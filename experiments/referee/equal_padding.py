@@ -7,20 +7,18 @@ of ours have to leave alone.
 from __future__ import annotations
 
 import inspect
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.voyage import Voyage
 from renew.padding.reach_quantile import TurnSampler
 from renew.padding.turn_reach import normals_away
 from renew.search.problem import Problem
 
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.voyage import Voyage
-
-    Paddings: TypeAlias = dict[tuple[float, ...], float]
+Paddings: TypeAlias = dict[tuple[float, ...], float]
 
 _DEFAULTS = inspect.signature(renew.plan).parameters
 _RISK, _SEED = _DEFAULTS["risk"].default, _DEFAULTS["seed"].default

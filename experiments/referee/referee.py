@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 import renew
+from renew._types import FloatArray
 from renew.errors import InfeasibleError
+from renew.inputs.voyage import Voyage
 from renew.steering.trajectory import steer
 from renew.turns.contingency import contingency, fly_turns, stations
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.voyage import Voyage
 
 # Ends of a path may be off the voyage's by this share of its length: rounding.
 _OFF = 1e-6

@@ -5,21 +5,17 @@ from __future__ import annotations
 import base64
 import itertools
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import jinja2
 
 from experiments.figures.all_figures import drawings
 from experiments.report.verdicts import verdicts
+from experiments.tables.summary import Cell, Row, Table
+from experiments.tables.tables import Findings
 from pipeline.errors import StageError
 from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.storage.result_folder import replacing
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from experiments.tables.summary import Cell, Row, Table
-    from experiments.tables.tables import Findings
 
 REPORT = "report.html"
 _DPI = 110

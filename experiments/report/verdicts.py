@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from experiments.tables.summary import Row, Table
+from experiments.tables.summary import Row, Table
 
 
 @dataclass(frozen=True)

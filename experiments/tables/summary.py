@@ -5,15 +5,13 @@ from __future__ import annotations
 import csv
 import math
 import statistics
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from pathlib import Path
+from typing import TypeAlias
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-    from pathlib import Path
-
-    from experiments.jobs import Judged, Result
-    from experiments.referee.referee import Judgement
+from experiments.jobs import Judged, Result
+from experiments.referee.referee import Judgement
 
 Cell: TypeAlias = str | float | int | None
 Row: TypeAlias = dict[str, Cell]

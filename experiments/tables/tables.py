@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from experiments.baselines.registry import PLANNERS
+from experiments.environments.loading import Environment
+from experiments.environments.model import Case, EnvironmentSpec, Published
+from experiments.jobs import Result
 from experiments.plan_of_jobs import ORDERS
 from experiments.tables.summary import Row, Runs, Table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from experiments.environments.loading import Environment
-    from experiments.environments.model import Case, EnvironmentSpec, Published
-    from experiments.jobs import Result
 
 LEAST_BY = 1e-3
 """Share by which a rival may undercut our fuel before it is said that we lose: 0.1 %."""

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import shapely
 
+from pipeline.choices.region_choice import Voyage
 from pipeline.errors import RequestError
 from pipeline.loading import least_region
-from pipeline.sources.quality.coverage import common_bounds
+from pipeline.scenario.season import Season
+from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.registry import current_source
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from pipeline.choices.region_choice import Voyage
-    from pipeline.scenario.season import Season
-    from pipeline.sources.quality.coverage import Bounds
 
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0

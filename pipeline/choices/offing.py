@@ -15,20 +15,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    import renew
-    from pipeline.model import Scene
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.vessel import VesselSpec
-
-    FloatArray = npt.NDArray[np.float64]
+import renew
+from pipeline._types import FloatArray
+from pipeline.model import Scene
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.vessel import VesselSpec
 
 # Time until a danger is noticed and the helm is over, s: our choice, as no rule gives one.
 _REACTION_S = 120.0

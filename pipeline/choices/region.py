@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.choices.coverage import REMEDY, Coverage, covered_by_currents
 from pipeline.choices.region_choice import Voyage, choose_region
 from pipeline.choices.region_growth import SIDES, grown, opened, sides_near
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
+from pipeline.sources.quality.coverage import Bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
-from pipeline.storage.store import DOWNLOADS, artefact_key
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.scenario.model import Scenario
-    from pipeline.sources.quality.coverage import Bounds
-    from pipeline.storage.store import Store
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.storage.store import DOWNLOADS, Store, artefact_key
 
 # Distance between start and goal below which the mask of 500 m is too coarse, m: the chart's own
 # polygons are used.

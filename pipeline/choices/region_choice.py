@@ -8,27 +8,18 @@ region's edge, :mod:`pipeline.choices.region_growth` widens it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.choices.water_grid import WaterGrid
+from pipeline._types import FloatArray, IndexArray
+from pipeline.choices.water_grid import WaterGrid, Way
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.sources.quality.coverage import common_bounds
+from pipeline.sources.quality.coverage import Bounds, common_bounds
+from pipeline.sources.quality.field import LandMask
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    import numpy.typing as npt
-
-    from pipeline.choices.water_grid import Way
-    from pipeline.sources.quality.coverage import Bounds
-    from pipeline.sources.quality.field import LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
-    LonLat = tuple[float, float]
+LonLat = tuple[float, float]
 
 # Room around endpoints, ways and islands, as a share of the distance between start and goal, and at
 # least, m: more than the share within which a route counts as near the edge.
@@ -124,7 +115,7 @@ def _is_choice(way: Way | None, shortest: Way) -> bool:
     return way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m
 
 
-def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IntArray]]]:
+def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IndexArray]]]:
     """Yield the islands that the direct line meets, with a barrier on the left and on the right.
 
     A barrier leads from the island to the edge of the grid, square to the direct line: who does not
@@ -140,7 +131,7 @@ def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, lis
         yield island, list(_barriers(grid, middle[len(middle) // 2], cells))
 
 
-def _barriers(grid: WaterGrid, middle: IntArray, line: IntArray) -> Iterator[IntArray]:
+def _barriers(grid: WaterGrid, middle: IndexArray, line: IndexArray) -> Iterator[IndexArray]:
     """Yield the cells of two rays from a cell to the grid's edge, square to a line of cells."""
     along = (line[-1] - line[0]).astype(float)
     along /= max(float(np.hypot(*along)), 1e-9)

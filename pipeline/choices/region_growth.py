@@ -5,21 +5,13 @@ Where there is no route at all, there may be one far beyond.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.sources.quality.coverage import common_bounds
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.sources.quality.coverage import Bounds, common_bounds
 
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""

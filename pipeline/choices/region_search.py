@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from pipeline.choices.region import chosen_region, edge_notes, opened_region, wider_region
+from pipeline._types import FloatArray
+from pipeline.choices.region import (
+    ChosenRegion,
+    chosen_region,
+    edge_notes,
+    opened_region,
+    wider_region,
+)
 from pipeline.errors import NoWayError, PipelineError
+from pipeline.formats.shared.result import RunResult
+from pipeline.scenario.model import Scenario
+from pipeline.storage.store import Store
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy as np
-    import numpy.typing as npt
-
-    from pipeline.choices.region import ChosenRegion
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.model import Scenario
-    from pipeline.storage.store import Store
-
-    FloatArray = npt.NDArray[np.float64]
-    Staged = tuple[RunResult, list[str]]
+Staged = tuple[RunResult, list[str]]
 
 # Number of times that a chosen region is widened: each is a plan of its own.
 _MAX_WIDENINGS = 3

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
+from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.field import LandMask
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.coverage import Bounds
-    from pipeline.sources.quality.field import LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
-    IntArray = npt.NDArray[np.intp]
-    Cell = tuple[int, int]
+Cell = tuple[int, int]
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
@@ -34,7 +29,7 @@ _NEAR_CELLS = 5
 class Way:
     """A way through water: cells (n, 2) of row and column, and its length in metres."""
 
-    cells: IntArray
+    cells: IndexArray
     length_m: float
 
 
@@ -58,7 +53,7 @@ class WaterGrid:
         lat = south + (north - south) * (np.arange(ny) + 0.5) / ny
         return cls(lon, lat, ~mask.on_grid(lon, lat))
 
-    def cells(self, lonlat: FloatArray) -> IntArray:
+    def cells(self, lonlat: FloatArray) -> IndexArray:
         """Rows and columns (n, 2) of the cells that are nearest to points (n, 2), degrees."""
         nearest = [
             np.abs(axis[None, :] - lonlat[:, [i]]).argmin(axis=1)
@@ -77,7 +72,7 @@ class WaterGrid:
         best = wet[near][(steps[near] ** 2).sum(axis=1).argmin()]
         return int(best[0]), int(best[1])
 
-    def bounds_of(self, cells: IntArray) -> Bounds:
+    def bounds_of(self, cells: IndexArray) -> Bounds:
         """Bounds of the centres of some cells (n, 2), degrees."""
         lat, lon = self.lat[cells[:, 0]], self.lon[cells[:, 1]]
         return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
@@ -95,7 +90,9 @@ class WaterGrid:
         edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
         return any(bool(edge.any()) for edge in edges)
 
-    def shortest_way(self, start: Cell, goal: Cell, barrier: IntArray | None = None) -> Way | None:
+    def shortest_way(
+        self, start: Cell, goal: Cell, barrier: IndexArray | None = None
+    ) -> Way | None:
         """Return the shortest way through water that avoids a barrier's cells (n, 2), or None.
 
         Steps go to the eight neighbours, diagonally only where both cells beside are water: land

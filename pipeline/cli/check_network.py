@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.cli.finding import Finding
 from pipeline.paths import folder_to_write
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.login import login_fault
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 # Time within which the service and the scheduler have to answer, s.
 NETWORK_S = 8.0

@@ -10,17 +10,14 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.cli import check_machine, check_network
 from pipeline.cli.finding import Finding
 from pipeline.errors import PipelineError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
 _REINSTALL = "install the package again"
 

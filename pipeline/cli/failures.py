@@ -5,17 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
 from pipeline.cli.interruption import MESSAGE, exit_code
 from pipeline.errors import PipelineError, shortened
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _UNEXPECTED = 3
 # Number of a traceback's last frames that are reported.

@@ -9,11 +9,8 @@ import signal
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from types import FrameType
+from collections.abc import Callable, Iterator
+from types import FrameType
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
 # Time for the main thread to clean up, s; past it the system does: it releases locks, and season

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import MutableMapping
+from typing import Any, TextIO
 
 from pipeline.sources.currents.copernicus.account import without_secrets
-
-if TYPE_CHECKING:
-    from collections.abc import MutableMapping
-    from typing import TextIO
 
 
 def json_lines(stream: TextIO) -> Any:  # noqa: ANN401 - a structlog logger, typed as it is bound

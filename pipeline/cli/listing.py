@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import Season
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _ACCOUNT = "a Copernicus Marine account"
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -44,8 +45,6 @@ from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.interpreters import ignoring_working_directory
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pipeline.scenario.model import Scenario
     from pipeline.session import Origin
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from pipeline.cli.json_lines import json_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.nightly.outcome import NightEvent, NightEventHandler
+from pipeline.nightly.outcome import NightEvent, NightEventHandler
 
 # Time between two lines that say how far a stage has got, s.
 _PROGRESS_S = 10.0

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.cli.failures import exit_code_of
 from pipeline.cli.interruption import saying_last
-from pipeline.nightly.outcome import BusyError, NightEvent, NightOutcome
+from pipeline.nightly.outcome import BusyError, NightEvent, NightEventHandler, NightOutcome
 from pipeline.nightly.ping import check_url, ping, told_by
 from pipeline.nightly.prometheus import write_metrics
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.nightly.outcome import NightEventHandler
 
 
 def watched(

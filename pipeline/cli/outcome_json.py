@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING
+from datetime import datetime
 
 from pipeline.formats.shared.unknowns import unknowns
+from pipeline.model import ClockWorth, RouteMetrics
+from pipeline.outcome import Outcome
 from pipeline.stages.write import season_stem
-
-if TYPE_CHECKING:
-    from datetime import datetime
-
-    from pipeline.model import ClockWorth, RouteMetrics
-    from pipeline.outcome import Outcome
 
 
 def outcome_json(outcome: Outcome) -> str:

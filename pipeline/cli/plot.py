@@ -5,9 +5,11 @@ They show the results in the store of an earlier run; what is not in it is plann
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.cli.plot_variants import compared_variants
@@ -15,19 +17,15 @@ from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
 from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.formats.shared.text import season_text
+from pipeline.outcome import EventHandler
 from pipeline.run import planned_scenario
+from pipeline.scenario.model import Scenario
+from pipeline.session import Origin
 from pipeline.stages.write import output_directory, safe_name
 from pipeline.storage.whole_files import whole_file
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
     from matplotlib.figure import Figure
-
-    from pipeline.outcome import EventHandler
-    from pipeline.scenario.model import Scenario
-    from pipeline.session import Origin
 
 FOLDER = "figures"
 # Resolution of PNG files, dots per inch.

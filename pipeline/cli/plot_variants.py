@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Kind
 from pipeline.formats.figures.variants import Variant
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance
+from pipeline.scenario.model import Scenario
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from contextlib import AbstractContextManager
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.model import Scenario
-
-    Planned = Callable[[Scenario], AbstractContextManager[RunResult]]
+Planned = Callable[[Scenario], AbstractContextManager[RunResult]]
 
 
 def compared_variants(

@@ -6,16 +6,11 @@ import contextlib
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import TextIO
 
-from pipeline.outcome import STAGES, Event, ignore
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from typing import TextIO
-
-    from pipeline.outcome import EventHandler
-    from pipeline.scenario.model import Scenario
+from pipeline.outcome import STAGES, Event, EventHandler, ignore
+from pipeline.scenario.model import Scenario
 
 _DESCRIPTIONS = {
     "fetch": "Fetching land and currents",

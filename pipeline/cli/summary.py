@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from pipeline.formats.shared.text import (
     clearance,
@@ -16,12 +16,8 @@ from pipeline.formats.shared.text import (
     season_name,
 )
 from pipeline.formats.shared.unknowns import unknowns
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.model import RouteMetrics
-    from pipeline.outcome import Outcome
+from pipeline.model import RouteMetrics
+from pipeline.outcome import Outcome
 
 _HEAD = (
     "season",

@@ -6,13 +6,10 @@ import contextlib
 import os
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 _MB = 1e6
 

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.geo.projection import Projection
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
+from pipeline._types import BoolArray, FloatArray
+from pipeline.geo.projection import Projection
 
 # Number of points, evenly along a path, by which its shares are measured: one in 200 m of 1,000 km,
 # and a share is right to some 0.01 % for each gap that the path enters.

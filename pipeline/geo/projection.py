@@ -22,20 +22,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 import pyproj
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    FloatArray = npt.NDArray[np.float64]
 
 # A geometry or an array of geometries: functions return the type that they are given.
 GeometryT = TypeVar("GeometryT", bound="BaseGeometry | npt.NDArray[np.object_]")

@@ -1,7 +1,5 @@
 """The frozen dataclasses that stages take and return: nothing else passes between them."""
 
-from typing import TYPE_CHECKING
-
 from pipeline.model.currents import (
     CurrentGrid,
     Fetched,
@@ -29,6 +27,7 @@ from pipeline.model.land import (
     PlaceName,
     Zone,
 )
+from pipeline.model.planning import Current as Current
 from pipeline.model.planning import (
     DepartureChoice,
     Scene,
@@ -36,9 +35,6 @@ from pipeline.model.planning import (
     Simplified,
     SpeedChoice,
 )
-
-if TYPE_CHECKING:
-    from pipeline.model.planning import Current as Current
 
 __all__ = [
     "ClockWorth",

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.geo.known_cells import KnownCells
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    import numpy.typing as npt
-
-    from pipeline.model.land import Credit, Land
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model.land import Credit, Land
 
 
 @dataclass(frozen=True, slots=True)

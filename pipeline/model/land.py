@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-if TYPE_CHECKING:
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
-    from pipeline.geo.known_cells import DepthCover
+from pipeline.geo.known_cells import DepthCover
 
 
 @dataclass(frozen=True, slots=True)

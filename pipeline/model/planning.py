@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import timedelta
-from typing import TYPE_CHECKING, TypedDict
+from datetime import datetime, timedelta
+from typing import TypedDict
 
 import numpy as np
+from shapely.geometry import Polygon
 
+import renew
+from pipeline._types import FloatArray
+from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.position import position_text
+from pipeline.geo.projection import Projection
+from pipeline.scenario.season import Season
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from datetime import datetime
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    import renew
-    from pipeline.geo.known_cells import DepthCover, KnownCells
-    from pipeline.geo.projection import Projection
-    from pipeline.scenario.season import Season
-
-    FloatArray = npt.NDArray[np.float64]
-    Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
+Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
 
 
 @dataclass(frozen=True, slots=True)

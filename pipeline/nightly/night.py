@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -26,24 +27,22 @@ from pipeline.nightly.outcome import (
     BusyError,
     ComeAgainError,
     NightEvent,
+    NightEventHandler,
     NightOutcome,
+    NightStage,
     ignore,
 )
+from pipeline.nightly.request.cases import Cases
 from pipeline.nightly.request.expansion import expand
 from pipeline.nightly.request.fingerprint import request_hash
-from pipeline.nightly.request.newest_currents import base_of, newest_currents
+from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
 from pipeline.storage.locks import file_lock
+from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from pipeline.nightly.cycle.look_back import LookBack
-    from pipeline.nightly.outcome import NightEventHandler, NightStage
     from pipeline.nightly.planning.planning import Planning
-    from pipeline.nightly.request.cases import Cases
     from pipeline.nightly.request.config import NightConfig
-    from pipeline.nightly.request.newest_currents import Newest
-    from pipeline.storage.store import Store
 
 _ONLY = "only"
 _HOUR_S = 3600.0

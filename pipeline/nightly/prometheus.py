@@ -8,15 +8,11 @@ system works it out as `time() - ...`.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
+from pipeline.nightly.outcome import NightOutcome
 from pipeline.storage.whole_files import write_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from pipeline.nightly.outcome import NightOutcome
 
 SUCCESSES = frozenset({0, 10})
 """Exit codes of a night that published its cycle, or had nothing to do."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.cycle.earlier import CASES_FILE
@@ -14,10 +15,6 @@ from pipeline.nightly.cycle.record import record_of
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.publishing.changes import rows_of
 from pipeline.nightly.request.cases import matches
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 # Most cases that `show` prints.
 _MAX_SHOWN = 20

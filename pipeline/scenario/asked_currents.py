@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -10,10 +12,6 @@ from pipeline.errors import RequestError
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import Season
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 
 def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -13,13 +14,9 @@ from pipeline.errors import RequestError
 from pipeline.paths import NOT_THERE, expanded, unreadable_reason
 from pipeline.paths import shown as shown_path
 from pipeline.scenario.messages import model_faults, near_miss, shown
+from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Integer, Latitude, Name, NonNegative, Positive, StrictModel
 from pipeline.scenario.vessel import VesselSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from pipeline.scenario.season import Season
 
 Section = Literal["scenarios", "vessels", "sources"]
 EXAMPLE = "`renew show palawan-season` prints one to start from"

@@ -8,15 +8,16 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 from __future__ import annotations
 
 from collections import Counter
-from datetime import UTC, timedelta
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pipeline.scenario.avoided import AvoidedArea  # noqa: TC001 - pydantic evaluates annotations
-from pipeline.scenario.published import Published  # noqa: TC001 - as above
+from pipeline.scenario.avoided import AvoidedArea
+from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
-from pipeline.scenario.season import Season  # noqa: TC001 - pydantic evaluates annotations
+from pipeline.scenario.season import Season
 from pipeline.scenario.strict import (
     FAULT_SEPARATOR,
     Integer,
@@ -29,11 +30,7 @@ from pipeline.scenario.strict import (
 from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from datetime import datetime
-
     from shapely.geometry import Polygon
-
 
 MAX_SEASONS = 1000
 """Largest number of seasons of a scenario."""

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import inspect
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from pydantic import BaseModel
 
 from pipeline.scenario.messages import limit_text, model_in
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
 from pipeline.scenario.toml_text import inline
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pydantic import BaseModel
 
 KEYS_FILE, SCHEMA_FILE = "scenario-keys.md", "scenario.schema.json"
 # Units by the ending of a key; other units are given with the field.

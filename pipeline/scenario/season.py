@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
 
-from pipeline.scenario.departures import DepartureTimes  # noqa: TC001 - pydantic evaluates annotations
-from pipeline.scenario.interval import Interval  # noqa: TC001 - as above
+from pipeline.scenario.departures import DepartureTimes
+from pipeline.scenario.interval import Interval
 from pipeline.scenario.period import Period, period
-from pipeline.scenario.speeds import SpeedRange  # noqa: TC001 - as above
+from pipeline.scenario.speeds import SpeedRange
 from pipeline.scenario.strict import (
     Integer,
     Name,
@@ -20,9 +21,6 @@ from pipeline.scenario.strict import (
     looks_like_path,
     usable_path,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 STILL = "still"

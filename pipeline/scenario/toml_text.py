@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from pipeline.scenario import catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import Scenario
 
 
 def inline(value: object) -> str:

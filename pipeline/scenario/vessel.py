@@ -11,7 +11,6 @@ from pipeline.scenario.strict import Name, Positive, StrictModel
 if TYPE_CHECKING:
     import renew
 
-
 # As of `renew.Vessel`: larger figures are a slip of the pen, and powers of them overflow.
 _Figure = Annotated[Positive, Field(le=1e6)]
 _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more

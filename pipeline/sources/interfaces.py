@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from datetime import datetime
+from pathlib import Path
+from typing import Literal, Protocol
 
-if TYPE_CHECKING:
-    from datetime import datetime
-    from pathlib import Path
+from shapely.geometry import Polygon
 
-    from shapely.geometry import Polygon
-
-    from pipeline.model import CurrentGrid, Land
-    from pipeline.scenario.season import Season
-    from pipeline.sources.quality.coverage import Bounds
+from pipeline.model import CurrentGrid, Land
+from pipeline.scenario.season import Season
+from pipeline.sources.quality.coverage import Bounds
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 """How a season's field is made of time steps: the mean of those in its period, the step nearest to

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, assert_never
 from pipeline.errors import RequestError
 from pipeline.paths import require_readable
 from pipeline.scenario import catalogue
+from pipeline.scenario.region import ChartSource, ChartSpec
 
 if TYPE_CHECKING:
-    from pipeline.scenario.region import ChartSource, ChartSpec
     from pipeline.sources.interfaces import CurrentSource, LandSource
 
 

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
 import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import moment_text, moments_of, season_name
-from pipeline.model import Zone
+from pipeline.geo.projection import Projection
+from pipeline.model import Scene, SeasonPlan, Zone
+from pipeline.scenario.avoided import AvoidedArea
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.sources.land.vector import VectorFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from datetime import datetime
-
-    from shapely.geometry import Polygon
-
-    from pipeline.geo.projection import Projection
-    from pipeline.model import Scene, SeasonPlan
-    from pipeline.scenario.avoided import AvoidedArea
-    from pipeline.scenario.model import Scenario
 
 
 def area_identities(scenario: Scenario) -> tuple[object, ...]:

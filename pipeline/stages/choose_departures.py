@@ -6,10 +6,10 @@ stages plan it as if it had been given.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,21 +17,15 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import about_season, moments_of, season_text
-from pipeline.model import DepartureChoice
+from pipeline.model import DepartureChoice, Scene
 from pipeline.scenario.interval import interval
+from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.scenario.season import Season
 from pipeline.stages.avoided_areas import later
+from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.speed_choices import speed_choices
-from pipeline.storage.store import artefact_key
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.model import Scene
-    from pipeline.scenario.model import PlannerOptions, Scenario
-    from pipeline.scenario.season import Season
-    from pipeline.stages.fetch import FetchedParts
-    from pipeline.storage.store import Store
+from pipeline.storage.store import Store, artefact_key
 
 # Number of plans between two notes on how far the choice is.
 _TOLD_EVERY = 5

@@ -9,22 +9,14 @@ slower by one factor, so that it arrives as the season's vessel has to.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import renew
-from pipeline.model import ClockWorth
-from renew.inputs.fuel import passage
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.model import Current, Scene, SeasonPlan, SpeedChoice
-    from pipeline.scenario.model import PlannerOptions
-    from renew.inputs.fuel import Drift
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.model import ClockWorth, Current, Scene, SeasonPlan, SpeedChoice
+from pipeline.scenario.model import PlannerOptions
+from renew.inputs.fuel import Drift, passage
 
 # Number of classes that the other plans look into: only their best route is used.
 _CLASSES = 4

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
+from pipeline.scenario.model import Scenario
+from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.endpoints import endpoints, not_in_water
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.scenario.model import Scenario
-    from pipeline.sources.interfaces import LandSource
 
 # Distance around a position within which a quick look finds water, m.
 _LOOK_M = 20_000.0

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+import renew
+from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, RequestError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    import renew
-    from pipeline.geo.projection import Projection
-    from pipeline.model import Scene
-    from pipeline.scenario.model import Scenario
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.geo.projection import Projection
+from pipeline.model import Scene
+from pipeline.scenario.model import Scenario
 
 # Distances beyond the nearest shore at which a position is suggested (true metres): the first that
 # is still water after rounding.

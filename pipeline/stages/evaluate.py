@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
 import renew
 from pipeline.geo.known_cells import share_without
 from pipeline.geo.projection import densified
-from pipeline.model import Evaluation, RouteMetrics, ShoreCrossing
+from pipeline.model import (
+    ClockWorth,
+    Current,
+    Evaluation,
+    GapShares,
+    RouteKey,
+    RouteMetrics,
+    Scene,
+    SeasonPlan,
+    ShoreCrossing,
+)
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.second_shoreline import SecondShoreline
 from pipeline.stages.speed_choices import true_duration_s
+from renew.inputs.fuel import Drift
 from renew.turns.reach_bound import TurnReach
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import ClockWorth, Current, GapShares, RouteKey, Scene, SeasonPlan
-    from renew.inputs.fuel import Drift
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Spacing of the points at which turns begin: at least this many metres of the plane, as published,
 # and at least this many turning radii, as a shorter step flies almost the same turn again.

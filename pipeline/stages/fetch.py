@@ -7,30 +7,24 @@ covers the region and returns data; the sources passed over for it, and why, sta
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.text import season_text
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
-from pipeline.scenario.season import MAX_HOURS
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.region import Region
+from pipeline.scenario.season import MAX_HOURS, Season
+from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm_adapter import OsmLand
 from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages import planar
 from pipeline.stages.avoided_areas import avoided_zones
 from pipeline.stages.overpowering_current import overpowering_notes
-from pipeline.storage.store import DOWNLOADS, artefact_key
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.region import Region
-    from pipeline.scenario.season import Season
-    from pipeline.sources.interfaces import CurrentSource, LandSource
-    from pipeline.storage.store import Store
+from pipeline.storage.store import DOWNLOADS, Store, artefact_key
 
 # Longest voyage in changing currents where no limit is given: times as long as straight through
 # still water, and a day, as a tide may turn against a short one.

@@ -11,16 +11,12 @@ needs more than the bound is the bound's own: no route is so good.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import shapely
 
 import renew
-from pipeline.model import GapShares
-
-if TYPE_CHECKING:
-    from pipeline.model import Scene, SeasonPlan
-    from pipeline.scenario.model import PlannerOptions
+from pipeline.model import GapShares, Scene, SeasonPlan
+from pipeline.scenario.model import PlannerOptions
 
 # How many times as fast as the vessel one turns that turns on the spot.
 _ON_THE_SPOT = 100.0

@@ -6,28 +6,19 @@ which she may be there.
 
 from __future__ import annotations
 
-from datetime import timedelta
+from collections.abc import Callable, Iterable, Iterator
+from datetime import datetime, timedelta
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
+import renew
+from pipeline._types import BoolArray, FloatArray
 from pipeline.formats.shared.text import moment_text, moments_of, season_name
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from datetime import datetime
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    import renew
-    from pipeline.model import CurrentGrid, Scene, SeasonPlan
-    from renew.errors import Moment
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
+from pipeline.model import CurrentGrid, Scene, SeasonPlan
+from renew.errors import Moment
 
 # Step at which a current that changes is looked at between its own times, s.
 _STEP_S = 300.0

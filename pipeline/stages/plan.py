@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
 
 import renew
 from pipeline.formats.shared.text import moments_of, season_text
-from pipeline.model import SeasonPlan
+from pipeline.model import Scene, SeasonPlan
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.endpoints import is_shut_in
 from pipeline.stages.speed_choices import largest_stretch, planned_in_time
 from renew.errors import TooLateError
-
-if TYPE_CHECKING:
-    from pipeline.model import Scene
-    from pipeline.scenario.model import PlannerOptions
 
 MIN_LATENESS_S = 3600.0
 """Time by which a vessel may be early or late at least, in currents that change."""

@@ -5,26 +5,20 @@ They become the same dataclasses as a chart scenario, so that every output forma
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, Fetched, Land, Scene, Simplified
+from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.region import Plane
+from pipeline.scenario.season import Season
 from pipeline.stages.avoided_areas import known_clocks
 from pipeline.stages.endpoints import check_endpoints
 from pipeline.stages.speed_choices import speed_choices
-
-if TYPE_CHECKING:
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Current
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.region import Plane
-    from pipeline.scenario.season import Season
 
 
 def fetched_plane(scenario: Scenario) -> Fetched:

@@ -7,30 +7,23 @@ are filled from the water around them, as a value on land says nothing about the
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
-from pipeline.model import Scene
+from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
+from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
 from pipeline.stages.avoided_areas import known_clocks, shut_areas
 from pipeline.stages.endpoints import check_endpoints
 from pipeline.stages.speed_choices import speed_choices
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import CurrentGrid, Fetched, Simplified
-    from pipeline.scenario.model import Scenario
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
 # curved in the plane. An edge is halved until it sags less, at most _MAX_HALVINGS times, and no

@@ -6,22 +6,14 @@ the route, but a reason to look at an official chart.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.geo.position import position_text
-from pipeline.model import ShoreCrossing, season_notes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.model import Scene
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import Scene, ShoreCrossing, season_notes
 
 # Least length of a crossing, true metres: below it a route only grazes the shore.
 _LEAST_M = 1.0

@@ -8,27 +8,20 @@ straits at which classes were rejected because adaptive padding takes all of the
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.geo.coast.narrow_gaps import narrow_gaps
-from pipeline.model import ShutStrait
+from pipeline.model import Scene, SeasonPlan, ShutStrait, Simplified
+from pipeline.scenario.model import PlannerOptions
+from renew.errors import Strait
 from renew.padding.policy import PaddingPolicy
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.model import Scene, SeasonPlan, Simplified
-    from pipeline.scenario.model import PlannerOptions
-    from renew.errors import Strait
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Least size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01

@@ -9,29 +9,20 @@ close to land. Where it is above the best route's fuel, no such way is better.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from shapely import LineString
 
 import renew
-from pipeline.model import SideBound
+from pipeline.model import Evaluation, Scene, SeasonPlan, SideBound
+from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError
 from renew.inputs.current import as_field
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
 from renew.inputs.voyage import Voyage
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-    from shapely import LineString
-
-    from pipeline.model import Evaluation, Scene, SeasonPlan
-    from pipeline.scenario.model import PlannerOptions
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Number of lines from the island, in all directions, of which the shortest that will do is taken.
 _DIRECTIONS = 72

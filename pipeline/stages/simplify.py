@@ -14,28 +14,21 @@ In true metres, in the plane that is centred on the region:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
 from pipeline.geo.coast.covering_land import covering_land, inner_land
 from pipeline.geo.coast.open_water import OpenWater, opened
 from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Simplified
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
 
 # Maximum length of an edge when it is projected, m: what is straight in degrees is curved in the
 # plane, by 1.3 m for 5 km at 70 degrees of latitude.

@@ -7,20 +7,15 @@ routes are there in time.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import shapely
 
-from pipeline.model import SpeedChoice
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    import renew
-    from pipeline.model import Scene
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
+import renew
+from pipeline.model import Scene, SpeedChoice
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 
 # Share of the time under way by which the best route may arrive earlier than it has to, before it
 # is planned once more; and by which it is asked to be earlier then, as routes shift a little.

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
 
+import renew
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, place, season_name
 from pipeline.geo.earth import METRES_PER_DEGREE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import numpy.typing as npt
-
-    import renew
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import CurrentGrid, Scene
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import CurrentGrid, Scene
 
 # Number of cells across a strait from which its tide is resolved at all.
 _MIN_CELLS = 2.0

@@ -10,27 +10,28 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import LineString, Polygon
 
-from pipeline.model import NumberedIsland, Passage
+from pipeline._types import FloatArray
+from pipeline.model import (
+    Evaluation,
+    NumberedIsland,
+    Passage,
+    PlaceName,
+    RouteKey,
+    Scene,
+    SeasonPlan,
+    Side,
+)
 from renew.classes.choices import rays_that_matter
 from renew.classes.h_signature import Rays
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import LineString, Polygon
-
-    from pipeline.model import Evaluation, PlaceName, RouteKey, Scene, SeasonPlan, Side
-
-    FloatArray = npt.NDArray[np.float64]
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
 # Points of a route that are looked at, and distance from an island's centre within which a route

@@ -13,22 +13,18 @@ import json
 import os
 import re
 import unicodedata
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.errors import StageError
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import CurrentGrid
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 from pipeline.storage.result_folder import replacing
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import CurrentGrid
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
-
-    Format = Callable[[RunResult, Path], None]
+Format = Callable[[RunResult, Path], None]
 
 MANIFEST = "manifest.json"
 # Maximum length of a file name that is made of a text, in characters.

@@ -10,12 +10,10 @@ from __future__ import annotations
 import ast
 import hashlib
 import subprocess
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from typing import TypeGuard
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = frozenset({"pipeline", "renew"})

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.storage.store import DOWNLOADS, SUFFIX, remove_unfinished
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 MAX_STORE_BYTES = 2_000_000_000
 """Size to which the store is pruned after a run, bytes: about a thousand runs of two seasons."""

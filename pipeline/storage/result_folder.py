@@ -16,13 +16,10 @@ import errno
 import os
 import shutil
 import uuid
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
 
 from pipeline.storage.whole_files import flush, flush_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
-    from pathlib import Path
 
 _HIDDEN = ".results"
 # Beginning of the name of a real folder that was moved aside.

@@ -14,18 +14,16 @@ import hashlib
 import os
 import pickle
 import warnings
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
 from pipeline.errors import StageError
 from pipeline.storage.code_identity import code_hash
 from pipeline.storage.unpickling import values_from
 from pipeline.storage.whole_files import UNFINISHED, whole_file
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 ValueT = TypeVar("ValueT")
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from typing import IO, TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
 
 UNFINISHED = ".tmp"
 """How the name of a file ends that is being written."""

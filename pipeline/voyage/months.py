@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from pipeline.errors import RequestError
 from pipeline.scenario.period import period
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
 

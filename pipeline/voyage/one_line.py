@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
-from pipeline.outcome import Event, ignore
+from pipeline.outcome import Event, EventHandler, Outcome, ignore
 from pipeline.run import run
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.vessel import VesselSpec
 from pipeline.stages.endpoint_look import endpoints_on_land
 from pipeline.voyage.quantities import RANGE
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from datetime import datetime
-
-    from pipeline.outcome import EventHandler, Outcome
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.vessel import VesselSpec
 
 
 def go(

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 EXAMPLES = "'120.30,12.80' (longitude first), '12.80N 120.30E' or '12°48'N 120°18'E'"
 _NUMBER = r"[+-]?\d+(?:\.\d*)?|[+-]?\.\d+"

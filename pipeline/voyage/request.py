@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.loading import least_region, parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import asked_currents
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
+from pipeline.scenario.vessel import VesselSpec
 from pipeline.sources.registry import current_source
 from pipeline.voyage.departing import Departing, departing
 from pipeline.voyage.months import read_months
 from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.quantities import RANGE, length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.vessel import VesselSpec
 
 # Datasets of the service with monthly means, the best first: the first one that has the month is
 # asked for.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,9 +16,6 @@ from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.strict import looks_like_path
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.voyage.quantities import length_m, speed_m_s
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
 # hulls, as nothing is known of its engine.

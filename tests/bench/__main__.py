@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 from rich.console import Console
 from rich.table import Table
@@ -33,12 +33,8 @@ from tests.bench import (
     tide_figures,
     writing,
 )
+from tests.bench.figure import Figure
 from tests.bench.record import record
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from tests.bench.figure import Figure
 
 SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "padding": planner_figures.paddings,

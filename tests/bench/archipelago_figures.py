@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -15,15 +15,11 @@ from pipeline.geo.projection import Projection
 from pipeline.scenario import catalogue
 from pipeline.sources.land.osm import land_polygons
 from pipeline.stages.project import extent_polygon
+from renew._types import FloatArray
 from tests import yardstick
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
 
 ARCHIPELAGO_SEA = (20.8, 59.7, 22.9, 60.8)
 """Between Finland and Åland: west, south, east, north in degrees; some 25,000 islands."""

@@ -9,8 +9,8 @@ import importlib.util
 import itertools
 import math
 import multiprocessing
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from renew.inputs.voyage import Voyage
 from tests.bench.figure import Figure
 from tests.eddies import SCENES, eddy_scene
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 RUNS, CALLS = 5, 18_000_000
 """Seeds a scene, and calls of the cost and collision functions in each: some 30 s."""

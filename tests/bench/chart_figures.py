@@ -7,19 +7,21 @@ import math
 import os
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, CurrentGrid, Fetched
+from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land import osm
 from pipeline.stages.evaluate import evaluate_season
@@ -29,16 +31,6 @@ from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario
 from tests.true_scale import clearance_m, over_land_m
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land, Scene
-
-    FloatArray = npt.NDArray[np.float64]
 
 ARCHIPELAGOS = {
     "Calamian Islands": (119.85, 11.90, 120.30, 12.35),

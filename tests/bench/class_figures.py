@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import statistics
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 from unittest import mock
 
 import renew
+from renew._types import FloatArray
 from renew.classes.h_signature import Rays, name
+from renew.paths.corridor import Corridor
 from renew.search.class_planner import ClassPlanner
 from tests.bench.figure import Figure, at_most
 from tests.class_oracle import paths_by_class
 from tests.eddies import SCENES, eddy_scene
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
-    from renew.paths.corridor import Corridor
 
 CLASSES, FIRST = 8, 16
 """Classes of a scene that are compared, and number of first ones that are looked for."""

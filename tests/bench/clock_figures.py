@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import renew
+from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from tests.bench import departure_figures
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import PERIODS, moving_scene
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
 
 SCENES = range(20)
 """Seeds of the scenes that are planned without padding beside the oracle."""

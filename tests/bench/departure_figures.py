@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 from shapely import box
 
 import renew
 from tests.bench.figure import Figure, at_most
-from tests.moving_waters import moving_scene
+from tests.moving_waters import MovingScene, moving_scene
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.moving_waters import MovingScene
 
 SWEPT = 48
 """Number of departures that are planned at once, and one by one."""

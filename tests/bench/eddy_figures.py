@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import statistics
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import shapely
 
@@ -12,9 +12,6 @@ import renew
 from tests.bench.figure import Figure, at_most
 from tests.eddies import SCENES, eddy_scene, walls
 from tests.strategies import PAPER_VESSEL, random_scene
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 WALLS = 10
 """Number of scenes of each kind of thin wall."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.figure import Figure, at_most
 from tests.loopback_store import world
 from tests.loopback_store.fault_table import inject
 from tests.loopback_store.rows import ROWS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 def figures() -> Iterator[Figure]:

@@ -7,24 +7,15 @@ narrower strait can be sailed is a matter of margin and padding.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
-from pipeline.choices.water_grid import WaterGrid
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.choices.water_grid import Cell
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
+from pipeline._types import FloatArray, IndexArray
+from pipeline.choices.water_grid import Cell, WaterGrid
+from pipeline.sources.quality.coverage import Bounds
 
 # Cells along each side, and the longest way round an island in best ways.
 _CELLS, _LONGEST = 400, 1.25
@@ -78,7 +69,7 @@ def _grid(land: Sequence[Polygon], bounds: Bounds) -> WaterGrid:
     return WaterGrid(lon, lat, is_water.reshape(_CELLS, _CELLS))
 
 
-def _rays(grid: WaterGrid, middle: IntArray, first: Cell, last: Cell) -> Iterator[IntArray]:
+def _rays(grid: WaterGrid, middle: IndexArray, first: Cell, last: Cell) -> Iterator[IndexArray]:
     """Cells (n, 2) of two rays from a cell to the grid's edge, square to the direct way."""
     along = np.subtract(last, first) / np.linalg.norm(np.subtract(last, first))
     for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):

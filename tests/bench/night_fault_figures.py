@@ -9,8 +9,8 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyarrow.parquet as pq
 
@@ -18,9 +18,6 @@ from tests.bench.figure import Figure, at_most
 from tests.pipeline.nightly.killed_nights import cases_at_work, cases_done, night, run_to_the_end
 from tests.pipeline.nightly.nights import plane_night, region_night, rows, write_forecast
 from tests.pipeline.processes import ROOT, started, wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _CASES = int(os.environ.get("RENEW_NIGHT_SMALL_PLANS", "1000"))
 _FILES = 50

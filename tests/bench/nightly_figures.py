@@ -16,8 +16,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,9 +28,6 @@ from pipeline.nightly.request.expansion import expand
 from tests.bench.figure import Figure, at_most
 from tests.pipeline.nightly.nights import rows, write_night
 from tests.pipeline.processes import descendants
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _PLANS = int(os.environ.get("RENEW_NIGHT_PLANS", "60"))
 _SMALL_PLANS = int(os.environ.get("RENEW_NIGHT_SMALL_PLANS", "400"))

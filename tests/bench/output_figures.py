@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lxml import etree
+from playwright.sync_api import Browser
 
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario
 from tests.pipeline.formats.report.big_page import measure, write_big_page
 from tests.validators import axe_faults, chromium, geopackage_faults, rtz_faults
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from playwright.sync_api import Browser
 
 _NOT_HERE = "not measured: it is not installed"
 _TIMES = 5

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -13,20 +13,16 @@ import shapely
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.loading import load_scenario
+from pipeline.model import Fetched, Scene
+from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from pipeline.storage.store import Store
+from renew._types import FloatArray
 from tests import yardstick
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.model import Fetched, Scene
-    from pipeline.scenario.model import Scenario
-    from renew._types import FloatArray
 
 NAUTICAL_MILE = 1852.0
 CLEARANCES_NM = (1, 3, 5)

@@ -8,17 +8,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyogrio
 import pyproj
 import shapely
 
 from tests.bench.figure import Figure, at_most
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 def figures() -> Iterator[Figure]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import statistics
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from collections.abc import Iterator, Sequence
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 import renew
+from renew._types import FloatArray
 from renew.padding.turn_reach import turn_reach
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure, at_most, quoted
@@ -15,13 +17,8 @@ from tests.oracles import grid_dijkstra, tighten
 from tests.published import ABLATION, FOUR_GYRE, GYRE
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from renew._types import FloatArray
-
-    Point: TypeAlias = FloatArray | tuple[float, float]
-    Scene: TypeAlias = tuple[renew.Chart, renew.CurrentField, Point, Point]
+Point: TypeAlias = FloatArray | tuple[float, float]
+Scene: TypeAlias = tuple[renew.Chart, renew.CurrentField, Point, Point]
 
 Method: TypeAlias = Literal["optimal", "sampled"]
 

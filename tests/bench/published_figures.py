@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 from unittest import mock
 
 import numpy as np
 
 import renew
+from renew._types import FloatArray
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
@@ -23,11 +24,6 @@ from tests.renew.padding.test_padding_model import always
 from tests.renew.padding.test_reach_quantile import TURNS
 from tests.renew.turns.test_point_risk import shares_that_touch
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
 
 SCENES = range(20)
 """Seeds of the random scenes."""

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import csv
 import subprocess
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.conftest import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
 
 FOLDER = ROOT / "docs" / "figures"
 COLUMNS = ("figure", "value", "measured", "commit")

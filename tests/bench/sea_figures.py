@@ -9,31 +9,24 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.geo.projection import Projection
 from pipeline.sources.land import osm
 from pipeline.stages.project import extent_polygon
 from pipeline.stages.simplify import simplify_land
+from renew.inputs.arguments import DistinctBy
 from tests.bench.figure import Figure, at_most
 from tests.bench.islands_between import largest_between, sides
 from tests.eddies import eddies
 from tests.oracles import grid_dijkstra, tighten
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import numpy.typing as npt
-
-    from renew.inputs.arguments import DistinctBy
-
-    FloatArray = npt.NDArray[np.float64]
 
 VESSEL = renew.Vessel(speed=5.0, turn_rate=math.radians(10), length=7.0)
 PEAK_M_S, WAVES = 0.8, 6

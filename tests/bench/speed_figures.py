@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from shapely import box
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.fuel import Drift
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
 from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
 from tests.speed_oracle import least_fuel
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
-    from renew.inputs.fuel import Drift
 
 OPEN_WATERS = range(6)
 """Seeds of the currents in which path and speeds are compared with SciPy's optimizer."""

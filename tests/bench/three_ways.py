@@ -18,17 +18,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.nightly_figures import gyre_night
 from tests.pipeline.nightly.killed_nights import night
 from tests.pipeline.nightly.nights import rows
 from tests.pipeline.processes import ROOT, started, wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 _OPERATION = ROOT / "catalog" / "operation"
 _PARTS, _AT_ONCE = 4, 2

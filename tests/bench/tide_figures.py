@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario.model import Scenario
 from tests.bench.figure import Figure, at_most
 from tests.bench.palawan_figures import fetched_data, scene_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _FIRST = datetime(2026, 11, 22, tzinfo=UTC)
 # Departure, and length of the series: hours after its first step.

@@ -11,16 +11,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from pipeline.stages.write import write
 from tests.bench.figure import Figure, at_most
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _LIMITS_S = {"palawan-season": 4.0, "palawan-usv": 8.0, "boston-enc": 8.0}
 _DATA = Path(__file__).parents[2].parent / "shared" / "data"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,17 +17,11 @@ from experiments.baselines.energy_graph import energies
 from experiments.baselines.registry import PLANNERS
 from experiments.environments.loading import Environment, load_environment
 from experiments.environments.model import Case, EnvironmentSpec
-from experiments.jobs import Job, run_job
+from experiments.jobs import Job, Result, run_job
 from experiments.workers import results_of
 from pipeline.storage.store import Store
 from renew.classes.h_signature import Rays
 from tests.experiments.scenes import VESSEL, islands_voyage
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from experiments.jobs import Result
 
 pytest.importorskip("ompl")
 

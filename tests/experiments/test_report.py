@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from experiments.report.page import _groups, _row_class
 from experiments.report.verdicts import verdicts
-from experiments.tables.summary import Table
-
-if TYPE_CHECKING:
-    from experiments.tables.summary import Row
+from experiments.tables.summary import Row, Table
 
 
 def rival(case: str, planner: str, percent: float, *, runs: int = 3, steerable: str = "") -> Row:

@@ -6,7 +6,7 @@ import csv
 import json
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -14,9 +14,6 @@ from experiments.environments import loading
 from experiments.environments.loading import load_spec, names
 from experiments.run import chosen_specs, run
 from pipeline.errors import RequestError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytest.importorskip("ompl")
 

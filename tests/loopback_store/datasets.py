@@ -13,17 +13,14 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from numcodecs import Blosc
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from tests.loopback_store.ocean import Ocean
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from tests.loopback_store.ocean import Ocean
 
 ROOT = "http://mds.invalid"
 _EPOCH = datetime(1950, 1, 1, tzinfo=UTC)

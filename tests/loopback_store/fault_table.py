@@ -7,19 +7,15 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from tests.loopback_store import world
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.loopback_store.rows import Row
-    from tests.loopback_store.server import LoopbackStore
+from tests.loopback_store.rows import Row
+from tests.loopback_store.server import LoopbackStore
 
 # Time for starting and ending a process, added to its deadline, s.
 _MARGIN_S = 8.0

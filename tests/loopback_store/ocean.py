@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import datetime
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
-if TYPE_CHECKING:
-    from datetime import datetime
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
 
 # Period of the tide M2, h; its strength, m/s.
 _M2_HOURS = 12.4206

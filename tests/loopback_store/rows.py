@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from tests.loopback_store import world
 from tests.loopback_store.server import LOGIN, Fault
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.scenario.catalogue import CopernicusSpec
 
 DAILY, TOTAL = "copernicus-forecast-daily", "copernicus-total-hourly"
 # Largest error of a single cell that can't be detected, m/s: see `_SPIKE_M_S` in

@@ -12,22 +12,18 @@ import socket
 import ssl
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import TYPE_CHECKING, Any, Literal, cast
+from pathlib import Path
+from typing import Any, Literal, cast
 from urllib.parse import parse_qs, urlsplit
 
-from tests.loopback_store.datasets import CODEC, ROOT
+import trustme
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import trustme
-
-    from tests.loopback_store.datasets import Dataset
-    from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.datasets import CODEC, ROOT, Dataset
+from tests.loopback_store.ocean import Ocean
 
 LOGIN = "auth.marine.copernicus.eu"
 USERNAME, PASSWORD = "captain.nemo", "twenty-thousand-leagues"

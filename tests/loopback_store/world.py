@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 import trustme
 
-from pipeline.model import Credit, Land
+from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
@@ -26,12 +28,6 @@ from pipeline.sources.currents.copernicus.account import USERNAME as USERNAME_VA
 from tests.loopback_store.datasets import Dataset, step_times
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import PASSWORD, USERNAME, LoopbackStore
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from pipeline.model import CurrentGrid
 
 REGION = shapely.box(116.2, 6.2, 121.34, 12.4)
 ISLAND = shapely.box(118.62, 7.96, 121.28, 10.62)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -11,9 +11,6 @@ import shapely
 from hypothesis import strategies as st
 
 from pipeline.geo.projection import Projection
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 # A hundredth of a degree is 1.1 km here, where the plane and the globe hardly differ.
 REGION = shapely.box(0.0, 0.0, 0.5, 0.5)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from pipeline.storage.store import Store
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]

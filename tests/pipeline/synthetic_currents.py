@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from pipeline.sources.quality.field import Field
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.field import LandMask
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.sources.quality.field import Field, LandMask
 
 EARTH_RADIUS_M = 6_371_000.0
 EASTWARD, NORTHWARD = "eastward_sea_water_velocity", "northward_sea_water_velocity"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 import tomllib
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -17,9 +17,6 @@ from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS = (

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.interpreters import run_python
 from tests.pipeline.processes import ends_within
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_a_process_that_hangs_is_killed_with_its_children_at_the_deadline(tmp_path: Path) -> None:

@@ -10,19 +10,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from pipeline.errors import RequestError, StageError
 from pipeline.loading import load_scenario, parse_scenario
+from pipeline.outcome import Event
 from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
+from pipeline.scenario.model import Scenario
 from tests.tree import tree
-
-if TYPE_CHECKING:
-    from pipeline.outcome import Event
-    from pipeline.scenario.model import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -6,7 +6,8 @@ import contextlib
 import os
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -14,10 +15,6 @@ from pipeline.errors import RequestError, StageError
 from pipeline.session import Origin, clean, session
 from pipeline.storage.store import Store
 from tests.pipeline.processes import started
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 # Holds a session until its input ends, after its script.
 HOLD = """

@@ -6,15 +6,12 @@ import csv
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def rows(output: Path, scenario: str) -> dict[tuple[str, str], dict[str, str]]:

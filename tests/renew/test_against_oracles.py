@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform
 
 import renew
+from renew._types import FloatArray
 from tests.eddies import SCENES, eddy_scene, walls
 from tests.oracles import grid_dijkstra, tighten
 from tests.strategies import (
@@ -26,9 +27,6 @@ from tests.strategies import (
     seeds,
     single_gyre,
 )
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 # Largest ratio of the planner's fuel to the oracle's (issue 2).
 ORACLE = 1.005

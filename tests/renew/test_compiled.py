@@ -8,15 +8,13 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import pytest
 
 import renew
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 PACKAGE = Path(renew.__file__).parent
 # It prints the result of a kernel that inlines another one, how many kernels were compiled and not
@@ -302,7 +300,7 @@ def test_without_any_folder_to_write_to_it_runs_all_the_same(package: Path) -> N
 INTERRUPTED = """
 import os, signal, sys, threading
 import numpy as np
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from renew._compiled import kernel
 
 class Results(NamedTuple):

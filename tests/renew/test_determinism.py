@@ -6,19 +6,17 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import renew
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 # Variables that limit the threads of numerical libraries.
 THREAD_LIMITS = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import tracemalloc
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,9 +14,6 @@ from shapely import box
 import renew
 from renew.inputs.arguments import MIN_RISK
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def cpu_seconds(plan: Callable[[], renew.Plan]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,14 +11,10 @@ from hypothesis import given, settings
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from tests.clock_oracle import duration
 from tests.moving_waters import Drifting, moving_scene
 from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from renew._types import FloatArray
 
 # Metres for a unit of length of the published cases; a vessel of 1 m/s whose turns are small.
 UNIT = 100.0

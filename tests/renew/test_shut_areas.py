@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from shapely import Polygon, box
+from shapely import MultiPolygon, Polygon, box
 
 import renew
+from renew._types import FloatArray
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL, SIZE, single_gyre
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
-
-    from renew._types import FloatArray
 
 CHART = renew.Chart(box(0, 0, 200, 60))
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -200,5 +196,7 @@ def test_an_area_that_is_none_is_refused() -> None:
     ):
         with pytest.raises(renew.GeometryError, match=text):
             renew.ShutArea(*given)
-    with pytest.raises(renew.ParameterError, match=r"from 5 until 5 s; the end must come after"):
+    with pytest.raises(
+        renew.ParameterError, match=r"from 5\.0 until 5\.0 s; the end must come after"
+    ):
         renew.ShutArea(BARRIER, 5.0, 5.0)

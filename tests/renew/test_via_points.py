@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,16 +12,12 @@ import shapely
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.inputs.voyage import Voyage
 from tests.clock_oracle import earliest_arrival
 from tests.moving_waters import moving_scene
 from tests.oracles import grid_dijkstra
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from renew._types import FloatArray
 
 START, GOAL = (10.0, 10.0), (90.0, 90.0)
 # How closely via points are passed, m: 2 % of the turning radius.

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import renew
 from tests.renew import test_against_oracles, test_planner
 from tests.strategies import PAPER_VESSEL, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-    from types import ModuleType
 
 
 @pytest.fixture(autouse=True)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
+import random
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
-
-if TYPE_CHECKING:
-    import random
-    from pathlib import Path
 
 _PLANE = small_plane("plain")
 _REGION = (

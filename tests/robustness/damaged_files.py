@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import json
+import random
 import struct
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
 import pyogrio
 import shapely
 
+from pipeline.sources.quality.field import LandMask
 from tests.pipeline.sources.mutations import ISLAND, MUTATIONS, copied, make_charts, make_currents
 from tests.pipeline.synthetic_currents import dataset, sea
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.sources.quality.field import LandMask
 
 _REGION = """schema_version = 1
 name = "damaged"

@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import random
 import re
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
 
 _CALLS = (
     *("openat", "open", "creat", "write", "pwrite64", "writev", "pwritev", "lseek", "ftruncate"),

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pipeline.run
 import pipeline.stages.plan
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -7,11 +7,12 @@ import queue
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import threading
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 from unittest import mock
 
 from typer.testing import CliRunner
@@ -19,10 +20,6 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from tests.pipeline.processes import started
 from tests.robustness.frozen_clock import frozen_clock
-
-if TYPE_CHECKING:
-    import subprocess
-    from pathlib import Path
 
 STAGES = ("fetch", "simplify", "project", "plan", "evaluate", "write")
 EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}

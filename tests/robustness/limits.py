@@ -6,11 +6,8 @@ import contextlib
 import resource
 import signal
 import traceback
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import FrameType
+from collections.abc import Iterator
+from types import FrameType
 
 MAX_CPU_S = 20
 """Maximum CPU time of a case, s."""

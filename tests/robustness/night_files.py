@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+import random
+from collections.abc import Callable
+from pathlib import Path
 
 from pipeline.scenario import catalogue
 from tests.pipeline.nightly.nights import plane_night, region_night, write_forecast
 from tests.robustness.scenario_files import oddly_encoded, with_faults, with_text_faults
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Callable
-    from pathlib import Path
 
 _ODD_CELLS = (
     *("", " ", "nan", "inf", "-1e400", "1e308", "9" * 5000, "0x10", "1_0", "12,5", "'10'"),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime as dt
 import functools
 import math
+from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -16,10 +17,7 @@ from shapely import MultiPolygon, Point, Polygon, box
 import renew
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    Rng = np.random.Generator
+Rng = np.random.Generator
 
 NAN, INF = math.nan, math.inf
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import random
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from tests.robustness.disk import (
     Call,
@@ -18,10 +19,6 @@ from tests.robustness.disk import (
     traced,
     write_state,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
 
 SEED = 20_261_124
 # Number of different states of the disk from which a next start is tried.

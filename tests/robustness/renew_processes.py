@@ -7,16 +7,14 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from types import TracebackType
+from typing import Any, Self
 
 from tests.robustness.limits import MAX_MEMORY_BYTES
 from tests.robustness.renew_server import MAX_SILENCE_S
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from types import TracebackType
 
 ROOT = Path(__file__).parents[2]
 # Largest number of lines that faults take, and of characters of each.

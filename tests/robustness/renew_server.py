@@ -11,20 +11,18 @@ import functools
 import importlib
 import json
 import os
+import resource
 import signal
 import sys
 import tempfile
 import time
 import traceback
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import shapely
 
 from tests.robustness.limits import limit_memory
-
-if TYPE_CHECKING:
-    import resource
 
 # What commands import when they need it.
 _LOADED = (

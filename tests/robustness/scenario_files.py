@@ -6,13 +6,11 @@ import copy
 import datetime as dt
 import json
 import math
+import random
 import tomllib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.scenario import catalogue
-
-if TYPE_CHECKING:
-    import random
 
 _DAY = dt.date(2024, 7, 1)
 _ODD_TEXTS = (

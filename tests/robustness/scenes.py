@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 from shapely import Point, Polygon, affinity, box
 
 import renew
+from renew._types import FloatArray
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from renew._types import FloatArray
-
-    Rng = np.random.Generator
+Rng = np.random.Generator
 
 _SIDE = 100.0
 """Side of a scene before it is scaled, m."""

@@ -7,20 +7,15 @@ import resource
 import shutil
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.robustness.campaign import draw, number
-from tests.robustness.command_lines import odd_command_line
+from tests.robustness.command_lines import CommandLine, odd_command_line
 from tests.robustness.limits import MAX_CPU_S, MAX_MEMORY_BYTES
 from tests.robustness.renew_processes import CODES, NIGHT_CODES, Renew
 from tests.robustness.typed_commands import restore, typed_command
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.robustness.command_lines import CommandLine
 
 SAMPLE = range(6, 11)  # none of them waits for a network
 EXIT_CODES = {0, 1, 2, 130, 143}

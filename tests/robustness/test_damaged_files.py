@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -11,9 +11,6 @@ from pipeline.sources.quality.field import LandMask
 from tests.robustness.campaign import draw, number
 from tests.robustness.damaged_files import damaged_scenario, make_originals
 from tests.robustness.renew_processes import Renew
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def failures(folder: Path, originals: dict[str, Path], cases: range, renew: Renew) -> list[str]:

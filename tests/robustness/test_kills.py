@@ -6,7 +6,7 @@ import collections
 import json
 import random
 import signal
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,9 +23,6 @@ from tests.robustness.killed_runs import (
     results,
     run_to_the_end,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SEED = 20_260_111
 KILLS = 100

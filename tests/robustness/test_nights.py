@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -12,9 +12,6 @@ from pipeline.cli.main import app
 from tests.robustness.campaign import draw, number
 from tests.robustness.night_files import mutated_night
 from tests.robustness.renew_processes import NIGHT_CODES, Renew
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SAMPLE = 20
 # One night in so many is also run: where it has faults, and where it has none.

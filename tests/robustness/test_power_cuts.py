@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +10,6 @@ from tests.pipeline.processes import renew
 from tests.pipeline.small_plane import small_plane
 from tests.robustness.disk import has_strace
 from tests.robustness.power_cuts import Cuts
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [
     pytest.mark.slow,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -12,10 +13,6 @@ from tests.robustness.campaign import draw, number
 from tests.robustness.limits import TooSlowError, cpu_limit, failure
 from tests.robustness.renew_processes import MAX_LINE, MAX_LINES, Renew
 from tests.robustness.scenario_files import mutated
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 SAMPLE = 200
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import typer
 
 from pipeline.cli.main import app
 from tests.pipeline.nightly.nights import plane_night
 from tests.robustness.command_lines import ODD_WORDS, fill
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Iterator
-    from pathlib import Path
 
 # Values that an option may well have, by its name; what is typed is one of these or anything.
 _LIKELY: dict[str, tuple[str, ...]] = {

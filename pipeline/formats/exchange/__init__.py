@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult
 
 
 def can_write(result: RunResult) -> bool:

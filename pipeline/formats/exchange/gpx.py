@@ -7,7 +7,9 @@ extensions that OpenCPN reads have the speed, and the departure where one is giv
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
+from typing import Any
 from xml.sax import saxutils
 
 import gpxpy.gpx
@@ -25,20 +27,13 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.passage.waypoints import both_sides, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, both_sides, season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import route_summary, speed_over_ground
 from pipeline.formats.shared.xml_text import xml_text
 from pipeline.geo.projection import densified
-
-if TYPE_CHECKING:
-    from datetime import datetime
-    from pathlib import Path
-    from typing import Any
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import RouteMetrics
+from pipeline.model import RouteMetrics
 
 # Maximum distance between points of the track, true metres: between them, the planned line and the
 # line that a plotter draws are at most 0.2 m apart.

@@ -5,11 +5,15 @@ Google Earth draws straight lines between points as great circles, so legs are d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lxml import etree
 
+from pipeline._types import FloatArray
 from pipeline.formats.exchange.text import (
     attribution,
     document_title,
@@ -21,24 +25,14 @@ from pipeline.formats.exchange.text import (
     wrapped_longitude,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import both_sides
+from pipeline.formats.passage.waypoints import Waypoints, both_sides
 from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import route_summary
 from pipeline.formats.shared.xml_text import xml_text
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from datetime import datetime
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
-    Element = Any  # lxml has no types
+Element = Any  # lxml has no types
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 # Maximum distance, true metres, between a leg and the line drawn for it.

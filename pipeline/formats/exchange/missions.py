@@ -11,19 +11,14 @@ format of QGroundControl's developer guide, version 1; MAVLink's file formats, "
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.formats.exchange.text import wrapped_longitude
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
 
 # MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, of the latter speed over ground and a throttle
 # that stays as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).

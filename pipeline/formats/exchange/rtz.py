@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
 
 from lxml import etree
 
@@ -24,17 +25,11 @@ from pipeline.formats.exchange.text import (
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.formats.shared.xml_text import xml_text
-
-if TYPE_CHECKING:
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
 
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.formats.passage.tracks import DECIMALS
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.unknowns import route_unknowns
-
-if TYPE_CHECKING:
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import RouteMetrics
+from pipeline.model import RouteMetrics
 
 KNOTS_PER_M_S = 3600 / NAUTICAL_MILE_M
 # Maximum length of a vessel's name, in characters: checkers of RTZ warn above it.

@@ -9,25 +9,23 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray
 from pipeline.formats.figures.graticule import scale_bar_m
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.text import shortened
+from pipeline.geo.projection import Projection
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import PathPatch
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.geo.projection import Projection
-
-    FloatArray = npt.NDArray[np.float64]
 
 POINTS_PER_INCH = 72.0
 SMALL_PT, PLAIN_PT = 8.2, 9.5

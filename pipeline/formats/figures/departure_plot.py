@@ -11,11 +11,10 @@ from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import TEXT_PT, plot_panels, plot_title, plot_x_label
 from pipeline.formats.shared.departure_text import AS_GOOD
 from pipeline.formats.shared.text import hours, moment_text
+from pipeline.model import DepartureChoice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from pipeline.model import DepartureChoice
 
 _HEIGHT_PT = 150.0
 _HOUR_S, _DAY_S = 3600.0, 86_400.0

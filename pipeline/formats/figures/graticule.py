@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely import Polygon
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-    from shapely import Polygon
-
-    from pipeline.geo.projection import Projection
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.geo.projection import Projection
 
 # Steps between lines, degrees: round numbers of degrees, minutes and seconds of arc.
 _STEPS_DEG = (

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import lines, patch, stroke
 from pipeline.formats.figures.maps.chart_map import (
     add_layers,
@@ -25,16 +26,12 @@ from pipeline.formats.figures.maps.layers import (
     no_go_layers,
 )
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, fuel
+from renew.classes.triangulation import Triangulation
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from renew.classes.triangulation import Triangulation
-
-    FloatArray = npt.NDArray[np.float64]
 
 _CHANNEL_ALPHA = 0.3
 

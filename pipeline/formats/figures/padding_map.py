@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+import renew
+from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import (
     POINTS_PER_INCH,
     axes_at,
@@ -39,16 +41,11 @@ from pipeline.formats.figures.maps.layers import (
     soft_layer,
 )
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RankedRoute, RunResult
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    import renew
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 _MAX_WINDOWS = 3
 _GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0

@@ -5,31 +5,26 @@ They are as wide as a phone, in the maps' colours by role, which the page sets (
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import text_width
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.route_profile import RouteProfile, route_profile
 from pipeline.formats.shared.still_water import still_fuel_per_metre
 from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    import numpy.typing as npt
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.formats.shared.route_profile import RouteProfile
-
-    FloatArray = npt.NDArray[np.float64]
 
 _WIDTH_PT, _POINTS_PER_INCH = 374.0, 72.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0

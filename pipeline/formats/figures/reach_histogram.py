@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import renew
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import (
@@ -16,14 +17,12 @@ from pipeline.formats.figures.plots import (
     plot_title,
     plot_x_label,
 )
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    import renew
-    from pipeline.formats.shared.result import RankedRoute, RunResult
 
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30

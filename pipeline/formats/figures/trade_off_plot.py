@@ -8,11 +8,10 @@ from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import TEXT_PT, fuel_unit, plot_panels, plot_title, plot_x_label
 from pipeline.formats.shared.text import fuel, hours, moment_text
+from pipeline.formats.shared.trade_offs import TradeOff
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.trade_offs import TradeOff
 
 _HEIGHT_PT = 150.0
 # Units of time, s, from the longest voyage of which on they are used.

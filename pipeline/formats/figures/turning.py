@@ -6,28 +6,24 @@ AAAI 2026); both figures are of the draws that set it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
 from pipeline.formats.figures.maps.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance
 from renew.inputs.speeds_along import speeds_along
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Number of drawn turns to either side, and of points of each.
 _TURNS, _TRACK_POINTS = 60, 181

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,17 +24,13 @@ from pipeline.formats.figures.maps.layers import (
     soft_layer,
 )
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import clearance, distance, fuel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-
 
 # Characters of a reason, and least number in a line; mean width of a letter, as a share of its size
 # with the box's edges.

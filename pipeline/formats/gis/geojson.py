@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.exchange.text import attribution, document_title, waypoint_name
 from pipeline.formats.gis.layers.all_layers import LAYERS
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.result import RunResult
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
-    Feature = dict[str, Any]
+Feature = dict[str, Any]
 
 # Decimals of degrees, a centimetre: RFC 7946 asks for no more precision than is needed.
 _DECIMALS = 7

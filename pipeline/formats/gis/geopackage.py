@@ -10,8 +10,9 @@ The QGIS project inside refers to the file by its name: it may be moved, but not
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -22,13 +23,8 @@ from pipeline.formats.gis.qgis import project
 from pipeline.formats.gis.qgis.styles import qml
 from pipeline.formats.gis.qgis.view import view
 from pipeline.formats.shared.os_errors import os_error
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import manifest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 # Name of the project inside the file, as QGIS lists it.
 PROJECT = "RENEW"

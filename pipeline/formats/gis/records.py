@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 
 from pipeline.formats.gis.layers.fields import FIELDS
-
-if TYPE_CHECKING:
-    import sqlite3
-    from collections.abc import Iterable, Mapping, Sequence
-    from datetime import datetime
 
 _SCHEMAS = """
 CREATE TABLE IF NOT EXISTS gpkg_extensions (

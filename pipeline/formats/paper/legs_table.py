@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.formats.exchange.text import (
     KNOTS_PER_M_S,
     duration,
@@ -16,22 +18,12 @@ from pipeline.formats.exchange.text import (
     wrapped_longitude,
 )
 from pipeline.formats.passage.leg_times import steps_along_legs
-from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M
+from pipeline.formats.passage.tracks import Tracks, tracks
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
 from pipeline.formats.shared.legs import cumulative
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import coast_index
 from pipeline.formats.shared.text import to_minute
-
-if TYPE_CHECKING:
-    from datetime import datetime
-
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.tracks import Tracks
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Maximum distance, true metres, between a leg and the line on which it is measured.
 _ERROR_M = 5.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,26 +23,21 @@ from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.maps.layers import DETAIL_PT, visible
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.paper.legs_table import (
+    Row,
     distance_text,
     has_speeds,
     headings,
     rows,
     tightest_text,
 )
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, season_waypoints
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
 from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
     from matplotlib.figure import Figure
-
-    from pipeline.formats.paper.legs_table import Row
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0

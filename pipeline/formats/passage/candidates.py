@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from pipeline.formats.passage.safe_corridor import cross
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.safe_corridor import SafeCorridor
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
+from pipeline._types import FloatArray, IntArray
+from pipeline.formats.passage.safe_corridor import SafeCorridor, cross
 
 # Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
 _MIN_BEND_RAD = 0.1

@@ -11,23 +11,15 @@ edge evaluations via lazy best-first search", ICAPS).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 import shapely
 
+from pipeline._types import BoolArray, FloatArray, IntArray
+from pipeline.formats.passage.candidates import Candidates
+from pipeline.formats.passage.safe_corridor import SafeCorridor
+from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.shared.legs import metres_along
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.candidates import Candidates
-    from pipeline.formats.passage.safe_corridor import SafeCorridor
-    from pipeline.formats.passage.tracks import Drawing
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
-    BoolArray = npt.NDArray[np.bool_]
 
 # Costs of a leg beside 1 for being one: among chains of equally many legs the shorter one is taken,
 # and a leg with half the wanted clearance costs one more, with a third two more. A clearance below

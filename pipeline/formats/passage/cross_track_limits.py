@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from pipeline.formats.passage.safe_corridor import IndexedEdges, cross, edges_of
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor
-    from pipeline.formats.passage.tracks import Tracks
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
-    ObjectArray = npt.NDArray[np.object_]
+from pipeline._types import FloatArray, Geometries, IndexArray
+from pipeline.formats.passage.safe_corridor import (
+    IndexedEdges,
+    Obstacles,
+    SafeCorridor,
+    cross,
+    edges_of,
+)
+from pipeline.formats.passage.tracks import Tracks
 
 # Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
 # other half.
@@ -97,8 +94,8 @@ class _Sides:
     to its end, `offsets` (2k,) the most that it departs from there.
     """
 
-    areas: ObjectArray
-    lines: ObjectArray
+    areas: Geometries
+    lines: Geometries
     chords: FloatArray
     offsets: FloatArray
 
@@ -132,7 +129,7 @@ class _Sides:
             near |= np.einsum("ij,ij->i", apart, apart) < (reach + offset) ** 2
         return edges[near]
 
-    def least_distance(self, side: IntArray, ends: FloatArray) -> FloatArray:
+    def least_distance(self, side: IndexArray, ends: FloatArray) -> FloatArray:
         """Distance (n,) that edges (n, 2, 2) have at least from the legs of their sides."""
         half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
         begin, chord = self.chords[side, 0], self.chords[side, 1] - self.chords[side, 0]
@@ -149,7 +146,9 @@ def _aside(chords: FloatArray) -> FloatArray:
     return np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
 
 
-def _side_areas(legs: Tracks, starts: IntArray, ends: IntArray, reach: FloatArray) -> ObjectArray:
+def _side_areas(
+    legs: Tracks, starts: IndexArray, ends: IndexArray, reach: FloatArray
+) -> Geometries:
     """Area to port of each leg (k,), to starboard with a negative reach (k,).
 
     Bounded by the leg, which is extended at both ends, and reaching that far from its chord.

@@ -9,19 +9,11 @@ her highest speed allows.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from pipeline.formats.shared.legs import at_speeds_sailed, sailed
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.legs import Steps
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.formats.shared.legs import Steps, at_speeds_sailed, sailed
+from pipeline.formats.shared.result import RankedRoute, RunResult
 
 # Difference from the planned arrival, as a share of the time under way, that is none: a second in
 # 11 days. And the number of rounds of Newton's method in which it is reached.

@@ -5,23 +5,18 @@ Waypoints are chosen so that the legs between them stay inside this corridor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    import renew
-    from pipeline.model import Scene
-
-    FloatArray = npt.NDArray[np.float64]
+import renew
+from pipeline._types import FloatArray
+from pipeline.model import Scene
 
 # Minimum clearance of a leg from V and land, as a share of the path's own least clearance.
 _MIN_CLEARANCE_SHARE = 0.5

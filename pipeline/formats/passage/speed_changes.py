@@ -6,21 +6,14 @@ They lie on the legs that there are: the way stays the same.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from pipeline.formats.passage.tracks import DECIMALS, tracks
+import renew
+from pipeline._types import FloatArray
+from pipeline.formats.passage.tracks import DECIMALS, Drawing, tracks
 from renew.inputs.speeds_along import speeds_along
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    import renew
-    from pipeline.formats.passage.tracks import Drawing
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
 # changes fuel by a few thousandths, by the propeller law.

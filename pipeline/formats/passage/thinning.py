@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray, IntArray
 from pipeline.formats.passage.candidates import Candidates, concatenated, with_candidates
 from pipeline.formats.passage.cheapest_chain import cheapest_chain
+from pipeline.formats.passage.safe_corridor import SafeCorridor
+from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.shared.legs import metres_along
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.passage.safe_corridor import SafeCorridor
-    from pipeline.formats.passage.tracks import Drawing
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
 
 # Maximum number of parts into which a leg is split when its drawn curve leaves the corridor.
 _MAX_PARTS = 64

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 import pyproj
 import shapely
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.geo.projection import Projection
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.int64]
+from pipeline._types import FloatArray, IntArray
+from pipeline.geo.projection import Projection
 
 Curve = Literal["Loxodrome", "Orthodrome"]
 """A leg's geometry in RTZ's terms: constant course, or shortest distance."""

@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
 from pipeline.formats.passage.leg_times import steps_along_legs
-from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
+from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
 from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.thinning import thin
-from pipeline.formats.passage.tracks import Drawing, Tracks, curve_for, initial_course_deg, tracks
+from pipeline.formats.passage.tracks import (
+    Curve,
+    Drawing,
+    Tracks,
+    curve_for,
+    initial_course_deg,
+    tracks,
+)
 from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.model import RouteMetrics
 from renew.route import unite_soft_no_go
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.safe_corridor import SafeCorridor
-    from pipeline.formats.passage.tracks import Curve
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import RouteMetrics
-
-    FloatArray = npt.NDArray[np.float64]
 
 NAUTICAL_MILE_M = 1852.0
 # Maximum distance of a leg from the planned line, as a share of the route's length: 0.7 km on

@@ -10,24 +10,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from markupsafe import Markup
+
+from pipeline.formats.report.parts.comparison import Comparison
+from pipeline.formats.report.parts.season import SeasonPart
 from pipeline.formats.report.parts.unknown import Unknown
 from pipeline.formats.shared import text
 from pipeline.formats.shared.palette import SEASON_COLOURS
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from markupsafe import Markup
-
-    from pipeline.formats.report.parts.comparison import Comparison
-    from pipeline.formats.report.parts.season import SeasonPart
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import Credit, Simplified
-    from pipeline.scenario.model import PlannerOptions
-    from pipeline.scenario.vessel import VesselSpec
+from pipeline.model import Credit, Simplified
+from pipeline.scenario.model import PlannerOptions
+from pipeline.scenario.vessel import VesselSpec
 
 _FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
 

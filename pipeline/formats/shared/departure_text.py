@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from datetime import timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.formats.shared.text import exact_moment_text, hours, moment_text, percent
-
-if TYPE_CHECKING:
-    from pipeline.model import DepartureChoice
+from pipeline.model import DepartureChoice
 
 AS_GOOD = 0.01
 """Share of the least fuel by which a departure counts as good as the best one."""

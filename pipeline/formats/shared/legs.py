@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from pipeline._types import FloatArray
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.projection import cut, densified
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import Scene
-    from renew.inputs.fuel import Drift
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import Scene
+from renew.inputs.fuel import Drift
 
 # Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
 # one course: the planner's straight line is then as long as the geodesic, to a millionth.

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import errno
 import shutil
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
 
 # Free space, bytes, below which a failed write means a full disk; more than SQLite's journal.
 _FULL_BELOW_BYTES = 16 * 2**20

@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+import renew
+from pipeline._types import FloatArray
 from pipeline.formats.shared.text import moments_of, season_name
 from pipeline.formats.shared.unknowns import unknowns
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from datetime import datetime
-
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    import renew
-    from pipeline.model import (
-        Credit,
-        DepartureChoice,
-        Evaluation,
-        Fetched,
-        RouteMetrics,
-        Scene,
-        SeasonPlan,
-        ShutStrait,
-        Simplified,
-        Zone,
-    )
-    from pipeline.scenario.model import Scenario
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import (
+    Credit,
+    DepartureChoice,
+    Evaluation,
+    Fetched,
+    RouteMetrics,
+    Scene,
+    SeasonPlan,
+    ShutStrait,
+    Simplified,
+    Zone,
+)
+from pipeline.scenario.model import Scenario
 
 
 @dataclass(frozen=True)

@@ -5,22 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.formats.shared.legs import cumulative, steps
-from pipeline.geo.projection import densified
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.geo.projection import Projection
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.geo.projection import Projection, densified
 
 # Maximum distance between points, true metres: between them the plane has one scale, and geodesics
 # are its straight lines.

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import season_name
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 
 def safety_notes(result: RunResult) -> tuple[str, ...]:

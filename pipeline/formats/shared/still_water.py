@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import RouteMetrics
+from pipeline.model import RouteMetrics
 
 
 def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, timedelta
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
 
 from pipeline.geo.position import position_text
+from pipeline.model import GapShares, RouteMetrics, Zone
 from pipeline.scenario.departures import named_departure
-from renew.errors import in_seconds
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from datetime import datetime
-
-    from pipeline.model import GapShares, RouteMetrics, Zone
-    from pipeline.scenario.model import Scenario
-    from renew.errors import Moment
+from pipeline.scenario.model import Scenario
+from renew.errors import Moment, in_seconds
 
 ABSENT = "–"
 USEFUL_GAP = 1.0

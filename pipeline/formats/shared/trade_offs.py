@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline._types import FloatArray
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import about_season, hours, moment_text, percent
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import SpeedChoice
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import SpeedChoice
 
 # Share of the time under way by which an arrival is earlier or later, to say what that is worth.
 _MORE_OR_LESS = 0.1

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 from pipeline.formats.shared.text import distance, percent, place
-from pipeline.model import season_notes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait
-    from pipeline.scenario.model import Scenario
+from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait, season_notes
+from pipeline.scenario.model import Scenario
 
 MAX_STRAITS = 10
 """Largest number of straits that are listed, the widest first."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import math
+from collections.abc import Iterator
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from pipeline.formats.shared.json_values import json_value
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import DepartureChoice
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import DepartureChoice
 
 COLUMNS = (
     "season",

@@ -10,23 +10,20 @@ import platform
 import re
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import MAX_STRAITS
 from pipeline.storage.code_identity import code_commit, code_hash
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.formats.shared.result import RunResult
 
 SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import RouteMetrics
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import RouteMetrics
 
 # Column in the file -> field of RouteMetrics. Fuel and length_planner_m are in the planner's scaled
 # units, every other `_m` in true metres.

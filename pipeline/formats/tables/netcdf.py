@@ -7,23 +7,20 @@ grid only if its lines are evenly spaced. Of a current that changes the file has
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.formats.shared.os_errors import os_error
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
+from pipeline.model import CurrentGrid
 from pipeline.scenario.period import Period, period
+from renew._types import FloatArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import CurrentGrid
-    from renew._types import FloatArray
-
-    Dataset = Any  # netCDF4 has no types
+Dataset = Any  # netCDF4 has no types
 
 _CONVENTIONS = "CF-1.11"
 _REFERENCES = "RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways, AAAI 2026"

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.scenario.toml_text import scenario_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 _HEAD = """\
 # As it was asked for, with region and offing as they were chosen: `renew run` with this file gives

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-from datetime import UTC
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.formats.shared.json_values import json_value
-from pipeline.formats.shared.trade_offs import trade_offs
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.formats.shared.trade_offs import TradeOff
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.trade_offs import TradeOff, trade_offs
 
 COLUMNS = ("season", "arrival", "hours", "fuel", "of_chosen", "is_chosen")
 """Arrivals are UTC, `hours` those under way, fuel is in the planner's units; `of_chosen` is it as a

@@ -7,19 +7,13 @@ wider than the margin and the tolerance on both sides need stay open, whatever t
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray, Geometries
 from pipeline.geo.coast.douglas_peucker import thinned
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
 
 # Share of the tolerance that is cut before the buffer; the rest is cut after it, where that also
 # removes what the buffer adds: of the shares that were tried, this one left the fewest vertices.

@@ -13,15 +13,12 @@ comes to cross itself.)
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    Geometries = npt.NDArray[np.object_]
+from pipeline._types import Geometries
 
 # Number of coordinates of the shortest ring: a triangle, closed.
 _MIN_RING = 4

@@ -9,20 +9,13 @@ strait. How far one must go round where one is shut depends on the smaller of th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
-    Geometries = npt.NDArray[np.object_]
+from pipeline._types import FloatArray, Geometries, IndexArray
 
 # Number of segments of the pieces into which coasts are divided, whose distances are measured.
 _PIECE = 16
@@ -64,7 +57,7 @@ def narrow_gaps(
     return found
 
 
-def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[FloatArray, IntArray]:
+def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[FloatArray, IndexArray]:
     """Return the shortest lines (n, 2, 2) between bodies that are close, and both bodies (n, 2).
 
     The shortest lines come first.
@@ -87,7 +80,7 @@ def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[FloatArray, IntAr
     return shapely.get_coordinates(lines).reshape(-1, 2, 2), ends
 
 
-def _pieces(bodies: Geometries) -> tuple[Geometries, IntArray]:
+def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:
     """Divide the coasts of bodies into lines (n,) of some segments, with their bodies (n,)."""
     rings, body = shapely.get_rings(bodies, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)

@@ -7,22 +7,15 @@ gate is widest (Hu, *The maximum capacity route problem*, 1961).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import shapely
 from scipy import sparse
 from scipy.sparse import csgraph
+from shapely.geometry import Polygon
 
 import renew
+from pipeline._types import FloatArray, Geometries
 from renew.classes.triangulation import triangulate
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
 
 
 def widest_way(

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow.parquet as pq
 import shapely
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from datetime import datetime
-    from pathlib import Path
-
-    import numpy as np
-    import numpy.typing as npt
-
-    from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.part import Row
 
 CASES_FILE = "cases.parquet"
 _COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]

@@ -13,17 +13,14 @@ import errno
 import os
 import secrets
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.nightly.request.newest_currents import base_of, cycle_time, is_cycle, revision
 from pipeline.storage.whole_files import flush, flush_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from datetime import datetime
-    from pathlib import Path
 
 LATEST = "latest"
 PARTIAL = ".partial"

@@ -6,17 +6,14 @@ import contextlib
 import json
 import os
 import socket
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.outcome import BusyError
 from pipeline.storage.locks import file_lock
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 LOCK = ".nightly.lock"
 # Time for `renew nightly status` to let go of the lock, which it tries, s.

@@ -6,15 +6,11 @@ What can't be read is set aside and noted; a night goes on without it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.nightly.cycle.earlier import CASES_FILE
+from pipeline.nightly.cycle.folders import Cycles
 from pipeline.nightly.cycle.record import faults_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.folders import Cycles
 
 HISTORY_FILE = "history.parquet"
 _CONSEQUENCES = {

@@ -8,8 +8,10 @@ Parquet table, so that a damaged part counts as absent: its cases are planned an
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,10 +19,6 @@ import pyarrow.parquet as pq
 from pipeline.errors import StageError
 from pipeline.storage.store import read_checked, write_checked
 from pipeline.storage.whole_files import UNFINISHED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 _TIME = pa.timestamp("ms", tz="UTC")
 # What each row says, of a case or of a route.

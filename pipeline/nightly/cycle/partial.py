@@ -7,18 +7,13 @@ import json
 import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.nightly.cycle.folders import writing
-from pipeline.nightly.cycle.part import parts_in, remove_unfinished
+from pipeline.nightly.cycle.part import Part, parts_in, remove_unfinished
 from pipeline.storage.locks import file_lock
 from pipeline.storage.whole_files import write_whole
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.part import Part
 
 _REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
 # Time for another part of the same night to set the folder up, s.

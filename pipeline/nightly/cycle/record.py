@@ -7,8 +7,10 @@ what has changed since is told by the hashes. The one file of a cycle with times
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,10 +20,6 @@ from pipeline.nightly.cycle.folders import RECORD, writing
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
 from pipeline.storage.store import file_hash
 from pipeline.storage.whole_files import flush_tree, write_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
 
 
 def write_record(

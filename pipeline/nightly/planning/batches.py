@@ -7,13 +7,10 @@ cases were cut.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from pipeline.nightly.planning.worker import BatchReport, PlanBatch
+from pipeline.nightly.planning.worker import BatchReport, PlanBatch
 
 # Work in a batch, s. It is at most this share of what is left to each worker: what a killed job was
 # at is lost, and towards the end no worker waits long for the last.

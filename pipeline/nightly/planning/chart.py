@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
+from pipeline._types import FloatArray
 from pipeline.choices.offing import Offing
 from pipeline.choices.region import chosen_region
 from pipeline.errors import StageError
 from pipeline.geo.projection import Projection
-from pipeline.model import CurrentGrid, Fetched, Scene
+from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.nightly.planning.small_map import SmallMap
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
+from pipeline.scenario.strict import Point
 from pipeline.sources.registry import land_source
 from pipeline.stages import planar
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
 from pipeline.stages.simplify import SimplifiedLand, simplify_land
 from pipeline.storage.store import Store, artefact_key, load_artefact, save_artefact
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy as np
-    import numpy.typing as npt
-
-    from pipeline.model import Current
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
-    from pipeline.scenario.strict import Point
-
-    FloatArray = npt.NDArray[np.float64]
 
 STAGE = "night-chart"
 _Stored = TypeVar("_Stored", "NightChart", "NightCurrent")

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 import renew
+from pipeline.model import RouteMetrics, Scene, SeasonPlan
+from pipeline.nightly.cycle.earlier import EarlierRoute
+from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, LOOK, SAME
-
-if TYPE_CHECKING:
-    from pipeline.model import RouteMetrics, Scene, SeasonPlan
-    from pipeline.nightly.cycle.earlier import EarlierRoute
-    from pipeline.nightly.cycle.part import Row
-    from pipeline.scenario.model import PlannerOptions
+from pipeline.scenario.model import PlannerOptions
 
 # Distance between the ends of two routes below which they are the same, share of their length: a
 # pair that was moved has no yesterday.

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
-from pipeline.stages.workers.fleet import fleet
+from pipeline.stages.workers.fleet import Fleet, fleet
 from pipeline.stages.workers.local_cluster import local_cluster
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pipeline.stages.workers.fleet import Fleet
 
 # Number of times that local workers, which run this very code, are looked at.
 _ATTEMPTS = 3

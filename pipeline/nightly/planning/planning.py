@@ -4,36 +4,28 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.errors import PipelineError
-from pipeline.nightly.cycle.earlier import EarlierIndex
+from pipeline.nightly.cycle.earlier import EarlierIndex, EarlierRoutes
 from pipeline.nightly.cycle.part import gaps, part_path, write_part
+from pipeline.nightly.cycle.partial import Partial
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.planning.batches import BatchWork
 from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
-from pipeline.nightly.planning.worker import BROKEN, CaseTask, PlanBatch, failed_row
-from pipeline.nightly.request.newest_currents import named_currents
-from pipeline.storage.store import artefact_key, read_checked
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.earlier import EarlierRoutes
-    from pipeline.nightly.cycle.partial import Partial
-    from pipeline.nightly.planning.comparison import Rules
-    from pipeline.nightly.planning.worker import BatchReport
-    from pipeline.nightly.request.cases import Case, Cases
-    from pipeline.nightly.request.newest_currents import Newest
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
-    from pipeline.scenario.strict import Point
-    from pipeline.stages.workers.fleet import Fleet
-    from pipeline.storage.store import Store
+from pipeline.nightly.planning.comparison import Rules
+from pipeline.nightly.planning.worker import BROKEN, BatchReport, CaseTask, PlanBatch, failed_row
+from pipeline.nightly.request.cases import Case, Cases
+from pipeline.nightly.request.newest_currents import Newest, named_currents
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
+from pipeline.scenario.strict import Point
+from pipeline.stages.workers.fleet import Fleet
+from pipeline.storage.store import Store, artefact_key, read_checked
 
 # Number of cases in a slice of a share at most: neighbours share a current.
 _LARGEST_SLICE = 64

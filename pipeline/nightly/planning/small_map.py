@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.model import Scene
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.model import Scene
 
 _WIDTH = 480.0
 # Detail of a map, and the least area of an island on it, units of it.

@@ -15,28 +15,29 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from pipeline.errors import PipelineError, StageError
-from pipeline.nightly.cycle.part import write_part
-from pipeline.nightly.planning.chart import clearance, loaded_chart, loaded_current
+from pipeline.model import RouteMetrics, Scene
+from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
+from pipeline.nightly.cycle.part import Row, write_part
+from pipeline.nightly.planning.chart import (
+    NightChart,
+    NightCurrent,
+    clearance,
+    loaded_chart,
+    loaded_current,
+)
 from pipeline.nightly.planning.comparison import Rules, compared, judged
+from pipeline.scenario.strict import Point
 from pipeline.stages.evaluate import combine_seasons, evaluate_season
 from pipeline.stages.plan import plan_season
 from pipeline.stages.way_names import with_way_names
 from pipeline.stages.workers.fleet import DiedBeforeError
 from pipeline.storage.store import read_checked
-
-if TYPE_CHECKING:
-    from pipeline.model import RouteMetrics, Scene
-    from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
-    from pipeline.nightly.cycle.part import Row
-    from pipeline.nightly.planning.chart import NightChart, NightCurrent
-    from pipeline.scenario.strict import Point
-    from renew import Route
+from renew import Route
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 
 from pipeline.formats.shared.os_errors import os_error
+from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.publishing.changes import rows_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.part import Row
 
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"

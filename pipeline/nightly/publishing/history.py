@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.nightly.cycle.look_back import LookBack
 from pipeline.nightly.publishing.merging import table_writer
 from pipeline.nightly.request.newest_currents import cycle_time
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.look_back import LookBack
 
 _COLUMNS = ("case", "status", "outcome", "side", "class", "fuel", "arrival", "saving_percent")
 SCHEMA = pa.schema(

@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, covering, read_part
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.part import Part
+from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, Part, covering, read_part
 
 ROUTES_FILE = "routes.parquet"
 # Rows of a group: few are read again when one case is looked up.

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from datetime import datetime
+from pathlib import Path
 
 import shapely
 
 from pipeline.formats.report.assets import style_colours
 from pipeline.formats.shared import text
+from pipeline.nightly.cycle.earlier import EarlierRoute
+from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
+from pipeline.nightly.planning.chart import NightChart
 from pipeline.nightly.publishing.changes import rows_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.earlier import EarlierRoute
-    from pipeline.nightly.cycle.part import Row
-    from pipeline.nightly.planning.chart import NightChart
 
 PAGE_FILE = "index.html"
 # Largest numbers of cases in the table, and of routes on a map.

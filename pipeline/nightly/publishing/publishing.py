@@ -8,18 +8,20 @@ from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex
+from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex, EarlierRoute
 from pipeline.nightly.cycle.folders import writing
-from pipeline.nightly.cycle.look_back import HISTORY_FILE
+from pipeline.nightly.cycle.look_back import HISTORY_FILE, LookBack
+from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.planning.chart import NightChart
+from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import PLANNED
 from pipeline.nightly.publishing.changes import CHANGES_FILE, write_changes
 from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE, LAYER, write_geopackage
@@ -28,14 +30,6 @@ from pipeline.nightly.publishing.merging import ROUTES_FILE, merge
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
 from pipeline.nightly.publishing.stac import ITEM_FILE, item_text
 from pipeline.storage.store import load_artefact
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.nightly.cycle.earlier import EarlierRoute
-    from pipeline.nightly.cycle.look_back import LookBack
-    from pipeline.nightly.cycle.part import Row
-    from pipeline.nightly.planning.planning import Planning
 
 RESULTS = (
     CASES_FILE,

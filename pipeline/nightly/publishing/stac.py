@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
 
 import pyarrow.parquet as pq
 import shapely
@@ -14,11 +16,6 @@ from pipeline.nightly.publishing.changes import CHANGES_FILE
 from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE
 from pipeline.nightly.publishing.merging import ROUTES_FILE
 from pipeline.nightly.publishing.page import PAGE_FILE
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from datetime import datetime
-    from pathlib import Path
 
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"

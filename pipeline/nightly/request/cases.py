@@ -9,18 +9,18 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+from pipeline.nightly.request.pairs import Pair
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
+from pipeline.scenario.vessel import VesselSpec
 
+if TYPE_CHECKING:
     from pipeline.nightly.request.departures import Departure
-    from pipeline.nightly.request.pairs import Pair
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
-    from pipeline.scenario.vessel import VesselSpec
 
 NONE = "-"
 """A part of a case's name that was left out; at the end of the name it is dropped."""

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.nightly.request.departures import DepartureSpec  # noqa: TC001 - pydantic evaluates annotations
+from pipeline.nightly.request.departures import DepartureSpec
 from pipeline.nightly.request.toml_lines import TomlLines
 from pipeline.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 # Where results go if neither the file nor --output says it, from the working directory.
 _DEFAULT_OUTPUT = "outputs/nightly"

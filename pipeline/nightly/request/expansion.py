@@ -5,25 +5,23 @@ from __future__ import annotations
 import glob
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
 from pipeline.nightly.request.cases import Block, Cases, Member, doubled
-from pipeline.nightly.request.pairs import read_pairs
+from pipeline.nightly.request.pairs import Pair, read_pairs
 from pipeline.scenario import catalogue
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 from pipeline.scenario.strict import looks_like_path
+from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pipeline.nightly.request.config import CaseTable, NightConfig
     from pipeline.nightly.request.departures import Departure
-    from pipeline.nightly.request.pairs import Pair
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
-    from pipeline.scenario.vessel import VesselSpec
 
 MAX_UNASKED = 100_000
 """Number of cases from which on --yes is needed."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from pipeline.nightly.request.cases import Block, Cases
 from pipeline.sources.registry import land_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.nightly.request.cases import Block, Cases
     from pipeline.nightly.request.config import NightConfig
 
 # Keys that change no result.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -18,15 +19,13 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.request.cases import Block, Cases, Member
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.dataset import is_hdf5
 from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.registry import current_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from pipeline.nightly.request.cases import Block, Cases, Member
-    from pipeline.scenario.season import Season
     from pipeline.sources.interfaces import Issue
 
 # Number of a hash's digits in a cycle's name.

@@ -5,17 +5,12 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.paths import shown, unreadable_reason
-from pipeline.scenario.strict import Name
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.scenario.strict import Point
+from pipeline.scenario.strict import Name, Point
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import shapely
 
+from pipeline.nightly.request.cases import Block, Cases
+from pipeline.nightly.request.config import NightConfig
+from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.endpoint_look import endpoints_on_land
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.nightly.request.cases import Block, Cases
-    from pipeline.nightly.request.config import NightConfig
-    from pipeline.scenario.model import Scenario
 
 # Distance around all places within which land is looked at, m.
 _NEAR_M = 2_000.0

@@ -6,32 +6,24 @@ import csv
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.messages import near_miss
 from pipeline.scenario.period import period
+from pipeline.scenario.season import Season
 from pipeline.sources.interfaces import Issue
-from pipeline.sources.quality.coverage import cell_bounds, common_bounds, sides_beyond
+from pipeline.sources.quality.coverage import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
-    from pipeline.scenario.catalogue import EmbeddedTableSpec
-    from pipeline.scenario.season import Season
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
 _STEP_TOLERANCE_DEG = 2e-4

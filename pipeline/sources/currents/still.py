@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from shapely.geometry import Polygon
 
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, Land
+from pipeline.scenario.catalogue import StillSpec
+from pipeline.scenario.season import Season
 from pipeline.sources.interfaces import Issue
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
-    from pipeline.scenario.catalogue import StillSpec
-    from pipeline.scenario.season import Season
-    from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.coverage import Bounds
 
 _NOTE = "planned without currents, as in still water"
 # Nodes along each side of the region: enough to interpolate, and to show on a map that there is

@@ -8,10 +8,12 @@ otherwise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.paths import require_readable, shown
 from pipeline.sources.currents.cf.axes import axis_role, coordinate_axis, grid_fault
@@ -24,16 +26,10 @@ from pipeline.sources.currents.cf.dataset import (
 )
 from pipeline.sources.currents.cf.grid import find_window
 from pipeline.sources.currents.cf.probe import fatal_files
+from pipeline.sources.quality.coverage import Bounds
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
     import xarray as xr
-
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Standard names (CF table 85) of a depth, positive down, and the beginning of those of a height;
 # "altitude" is the height above the geoid.

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from scipy import ndimage
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.sources.depths.depth_file import Heights
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
+from pipeline._types import FloatArray, Geometries
+from pipeline.sources.depths.depth_file import Heights
 
 # Rings of cells that are added around a grid.
 _RINGS = 2

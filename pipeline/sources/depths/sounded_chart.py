@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.known_cells import DepthCover, KnownCells
-from pipeline.model import Credit, Zone
-from pipeline.sources.depths.depth_file import DepthFile, name_of
+from pipeline.model import Credit, Land, Zone
+from pipeline.sources.depths.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.depths.shallow_water import shallow_polygons
+from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.quality.field import LandMask
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.model import Land
-    from pipeline.sources.depths.depth_file import Heights
-    from pipeline.sources.interfaces import LandSource
-
-    Geometries = npt.NDArray[np.object_]
 
 # Size above which a file enters a key by its name, size and time of change, bytes: the whole of
 # GEBCO has 7 GB, which take half a minute to read.

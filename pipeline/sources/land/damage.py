@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 from pipeline.errors import PipelineError, RequestError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import ModuleType
 
 # Largest longitude and latitude, degrees: half a turn beyond either way of counting, and rounding.
 MAX_LONLAT = (540.0, 90.01)

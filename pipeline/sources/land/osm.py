@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import Geometries
 from pipeline.model import Credit, Land
 from pipeline.sources.land.polygons import (
     BEYOND_M,
@@ -24,12 +25,6 @@ from pipeline.sources.land.polygons import (
     repaired,
 )
 from pipeline.sources.land.world import NAME, NearPolygons, Shoreline, polygons_near
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    Polygons = npt.NDArray[np.object_]
 
 # Accuracy of the coast, m: it is simplified by 0.0005 degrees, 55.7 m along a meridian.
 ACCURACY_M = 60.0
@@ -113,7 +108,7 @@ def clean(near: NearPolygons, box: Polygon) -> LandPolygons:
     )
 
 
-def _joined_at_180(polygons: Polygons) -> tuple[Polygons, int]:
+def _joined_at_180(polygons: Geometries) -> tuple[Geometries, int]:
     """Join the polygons with an edge on an odd multiple of 180 degrees; count these pieces.
 
     Only they are merged: a union of all would take seconds and merge polygons that merely touch.

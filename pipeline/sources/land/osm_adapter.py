@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from shapely.geometry import Polygon
+from shapely.geometry import Polygon
 
-    from pipeline.model import Land
+from pipeline.model import Land
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Land, Zone
+from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import extract_polygons
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.sources.interfaces import LandSource
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 
+from pipeline._types import Geometries
 from pipeline.model import PlaceName
 from pipeline.sources.land.polygons import extract_polygons
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy.typing as npt
-
-    Geometries = npt.NDArray[np.object_]
 
 NAME_COLUMNS = ("name", "objnam")
 """Columns that hold names of land, in small letters: everyone's, and that of S-57."""

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely import affinity
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray, Geometries
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    FloatArray = npt.NDArray[np.float64]
-    Geometries = npt.NDArray[np.object_]
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
 # once it is buffered or gaps are closed, and a map needs its surroundings.

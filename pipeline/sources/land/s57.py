@@ -9,14 +9,18 @@ that are not known to lie deep enough. Where cells overlap, the larger scale tak
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import Geometries
 from pipeline.geo.known_cells import DepthCover
-from pipeline.model import Credit, DepthArea, Land, Zone
+from pipeline.model import Credit, DepthArea, Land, PlaceName, Zone
 from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
@@ -26,18 +30,7 @@ from pipeline.sources.land.polygons import (
     repair_note,
     subtract,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.model import PlaceName
-    from pipeline.sources.land.s57_cells import Cell
-
-    Geometries = npt.NDArray[np.object_]
+from pipeline.sources.land.s57_cells import Cell
 
 # Areas with a depth range, and what they are called.
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {

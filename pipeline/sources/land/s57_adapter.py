@@ -6,18 +6,14 @@ import hashlib
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+
+from shapely.geometry import Polygon
 
 from pipeline.errors import RequestError
+from pipeline.model import Land
 from pipeline.paths import require_readable
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
 
 # Largest number of cells that a message names.
 _MAX_NAMES = 8

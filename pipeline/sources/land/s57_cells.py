@@ -10,25 +10,20 @@ from __future__ import annotations
 import glob
 import math
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.sources.land.damage import MAX_LONLAT, reading, vector_library
 from pipeline.sources.land.polygons import near_box, repaired
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    Geometries = npt.NDArray[np.object_]
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.

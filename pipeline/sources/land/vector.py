@@ -11,13 +11,18 @@ import glob
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import Geometries
+from pipeline.errors import RequestError
 from pipeline.model import Credit, Land
 from pipeline.paths import require_readable
+from pipeline.scenario.catalogue import VectorSpec
+from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import (
     box_around,
     buffered,
@@ -25,20 +30,7 @@ from pipeline.sources.land.polygons import (
     flattened,
     repair_note,
 )
-from pipeline.sources.land.vector_layer import chart_fault, open_layer, reading_chart
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.errors import RequestError
-    from pipeline.scenario.catalogue import VectorSpec
-    from pipeline.scenario.region import ChartSource
-    from pipeline.sources.land.vector_layer import VectorLayer
-
-    Geometries = npt.NDArray[np.object_]
+from pipeline.sources.land.vector_layer import VectorLayer, chart_fault, open_layer, reading_chart
 
 # Dimensions of geometries.
 _POINT, _LINE, _AREA = 0, 1, 2

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+import pyproj
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.model import PlaceName
 from pipeline.scenario.messages import near_miss
 from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading, vector_library
 from pipeline.sources.land.places import NAME_COLUMNS, named_places
 from pipeline.sources.land.polygons import flattened, repaired
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-
-    import numpy.typing as npt
-    import pyproj
-    from shapely.geometry import Polygon
-
-    from pipeline.model import PlaceName
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
-    Geometries = npt.NDArray[np.object_]
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -69,7 +61,7 @@ class VectorLayer:
     path: Path
     name: str
     crs: pyproj.CRS
-    numbers: IntArray
+    numbers: IndexArray
     extents: FloatArray
     warnings: tuple[str, ...]
 

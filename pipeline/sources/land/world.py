@@ -20,23 +20,19 @@ import secrets
 import struct
 import time
 import zlib
+from collections.abc import Iterator
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import Geometries
 from pipeline.sources.land.polygons import meets_box, near_box
 from renew._compiled import user_cache
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    Polygons = npt.NDArray[np.object_]
 
 Shoreline = Literal["Osm", "Gshhg"]
 """The package's shorelines, by its own names: of OpenStreetMap, and the older GSHHG."""
@@ -64,9 +60,9 @@ _POINT = 16
 
 
 class NearPolygons(NamedTuple):
-    """Polygons (n,) of a shoreline near a box, as they are, and whether each is valid (n,)."""
+    """Geometries (n,) of a shoreline near a box, as they are, and whether each is valid (n,)."""
 
-    polygons: Polygons
+    polygons: Geometries
     is_valid: npt.NDArray[np.bool_]
 
 
@@ -204,7 +200,7 @@ def _remove_abandoned(folder: Path) -> None:
                 path.unlink()
 
 
-def _chunks(wkb: bytes) -> Iterator[tuple[Polygons, npt.NDArray[np.int64], int]]:
+def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, npt.NDArray[np.int64], int]]:
     """Yield a MultiPolygon's polygons, a few at a time to save memory.
 
     With them come the bytes at which they begin, and at which the last one ends.

@@ -7,30 +7,23 @@ the speeds with what the sea does, and the gaps with the land and between time s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.sources.quality.coverage import around_missing, sides_beyond, widened
+from pipeline.model import Land
+from pipeline.sources.quality.coverage import Bounds, around_missing, sides_beyond, widened
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import count_misplaced, dilated
 from pipeline.sources.quality.series import assess_series
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
 
 _UNITS = {"m s-1", "m/s", "m.s-1", "m s**-1", "m s^-1", "meter second-1", "metre second-1"}
 _STANDARD_NAMES = {

@@ -14,18 +14,13 @@ turn is never certain either, as waves and tides diverge more than they rotate.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from pipeline._types import FloatArray
 from pipeline.geo.earth import EARTH_RADIUS_M
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.field import Field
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.sources.quality.field import Field
 
 # Blocks per side that the grid is divided into for the standard error.
 _BLOCKS_PER_SIDE = 6

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-
-    from pipeline.model import Land
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
+from pipeline._types import BoolArray, FloatArray
+from pipeline.model import Land
 
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is
 # 0.5 to 1.5 m deep.

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray, IndexArray
 from pipeline.geo.earth import METRES_PER_DEGREE
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.sources.quality.field import Field, LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    IntArray = npt.NDArray[np.intp]
+from pipeline.sources.quality.field import Field, LandMask
 
 # Number of points along each side of the region's bounds at which its water is sampled.
 _SAMPLES_PER_SIDE = 300
@@ -71,7 +64,7 @@ def _samples(low: float, high: float) -> FloatArray:
     return low + (high - low) * (np.arange(_SAMPLES_PER_SIDE) + 0.5) / _SAMPLES_PER_SIDE
 
 
-def _nearest(axis: FloatArray, values: FloatArray) -> IntArray:
+def _nearest(axis: FloatArray, values: FloatArray) -> IndexArray:
     """Index of an ascending axis's node that is nearest to each value."""
     return np.asarray(np.searchsorted((axis[1:] + axis[:-1]) / 2, values))
 

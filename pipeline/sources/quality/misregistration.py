@@ -9,17 +9,11 @@ that are entirely land have data, and lose them at an offset where the gaps matc
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.field import Field, LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
+from pipeline._types import BoolArray, FloatArray
+from pipeline.sources.quality.field import Field, LandMask
 
 # Raster points of the land per cell and side; offsets are whole numbers of them.
 _POINTS_PER_CELL = 4

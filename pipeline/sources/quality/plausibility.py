@@ -8,20 +8,13 @@ degree, June 2020). Strong evidence is a fault, weak evidence a warning to the r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline._types import BoolArray
 from pipeline.sources.quality.component_signs import ROTATED, likeliest_variant
+from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.misregistration import find_shift
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.sources.quality.field import Field, LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
 
 # Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,
 # from which they hold; speed in m/s above which to warn; above which to refuse). Real fields of

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
+from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.plausibility import (
     Assessment,
     assess_directions,
     assess_position,
     assess_speeds,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from pipeline.sources.quality.field import Field, LandMask
 
 # Largest number of times that a message names.
 _MAX_TIMES = 3

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
 from pipeline.stages.seasons.process import run_in_processes
-from pipeline.stages.seasons.task import Status, plan_and_evaluate, status_of
+from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 from pipeline.stages.workers.fitness import own_identity
 from pipeline.stages.workers.fleet import fleet
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from pipeline.stages.seasons.task import SeasonTask
 
 # Number of tries: an error on one worker, say for lack of memory, need not happen on another.
 _TRIES = 2

@@ -16,16 +16,12 @@ import tempfile
 import threading
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 from pipeline.interpreters import python_command, python_environment
-from pipeline.stages.seasons.task import Status, plan_and_evaluate, status_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from pipeline.stages.seasons.task import SeasonTask
+from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 
 # Time between two looks at processes, s.
 _PAUSE_S = 0.05

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
-from pipeline.stages.seasons.task import plan_and_evaluate, status_of
+from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 from pipeline.stages.workers.local_cluster import cores
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from pipeline.stages.seasons.task import SeasonTask, Status
 
 
 def run_tasks(

@@ -7,22 +7,18 @@ soon as they are complete, so that a killed run continues from there.
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError, StageError
 from pipeline.model import Scene, SeasonPlan
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.clock_worth import clock_worth
 from pipeline.stages.evaluate import SeasonEvaluation, evaluate_season
 from pipeline.stages.gap_shares import gap_shares
 from pipeline.stages.plan import plan_season
 from pipeline.storage.store import load_artefact, save_artefact
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.scenario.model import PlannerOptions
 
 
 @dataclass(frozen=True, slots=True)

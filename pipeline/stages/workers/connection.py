@@ -8,10 +8,8 @@ import contextlib
 import logging
 import threading
 import warnings
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 ValueT = TypeVar("ValueT")
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.errors import StageError
@@ -16,9 +18,6 @@ from pipeline.stages.workers.connection import quiet, scheduler_workers, within
 from pipeline.stages.workers.fitness import refuse_other_version, refuse_unfit_workers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
     from distributed import Client, Future
 
 # Times within which a scheduler must answer, workers must be there, and an end is orderly, s.

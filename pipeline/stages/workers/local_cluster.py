@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,6 @@ from pipeline.interpreters import ignoring_working_directory
 from pipeline.stages.workers.connection import quiet, within
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from distributed import LocalCluster
 
 # Time for an orderly end, s; and number of times that starting is tried.

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.choices.coverage import covered_by_currents
+from pipeline.choices.coverage import Coverage, covered_by_currents
 from pipeline.choices.region_choice import Voyage
 from pipeline.errors import RequestError
 from pipeline.scenario.season import Season
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.choices.coverage import Coverage
 
 PALAWAN = Voyage.between((120.30, 12.80), (116.80, 7.70))
 GLORYS, EMBEDDED = "copernicus-glorys-monthly", "embedded-palawan"

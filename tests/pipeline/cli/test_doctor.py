@@ -11,10 +11,11 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -26,9 +27,6 @@ from pipeline.sources.currents.copernicus.login import login_fault
 from pipeline.sources.land.world import cache_file
 from tests.loopback_store import world
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 DATASET = "copernicus-glorys-monthly"
 # The path at which the loopback store takes user name and password.

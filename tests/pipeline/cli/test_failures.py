@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -14,9 +14,6 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from tests.pipeline.processes import QUICK, ROOT, renew
 from tests.pipeline.small_region import small_region
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def refusal(*arguments: str) -> tuple[int, str]:

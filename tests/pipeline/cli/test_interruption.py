@@ -5,14 +5,11 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.pipeline.processes import SLOW, renew, started, wait_until
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 STOPPED = "stopped; finished stages are kept, run again to continue"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -16,17 +17,14 @@ from pipeline.cli.plot import plot
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind
 from pipeline.loading import parse_scenario
+from pipeline.outcome import Event
 from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
+from pipeline.scenario.model import Scenario
 from tests.tree import tree
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from matplotlib.figure import Figure
-
-    from pipeline.outcome import Event
-    from pipeline.scenario.model import Scenario
 
 
 def scenario(**changes: object) -> Scenario:

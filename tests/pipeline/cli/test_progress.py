@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
+
+import pytest
 
 from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
@@ -13,11 +15,6 @@ from pipeline.loading import parse_scenario
 from pipeline.outcome import Event
 from pipeline.run import run
 from pipeline.scenario.catalogue import read_toml, scenario_path
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pytest
 
 
 def test_a_line_says_what_is_at_work_until_the_run_ends(

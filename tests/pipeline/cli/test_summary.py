@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -11,9 +11,6 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TEXT = (
     small_region("stand-in")

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import waiting
 from pipeline.cli.main import app
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class _Nothing(str):

@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.pipeline.processes import renew
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def warm(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:

@@ -1,20 +1,15 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.page import Page
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-
 
 NAMES = (
     *("small", "180 degrees", "north", "long", "harbours", "speeds"),

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pyproj
 import shapely
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.formats.passage.waypoints import Waypoints
+from pipeline.formats.shared.result import RunResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 _E = np.sqrt(GEOD.es)

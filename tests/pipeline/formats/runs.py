@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
+from pipeline.scenario.model import Scenario
 from pipeline.stages.evaluate import combine_seasons, evaluate_season
 from pipeline.stages.plan import plan_season
 from pipeline.stages.project import project
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pipeline.scenario.model import Scenario
 
 STREAM = Credit("Test stream", "current", "A stream made up for a test", "CC0")
 SEASON = "summer"

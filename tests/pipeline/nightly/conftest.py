@@ -6,16 +6,13 @@ import contextlib
 import json
 import sys
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from tests.pipeline.nightly.ping_service import Service
 from tests.pipeline.processes import started, wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 
 @contextlib.contextmanager

@@ -10,21 +10,19 @@ import re
 import shutil
 import signal
 import sqlite3
+import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import pyarrow.parquet as pq
 
 from tests.pipeline.nightly.nights import contents
 from tests.pipeline.processes import descendants, renew, started, wait_until
-
-if TYPE_CHECKING:
-    import subprocess
-    from collections.abc import Iterator
-    from pathlib import Path
 
 Victim = Literal["main", "worker", "scheduler"]
 # Time within which any night ends, s.

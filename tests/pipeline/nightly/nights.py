@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,9 +13,6 @@ import pyarrow.parquet as pq
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # Two shores of one island, so that there are two sides to choose from.
 _ISLAND = [[118.45, 10.22], [118.55, 10.22], [118.55, 10.28], [118.5, 10.31], [118.45, 10.28]]

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
 from pipeline.storage.locks import file_lock
@@ -19,9 +18,6 @@ from tests.pipeline.nightly.nights import (
     write_forecast,
     write_night,
 )
-
-if TYPE_CHECKING:
-    from typer.testing import Result
 
 
 def renew(*arguments: str | Path) -> Result:

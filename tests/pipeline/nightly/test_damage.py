@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyarrow.parquet as pq
 import pytest
 
 from pipeline.errors import PipelineError
 from pipeline.nightly.night import run_night
+from pipeline.nightly.outcome import NightOutcome
 from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.nights import REFERENCE, region_night, rows, write_forecast
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.nightly.outcome import NightOutcome
 
 _TABLES = ("cases.parquet", "history.parquet")
 _OTHERS = ("routes.parquet", "routes.gpkg", "changes.csv", "index.html", "item.json", "night.json")

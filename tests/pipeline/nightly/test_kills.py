@@ -6,7 +6,7 @@ import collections
 import os
 import random
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -23,9 +23,6 @@ from tests.pipeline.nightly.killed_nights import (
 )
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
 from tests.pipeline.processes import started, wait_until
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SEED = 20_261_122
 # Number of kills of the slow test: of ten, six meet the main process, three a worker, one the

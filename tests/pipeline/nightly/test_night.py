@@ -6,7 +6,7 @@ import csv
 import json
 import sqlite3
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import geopandas
 import pyarrow.parquet as pq
@@ -28,9 +28,6 @@ from tests.pipeline.nightly.nights import (
     write_forecast,
     write_night,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_a_first_night_is_whole_and_a_second_run_touches_nothing(

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import json
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
 from pipeline.nightly.cycle.lock import LOCK
 from pipeline.storage.locks import file_lock
 from tests.pipeline.nightly.nights import plane_night
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from typer.testing import Result
-
-    from tests.pipeline.nightly.ping_service import Service
+from tests.pipeline.nightly.ping_service import Service
 
 
 def renew(folder: Path, url: str, **variables: str) -> Result:

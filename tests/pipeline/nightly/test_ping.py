@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import socket
 import time
-from typing import TYPE_CHECKING
 
 import pytest
 
 from pipeline.errors import RequestError
 from pipeline.nightly import ping as ping_module
 from pipeline.nightly.ping import Ping, check_url, ping, told_by
-
-if TYPE_CHECKING:
-    from tests.pipeline.nightly.ping_service import Service
+from tests.pipeline.nightly.ping_service import Service
 
 SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -14,9 +14,6 @@ from tests.pipeline.nightly.killed_nights import leftovers, night
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
 from tests.robustness.disk import has_strace
 from tests.robustness.power_cuts import Cuts
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [
     pytest.mark.slow,

@@ -5,16 +5,13 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from pipeline.nightly.outcome import NightOutcome
 from pipeline.nightly.prometheus import write_metrics
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NIGHT = NightOutcome(
     cycle="2026-11-21T00Z",

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import replace
-from datetime import timedelta
-from typing import TYPE_CHECKING
+from datetime import datetime, timedelta
+from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
 
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.request.config import load_config
+from pipeline.nightly.request.config import NightConfig, load_config
 from pipeline.scenario import catalogue
 from tests.loopback_store import world
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import Fault, LoopbackStore
 from tests.pipeline.nightly.nights import contents, region_night, rows
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from datetime import datetime
-    from pathlib import Path
-
-    from pipeline.nightly.request.config import NightConfig
 
 FORECAST = "copernicus-forecast-daily"
 LOGIN = "*/openid-connect/token"

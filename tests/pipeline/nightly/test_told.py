@@ -8,19 +8,15 @@ import signal
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.pipeline.nightly.killed_nights import night
 from tests.pipeline.nightly.nights import plane_night
+from tests.pipeline.nightly.ping_service import Service
 from tests.pipeline.processes import started, wait_until
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.pipeline.nightly.ping_service import Service
 
 SEED = 20_261_123
 STOPS = int(os.environ.get("RENEW_NIGHT_STOPS", "20"))

@@ -6,13 +6,13 @@ import json
 import re
 import shutil
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline.nightly import night as night_module
 from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.outcome import ComeAgainError, NightOutcome
 from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -21,11 +21,6 @@ from tests.pipeline.nightly.nights import (
     rows,
     write_forecast,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.nightly.outcome import NightOutcome
 
 _NEXT_YEAR = REFERENCE.replace(year=REFERENCE.year + 5)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from typing import TYPE_CHECKING
 
 import pytest
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 import renew
 from pipeline.scenario.messages import remedy_of
@@ -15,10 +15,6 @@ from pipeline.scenario.reference import tables
 from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
 from renew.inputs import arguments
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-    from pydantic.fields import FieldInfo
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}

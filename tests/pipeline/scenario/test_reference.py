@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,10 +15,6 @@ from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
 from pipeline.scenario import catalogue, reference
 from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),

@@ -11,8 +11,8 @@ import resource
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import shapely
 
@@ -23,9 +23,6 @@ from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # Regions that the undamaged charts and currents cover.
 VECTOR_REGION = shapely.box(118.0, 9.0, 120.0, 11.0)

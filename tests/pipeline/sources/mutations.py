@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 import shutil
 import sqlite3
+from collections.abc import Callable
 from contextlib import closing, suppress
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
 import pyogrio
 import shapely
 
+from pipeline.sources.quality.field import LandMask
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.sources.quality.field import LandMask
 
 ISLAND = shapely.Polygon(
     [(118.6, 9.5), (119.4, 9.6), (119.3, 10.4), (118.7, 10.3)],

@@ -8,18 +8,15 @@ import selectors
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from pipeline.sources.quality.field import LandMask
 from tests.pipeline.sources import mutations
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.sources.quality.field import LandMask
 
 ROOT = Path(__file__).parents[3]
 # Limits for each case: CPU time and time until an answer, s, and memory of the process, MB.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -11,9 +11,6 @@ from pipeline.errors import RequestError
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import current_source, land_source
 from tests.pipeline.sources.land.test_vector import write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize("name", ["s57", "natural-earth"])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import geopandas
 import numpy as np
@@ -20,9 +21,6 @@ from pipeline.sources.quality.field import Field
 from pipeline.stages.avoided_areas import later
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
 RANGE = shapely.box(-40.01, 35.02, -39.98, 35.06)

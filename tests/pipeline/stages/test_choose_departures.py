@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,17 +17,12 @@ from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import exact_moment_text
 from pipeline.model import DepartureChoice
 from pipeline.scenario.season import Season
-from pipeline.stages.choose_departures import choose_departures
+from pipeline.stages.choose_departures import Departed, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.plan import plan_season
 from pipeline.stages.speed_choices import speed_choices
 from pipeline.storage.store import Store
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.stages.choose_departures import Departed
 
 COUNT = 5
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -11,10 +11,7 @@ from pipeline.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.endpoint_look import endpoints_on_land
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    LonLat = tuple[float, float]
+LonLat = tuple[float, float]
 
 # An island of 60 km by 110 km, another beside it, and nothing else for half the world.
 ISLAND, ISLET = shapely.box(30, 10, 30.55, 11), shapely.box(29.9, 10.4, 29.95, 10.5)

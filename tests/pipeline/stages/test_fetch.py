@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -16,9 +16,6 @@ from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch, with_max_hours
 from pipeline.storage.store import Store
 from tests.pipeline.conftest import ACROSS_BOX
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 EMBEDDED, SERVICE = "embedded-palawan", "copernicus-glorys-monthly"
 REASON = f"{SERVICE} needs the network; leave --offline out"

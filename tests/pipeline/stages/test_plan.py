@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,14 +12,11 @@ import shapely
 
 from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
-from pipeline.model import SeasonPlan
+from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages import planar
 from pipeline.stages.evaluate import evaluate_season
 from pipeline.stages.plan import plan_season
-
-if TYPE_CHECKING:
-    from pipeline.model import Scene
 
 SCENARIO = {
     "schema_version": 1,

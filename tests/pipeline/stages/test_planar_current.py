@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pyproj
 import pytest
@@ -14,12 +12,9 @@ from hypothesis import strategies as st
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.quality.field import Field, LandMask
 from pipeline.stages.project import bilinear, extent_polygon, fill_gaps, planar_current
 from tests.pipeline.synthetic_currents import coastal, sea
-
-if TYPE_CHECKING:
-    from pipeline.sources.quality.field import Field
 
 GEOD = pyproj.Geod(ellps="WGS84")
 CREDIT = Credit("a test", "current", "", "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
@@ -11,15 +10,12 @@ import pytest
 import shapely
 
 import renew
-from pipeline.model import CurrentGrid, Fetched, Land, Scene, SeasonPlan, Simplified
+from pipeline.model import CurrentGrid, Fetched, Land, Scene, SeasonPlan, ShutStrait, Simplified
+from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
 from pipeline.stages.shut_straits import shut_straits
 from pipeline.stages.simplify import simplify_land
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pipeline.model import ShutStrait
-    from pipeline.scenario.model import Scenario
 
 GEOD = pyproj.Geod(ellps="WGS84")
 MARGIN_M, TOLERANCE_M = 60.0, 60.0

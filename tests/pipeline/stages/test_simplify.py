@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from pipeline._types import Geometries
 from pipeline.errors import StageError
 from pipeline.geo.projection import Projection
+from pipeline.model import Land
 from pipeline.sources.land.osm import land as osm_land
 from pipeline.stages.simplify import (
     SimplifiedLand,
@@ -24,13 +25,6 @@ from pipeline.stages.simplify import (
     simplify_land,
 )
 from tests.pipeline.archipelagos import EXAMPLES, EXTENT, PLANE, REGION, archipelagos, blob
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.model import Land
-
-    Geometries = npt.NDArray[np.object_]
 
 BUSUANGA = shapely.box(119.75, 11.75, 120.45, 12.45)
 MINDORO_SIDE, WEST_SIDE = (120.42, 12.4), (119.77, 12.0)

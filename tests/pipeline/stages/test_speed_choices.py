@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 import renew
 from pipeline.formats.shared.legs import legs
+from pipeline.formats.shared.result import RunResult
 from pipeline.scenario.season import Season
 from pipeline.stages.clock_worth import clock_worth, speeds_in_time
 from pipeline.stages.evaluate import combine_seasons, evaluate_season
@@ -21,9 +21,6 @@ from pipeline.stages.side_bounds import side_bounds
 from pipeline.stages.speed_choices import speed_choices, true_duration_s
 from tests.pipeline import chosen_speeds
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,9 +14,6 @@ import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
 from pipeline.stages.way_names import with_way_names
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 EXTENT = shapely.box(-500, -500, 500, 500)

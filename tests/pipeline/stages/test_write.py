@@ -11,24 +11,20 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
+from pipeline.formats.shared.result import RunResult
 from pipeline.scenario.model import Scenario
 from pipeline.stages.write import formats_of, output_directory, safe_name, write
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.formats.shared.result import RunResult
 
 FILES = sorted(
     [

@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,17 +21,13 @@ from pipeline.cli.outcome_json import outcome_json
 from pipeline.cli.summary import season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.loading import load_scenario
+from pipeline.outcome import Outcome
 from pipeline.run import run
 from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.processes import ROOT
 from tests.pipeline.sources.depths.grids import emodnet
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.outcome import Outcome
 
 # In the middle of the Atlantic: the only land is the chart's, an island of 2 km by 4 km on the way.
 START, GOAL = (-40.06, 35.0), (-39.94, 35.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +16,6 @@ from pipeline.scenario.vessel import VesselSpec
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PALAWAN = VoyageRequest(("120.30,12.80", "116.80,7.70"), "usv-7m", months=("2024-07",))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,9 +12,6 @@ from hypothesis import strategies as st
 from pipeline.errors import RequestError
 from pipeline.scenario import catalogue
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NONE = VesselFigures()
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import renew
+from renew._types import FloatArray
 from tests.strategies import StreamFunctionCurrent
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 CORNER, OPPOSITE = np.array([10.0, 10.0]), np.array([90.0, 90.0])
 """Start and goal."""

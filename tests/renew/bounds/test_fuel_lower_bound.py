@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,18 +13,15 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 import renew
+from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.bounds.growth_rate import projected_rate
-from renew.inputs.fuel import ground_speed
+from renew.inputs.fuel import Drift, ground_speed
 from renew.inputs.voyage import Voyage
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE, in_triangles
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre, voyage_on
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.fuel import Drift
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 DRIFTS: tuple[Drift, Drift] = ("projected", "crab")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,14 +11,12 @@ from hypothesis import strategies as st
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.travel_time import TravelGrid, locate, solve, source
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 START = np.array([30.0, 40.0])
 EMPTY = renew.Chart(box(0, 0, 100, 100))

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import box
+from shapely import Polygon, box
 
 import renew
 from renew.classes.choices import rays_that_matter
 from renew.classes.h_signature import Rays
+from renew.inputs.arguments import DistinctBy
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_islands, seeds
-
-if TYPE_CHECKING:
-    from shapely import Polygon
-
-    from renew.inputs.arguments import DistinctBy
 
 WAY = np.array([[20.0, 100.0], [180.0, 100.0]])
 

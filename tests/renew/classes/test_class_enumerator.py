@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import networkx as nx
 import numpy as np
 import pytest
@@ -14,10 +12,8 @@ from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import Triangulation, triangulate
+from renew.inputs.arguments import Order
 from tests.strategies import single_gyre, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Order
 
 LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 import networkx as nx
 import numpy as np
@@ -15,6 +14,7 @@ from hypothesis import given, settings
 from shapely import box
 
 import renew
+from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph
 from renew.classes.h_signature import Rays
@@ -23,13 +23,10 @@ from renew.classes.reduced_rows import RayColumns, Task
 from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
+from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
 from tests.strategies import StreamFunctionCurrent, seeds, voyage_on
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray, IntArray
-    from renew.inputs.voyage import Voyage
 
 FEW = Resolution(144, 2)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -21,11 +20,9 @@ from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.inputs.current import as_field
 from renew.inputs.fuel import passage_times
+from renew.inputs.voyage import Voyage
 from tests.eddies import eddy_scene
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.voyage import Voyage
 
 CELLS = Resolution(900, 2)
 

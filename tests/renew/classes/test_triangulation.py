@@ -8,9 +8,10 @@ import math
 import sys
 import weakref
 from collections import defaultdict
+from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -21,14 +22,10 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 
 import renew
+from renew._types import FloatArray
 from renew.classes.dual_graph import dual_graph
 from renew.classes.triangulation import Backend, Triangulation, triangulate, triangulation_of
 from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from renew._types import FloatArray
 
 Point: TypeAlias = tuple[float, float]
 Edge: TypeAlias = frozenset[Point]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -13,7 +13,9 @@ from scipy.optimize import brentq, minimize_scalar
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.departures.sailings import Sailings, in_order_of_arrival
+from renew.inputs.arguments import Padding
 from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
@@ -21,10 +23,6 @@ from renew.search.k_sailable_classes import Results
 from renew.search.problem import Problem
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.arguments import Padding
 
 PERIOD, STRENGTH = 400.0, 0.4
 CHART = renew.Chart(box(0, 0, 200, 60))

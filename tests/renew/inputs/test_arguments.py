@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,6 @@ from shapely import Polygon, box
 
 import renew
 from tests.strategies import PAPER_VESSEL, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +9,7 @@ from scipy.interpolate import RegularGridInterpolator
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.inputs.current import TabulatedCurrent
 from renew.inputs.tabulation import tabulated
 from renew.kernels.current_table import (
@@ -25,9 +24,6 @@ from renew.kernels.current_table import (
 )
 from tests.compiler import uncompiled
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,11 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import renew
-from renew.inputs.fuel import passage_times
+from renew.inputs.fuel import Drift, passage_times
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, angles, seeds, speeds
-
-if TYPE_CHECKING:
-    from renew.inputs.fuel import Drift
 
 
 @given(strength=speeds, towards=angles, course=angles, length=st.floats(0.1, 1e6))

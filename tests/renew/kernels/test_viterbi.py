@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,7 +11,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renew.inputs.fuel import ground_speed
+from renew._types import FloatArray
+from renew.inputs.fuel import Drift, ground_speed
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.kernels.current_table import STILL_WATER, table_of, velocities
 from renew.kernels.ground_speed import Polar
@@ -27,10 +27,6 @@ from renew.kernels.viterbi import (
 )
 from tests.compiler import uncompiled
 from tests.strategies import seeds
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.fuel import Drift
 
 # Side (m) of the water, and how far apart its nodes stand.
 SIDE, CELL = 12.0, 2.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,19 +11,17 @@ from hypothesis import strategies as st
 from shapely import box
 
 import renew
+from renew._types import FloatArray
+from renew.classes.channel import Channel
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
+from renew.inputs.arguments import Padding
 from renew.padding.padding_model import PaddingModel
 from renew.padding.policy import PaddingPolicy
 from renew.padding.reach_quantile import HEADING_SPREAD
 from renew.padding.turn_reach import turn_reach
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.classes.channel import Channel
-    from renew.inputs.arguments import Padding
 
 
 def always(channel: Channel) -> FloatArray:

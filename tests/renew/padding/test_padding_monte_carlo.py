@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import renew
+from renew._types import FloatArray
 from renew.padding.reach_quantile import HEADING_SPREAD
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from renew._types import FloatArray
 
 # Number of drawn turns for each triangle and edge.
 DRAWS = 20_000

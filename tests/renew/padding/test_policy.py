@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
+from renew.inputs.arguments import Padding
 from renew.padding.policy import PaddingPolicy
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
 
+from renew.inputs.arguments import Padding
+from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
+from renew.paths.corridor import Corridor
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.problem import Problem
 from tests.strategies import random_scene, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
-    from renew.inputs.voyage import Voyage
-    from renew.paths.corridor import Corridor
 
 
 @cache

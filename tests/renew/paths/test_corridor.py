@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
@@ -13,12 +11,10 @@ from shapely import box
 
 import renew
 from renew.errors import InfeasibleError
+from renew.inputs.arguments import Padding
 from renew.paths.corridor import SLACK
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
 from tests.strategies import PAPER_VESSEL, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
 
 STRAIT = renew.Chart(box(0, 0, 100, 100), [box(0, 45, 47, 55), box(53, 45, 100, 55)])
 HARBOUR = renew.Chart(box(0, 0, 100, 100), [box(0, 20, 8, 80)])

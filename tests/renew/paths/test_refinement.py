@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from renew._types import FloatArray
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.kernels.viterbi import arrivals
 from renew.paths.refinement import (
@@ -21,9 +21,6 @@ from renew.paths.refinement import (
 )
 from tests.renew.paths.waters import CALM, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 
 def time_of(path: FloatArray, water: Water) -> float:

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from shapely import box
 
 import renew
-from renew.inputs.current import as_field
+from renew._types import FloatArray
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.fuel import Drift
 from renew.inputs.speed_choice import SpeedChoice
 from renew.inputs.voyage import Voyage
 from renew.paths.speed_profile import speed_profile, trade_off
 from tests.speed_oracle import least_fuel
 from tests.strategies import StreamFunctionCurrent
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.current import CurrentLike
-    from renew.inputs.fuel import Drift
 
 DRIFTS = ("projected", "crab")
 CHART = renew.Chart(box(-1, -1, 101, 101))

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from renew._types import FloatArray
 from renew.inputs.speed_choice import SpeedChoice
 from renew.inputs.voyage import Voyage
 from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
 from tests.moving_waters import moving_scene
 from tests.speed_clock_oracle import Errand
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 SPEEDS, LEGS = (0.75, 2.0), 16
 

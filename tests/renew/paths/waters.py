@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from renew._types import FloatArray
 from renew.kernels.capsules import Capsules
 from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream
 from renew.paths.refinement import Water
 from tests.strategies import SIZE, StreamFunctionCurrent
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 AT_ONCE = Clock(0.0, math.inf)

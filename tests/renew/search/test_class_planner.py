@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,16 +12,14 @@ from shapely import box
 
 import renew
 from renew.errors import InfeasibleError
+from renew.inputs.arguments import Method, Padding
+from renew.inputs.voyage import Voyage
 from renew.padding.policy import PaddingPolicy
 from renew.search.class_planner import ClassPlanner, PathMethod
 from renew.search.k_sailable_classes import Results
 from renew.search.problem import Problem
 from tests.eddies import SCENES, eddy_scene
 from tests.strategies import random_scene, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Method, Padding
-    from renew.inputs.voyage import Voyage
 
 
 def planner_of(

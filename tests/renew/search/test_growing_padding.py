@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
+from renew.inputs.arguments import Padding
 from renew.padding.padding_model import PaddingModel
 from renew.padding.policy import PaddingPolicy
+from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.search.growing_padding import PaddingGrowth, grown
 from renew.search.problem import Problem
 from tests.renew.paths.corridors import corridor_in_scene
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
-    from renew.paths.corridor import Corridor
 
 
 def growth_of(corridor: Corridor, padding: Padding = "adaptive") -> PaddingGrowth:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import statistics
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,9 +15,6 @@ from hypothesis import strategies as st
 import renew
 from renew.search.harmonic_mean import chosen_class, harmonic_mean
 from tests.strategies import PAPER_VESSEL, random_scene
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @given(st.lists(st.floats(0.1, 1e6), min_size=1, max_size=20))

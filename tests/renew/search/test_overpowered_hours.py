@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.errors import InfeasibleError, TooLateError
 from renew.search.overpowered_hours import with_hours
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 PEAK, PERIOD, MIDDLE = 1.5, 200.0, 100.0
 """Strongest current (m/s) of a strait's tide, its period (s), and where the strait lies (m)."""

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from shapely import box
 
 import renew
+from renew._types import FloatArray
 from renew.inputs.current import as_field
 from renew.speeds import speed_search_by_clock
 from renew.speeds.speed_search import SpeedSearch
 from tests.moving_waters import MovingScene, moving_scene
 from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
 
 SPEEDS = (0.75, 1.6)
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
+import renew
+from renew._types import FloatArray
 from tests.strategies import PAPER_VESSEL
-
-if TYPE_CHECKING:
-    import renew
-    from renew._types import FloatArray
 
 
 def assert_sailable(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from shapely import Polygon, box
 
 import renew
 from renew.errors import InfeasibleError
+from renew.inputs.arguments import Padding
 from renew.inputs.current import as_field
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
@@ -20,9 +20,6 @@ from tests.eddies import walls
 from tests.renew.paths.corridors import corridor_of
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
-
-if TYPE_CHECKING:
-    from renew.inputs.arguments import Padding
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.arguments import RiskAt
 from renew.inputs.current import as_field
 from renew.turns.contingency import stations
 from tests.strategies import PAPER_VESSEL, random_scene
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.arguments import RiskAt
 
 RISK, DRAWS = 0.05, 500
 

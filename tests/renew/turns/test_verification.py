@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
@@ -11,6 +9,8 @@ from hypothesis import given, settings
 from shapely import box
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.voyage import Voyage
 from renew.padding.soft_no_go import PaddedEdges
 from renew.turns.contingency import fly_turns, stations
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
@@ -23,10 +23,6 @@ from tests.strategies import (
     seeds,
     voyage_on,
 )
-
-if TYPE_CHECKING:
-    from renew._types import FloatArray
-    from renew.inputs.voyage import Voyage
 
 MARGIN = 0.05 * PAPER_VESSEL.turning_radius
 

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import FloatArray
 from pipeline.formats.figures.graticule import nice_step
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.formats.shared.result import RunResult
 
 # Number of arrows along the chart's longer side.
 _COUNT_ACROSS = 22

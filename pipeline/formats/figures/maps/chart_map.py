@@ -6,12 +6,15 @@ Maps are in the planner's plane, so that shapes and angles are true, with a lon/
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.formats.figures.artists import (
     PLAIN_PT,
@@ -27,20 +30,13 @@ from pipeline.formats.figures.artists import (
 )
 from pipeline.formats.figures.graticule import GridLine, graticule
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Width of a map: a phone's in CSS pixels, so that labels are readable there; a desktop enlarges it.
 WIDTH_PT = 374.0

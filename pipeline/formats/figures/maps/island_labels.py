@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.artists import SMALL_PT, drawable
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RunResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from pipeline.formats.shared.result import RunResult
 
 # Length of the longest name, in characters, that is drawn whole.
 _MAX_LENGTH = 24

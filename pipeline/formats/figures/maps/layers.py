@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.formats.figures.artists import patch, point
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RunResult
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
 
 # Size, points, below which details of the coast are dropped: they can't be seen, and would make up
 # most of a file.

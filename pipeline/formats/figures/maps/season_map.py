@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.artists import in_season_colour, patch, stroke
@@ -28,17 +29,14 @@ from pipeline.formats.figures.maps.layers import (
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, fuel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
-
-    from pipeline.formats.shared.result import RunResult
 
 
 def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> str:

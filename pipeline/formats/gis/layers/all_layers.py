@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.formats.gis.layers.chart_layers import (
     chart_areas,
@@ -31,12 +32,7 @@ from pipeline.formats.gis.layers.columns import (
 )
 from pipeline.formats.gis.layers.passage_layers import legs, passage
 from pipeline.formats.shared.legs import legs as planned_legs
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult
 
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.

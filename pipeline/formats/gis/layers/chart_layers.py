@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from pipeline.formats.gis.layers.columns import Table, integer, multi, real, text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import Zone
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import Zone
 
 
 def coast(result: RunResult) -> Table:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    import numpy.typing as npt
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.result import RankedRoute, RunResult
 
 ROUTE_STEP_M = 2_000.0
 """Maximum length, true metres, of a segment of a route.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from pipeline.formats.exchange.text import waypoint_name
@@ -18,15 +17,8 @@ from pipeline.formats.gis.layers.columns import (
     text,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import season_waypoints
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.result import RunResult
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 1.0

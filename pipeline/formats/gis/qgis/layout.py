@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import uuid
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lxml import etree
 
 from pipeline.formats.figures.graticule import nice_step
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.gis.qgis.map_crs import MapCrs
 
-if TYPE_CHECKING:
-    from pipeline.formats.gis.qgis.map_crs import MapCrs
-
-    Element = Any  # lxml has no types
+Element = Any  # lxml has no types
 
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 # Margin of a page, and on an A4 page the height of the title and the credits and the width of the

@@ -10,19 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
+from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 _NAME = "Plane of the RENEW planner"
 # Margin around the chart on the map, as a share of its longer side.

@@ -9,27 +9,23 @@ from __future__ import annotations
 import io
 import textwrap
 import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.layers.columns import Layer
 from pipeline.formats.gis.qgis.layout import put_layouts
-from pipeline.formats.gis.qgis.map_crs import lonlat_system, map_crs
+from pipeline.formats.gis.qgis.map_crs import MapCrs, ReferenceSystem, lonlat_system, map_crs
 from pipeline.formats.gis.qgis.styles import style
 from pipeline.formats.gis.qgis.symbols import MAX_TITLE_LENGTH, clean, one_line
+from pipeline.formats.gis.qgis.view import SeasonView, View
+from pipeline.formats.shared.result import RunResult
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pipeline.formats.gis.layers.columns import Layer
-    from pipeline.formats.gis.qgis.map_crs import MapCrs, ReferenceSystem
-    from pipeline.formats.gis.qgis.view import SeasonView, View
-    from pipeline.formats.shared.result import RunResult
-
-    Element = Any  # lxml has no types
+Element = Any  # lxml has no types
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from lxml import etree
 
@@ -28,13 +29,9 @@ from pipeline.formats.gis.qgis.symbols import (
     one_line,
     rule_renderer,
 )
+from pipeline.formats.gis.qgis.view import SeasonView, View
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from pipeline.formats.gis.qgis.view import SeasonView, View
-
-    Element = Any  # lxml has no types
+Element = Any  # lxml has no types
 
 # Colour of a turn that met land; no other feature has it.
 _COLLISION_COLOUR = "#d50000"

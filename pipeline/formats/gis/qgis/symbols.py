@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import base64
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lxml import etree
 
@@ -13,10 +14,7 @@ from pipeline.formats.gis.layers.fields import FIELDS
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    Element = Any  # lxml has no types
+Element = Any  # lxml has no types
 
 MAX_TITLE_LENGTH = 60
 """Maximum number of characters of a name in the list of layers."""

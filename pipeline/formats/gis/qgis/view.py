@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.formats.figures.maps.arrows import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25

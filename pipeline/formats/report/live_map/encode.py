@@ -9,16 +9,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry import Polygon
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
 
 # Minimum number of steps along a chart's longer side, at most ten times exceeded: 1 m on 700 km.
 _MIN_STEPS = 2e5

@@ -7,23 +7,18 @@ Coordinates are in the planner's own plane at true scale: angles are true, and n
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.figures.maps.arrows import on_water
 from pipeline.formats.report.live_map.encode import Lattice, coarser, series, within
 from pipeline.formats.report.live_map.positions import positions
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import zone_text
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import RouteKey
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import RouteKey
 
 _MAX_VERTICES = 60_000
 _MAX_ARROWS = 7_000

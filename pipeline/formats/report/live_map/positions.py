@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from pipeline.formats.report.live_map.encode import Lattice
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
+from pipeline.formats.report.live_map.encode import Lattice
+from pipeline.formats.shared.result import RunResult
 
 # Number of cells along each side of the chart, at whose corners positions are given: between them
 # they are interpolated, on 30 degrees to within 0.01 minute.

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.scenario.published import PublishedRow
+from pipeline.formats.shared.result import RunResult
+from pipeline.scenario.published import PublishedRow
 
 
 @dataclass(frozen=True)

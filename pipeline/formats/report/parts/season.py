@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 
+from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.still_water import still_fuel_per_metre
 from pipeline.formats.shared.trade_offs import trade_off, trade_off_text
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from markupsafe import Markup
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-    from pipeline.model import RouteMetrics, SeasonPlan
-    from renew import Rejected
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.model import RouteMetrics, SeasonPlan
+from renew import Rejected
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from pipeline.formats.shared.text import (
     USEFUL_GAP,
@@ -16,11 +16,7 @@ from pipeline.formats.shared.text import (
     percent,
     speed_over_ground,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
+from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
 # Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
 _SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4

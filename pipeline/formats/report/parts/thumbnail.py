@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.encode import coarser, within
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RankedRoute, RunResult
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.formats.shared.result import RankedRoute, RunResult
 
 # Longer side, in units of the picture, and size of its details, as a share of that side.
 _SIDE, _DETAIL = 100.0, 0.006

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.formats.report.live_map.positions import place_on_map
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import place
 from pipeline.formats.shared.unknowns import MAX_STRAITS
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,18 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.paths import require_readable
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.checked_fields import read_checked_fields
-from pipeline.sources.currents.cf.contents import find_files, name_of, read_contents
+from pipeline.sources.currents.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.currents.cf.dataset import is_zarr
 from pipeline.sources.currents.cf.grid import (
     coverage_faults,
@@ -26,26 +29,12 @@ from pipeline.sources.currents.cf.grid import (
     find_window,
 )
 from pipeline.sources.currents.cf.reference_time import reference_time
-from pipeline.sources.currents.cf.slices import select_slices
+from pipeline.sources.currents.cf.slices import SelectedSlices, select_slices
 from pipeline.sources.interfaces import Issue
-from pipeline.sources.quality.coverage import MARGIN_CELLS, widened
+from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
-    from pipeline.scenario.season import Season
-    from pipeline.sources.currents.cf.contents import Contents
-    from pipeline.sources.currents.cf.slices import SelectedSlices
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Half size of the window in which a file is checked, around the middle of the region: cells, or
 # degrees where these are less; and the latitude at which it ends.

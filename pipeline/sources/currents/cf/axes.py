@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.sources.currents.cf.dataset import coordinate_values
 from pipeline.sources.quality.field import SURFACE_DEPTH_M
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     import xarray as xr
-
-    FloatArray = npt.NDArray[np.float64]
 
 _DEGREES = {"lon": ("degrees_east", "degree_east"), "lat": ("degrees_north", "degree_north")}
 _AXIS_NAMES = {

@@ -6,13 +6,17 @@ not fit in memory.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.sources.currents.cf.grid import FieldReader
-from pipeline.sources.quality.field import Field
+from pipeline._types import BoolArray, FloatArray
+from pipeline.sources.currents.cf.contents import Contents
+from pipeline.sources.currents.cf.grid import FieldReader, Window
+from pipeline.sources.currents.cf.slices import SelectedSlices
+from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
@@ -20,20 +24,6 @@ from pipeline.sources.quality.plausibility import (
     dilated,
 )
 from pipeline.sources.quality.series import assess_series
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy.typing as npt
-
-    from pipeline.sources.currents.cf.contents import Contents
-    from pipeline.sources.currents.cf.grid import Window
-    from pipeline.sources.currents.cf.slices import SelectedSlices
-    from pipeline.sources.quality.coverage import Bounds
-    from pipeline.sources.quality.field import LandMask
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
 
 # Speed limit, m/s: tides in the narrowest straits come near it, no water is faster.
 _SPEED_LIMIT_M_S = 10.0

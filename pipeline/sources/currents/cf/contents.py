@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import glob
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.paths import shown, unreadable_reason
 from pipeline.sources.currents.cf.axes import (
@@ -33,13 +35,7 @@ from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
-    import numpy.typing as npt
     import xarray as xr
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Pairs of standard names, and of variable names for variables without; the first found is used.
 _STANDARD_NAMES = (

@@ -9,20 +9,17 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline._types import FloatArray
 from pipeline.sources.currents.cf.classic_format import MAGIC, missing_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
     import xarray as xr
-
-    FloatArray = npt.NDArray[np.float64]
 
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"

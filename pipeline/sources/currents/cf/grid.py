@@ -5,27 +5,23 @@ The window is cut out of each step before Dask sums the steps, some megabytes at
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
+import numpy.typing as npt
 
+from pipeline._types import FloatArray
 from pipeline.sources.currents.cf.axes import SAME_SHARE
+from pipeline.sources.currents.cf.contents import Component, Contents
 from pipeline.sources.currents.cf.dataset import open_dataset, reading
-from pipeline.sources.quality.coverage import common_bounds, sides_beyond, widened
+from pipeline.sources.quality.coverage import Bounds, common_bounds, sides_beyond, widened
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
     import xarray as xr
-
-    from pipeline.sources.currents.cf.contents import Component, Contents
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Amount of data read at a time, bytes; but at least one step.
 _CHUNK_BYTES = 32 << 20

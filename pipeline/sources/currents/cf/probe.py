@@ -9,16 +9,12 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from signal import Signals
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipeline.interpreters import run_python
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from pipeline.interpreters import ProcessResult
+from pipeline.interpreters import ProcessResult, run_python
 
 # Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
 _START_S, _FILE_S = 60.0, 2.0

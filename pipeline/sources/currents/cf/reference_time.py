@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
@@ -15,8 +16,6 @@ from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset
 from pipeline.sources.currents.cf.time import decoded_times
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import xarray as xr
 
 _STANDARD_NAME = "forecast_reference_time"

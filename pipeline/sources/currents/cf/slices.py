@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.scenario.period import Period
+from pipeline.scenario.season import Season
+from pipeline.sources.currents.cf.contents import Contents
 from pipeline.sources.currents.cf.time import MISSING_STEP, label, select_steps
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from pipeline.scenario.period import Period
-    from pipeline.scenario.season import Season
-    from pipeline.sources.currents.cf.contents import Contents
 
 # Number of faults of one kind that a message names.
 _MAX_FAULTS = 3

@@ -5,22 +5,19 @@ from __future__ import annotations
 import calendar
 import itertools
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline._types import FloatArray
+from pipeline.scenario.period import Period
+from pipeline.sources.interfaces import TimeMethod
+
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import numpy.typing as npt
     import xarray as xr
-
-    from pipeline.scenario.period import Period
-    from pipeline.sources.interfaces import TimeMethod
-
-    FloatArray = npt.NDArray[np.float64]
 
 # Time that a field stands for if it is the only one in its file.
 _SINGLE_STEP = timedelta(days=1)

@@ -11,42 +11,33 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from shapely.geometry import Polygon
 
+from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, Land
+from pipeline.scenario.catalogue import CopernicusSpec
+from pipeline.scenario.season import Season
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
 from pipeline.sources.currents.copernicus.steps import (
+    SelectedSteps,
     TimeResolution,
     select_all_steps,
     select_steps,
 )
 from pipeline.sources.interfaces import Issue
-from pipeline.sources.quality.acceptance import Expected, accept
-from pipeline.sources.quality.coverage import MARGIN_CELLS, common_bounds, widened
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from shapely.geometry import Polygon
-
-    from pipeline.model import Land
-    from pipeline.scenario.catalogue import CopernicusSpec
-    from pipeline.scenario.season import Season
-    from pipeline.sources.currents.copernicus.steps import SelectedSteps
-    from pipeline.sources.quality.acceptance import AcceptedFields
-    from pipeline.sources.quality.coverage import Bounds
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline.sources.quality.acceptance import AcceptedFields, Expected, accept
+from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, common_bounds, widened
 
 
 @dataclass(frozen=True, slots=True)

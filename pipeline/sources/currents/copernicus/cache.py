@@ -13,15 +13,13 @@ import os
 import secrets
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 _STAGING_SUFFIX = ".partial"
 # Age from which a staging folder is abandoned, s, even if a process has its creator's id: ids are

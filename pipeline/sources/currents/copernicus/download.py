@@ -6,21 +6,18 @@ import json
 import os
 import signal
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from pipeline.errors import StageError
 from pipeline.interpreters import run_python
+from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
+from pipeline.sources.currents.copernicus.steps import SelectedSteps
 from pipeline.sources.currents.copernicus.subset import NO_ANSWER
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
-
-    from pipeline.scenario.catalogue import CopernicusSpec
-    from pipeline.sources.currents.copernicus.steps import SelectedSteps
 
 AcceptedT = TypeVar("AcceptedT")
 

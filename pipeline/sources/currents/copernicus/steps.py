@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from pipeline.scenario.catalogue import StepKind, StepLength
-    from pipeline.scenario.period import Period
-    from pipeline.sources.interfaces import TimeMethod
+from pipeline.scenario.catalogue import StepKind, StepLength
+from pipeline.scenario.period import Period
+from pipeline.sources.interfaces import TimeMethod
 
 _LABEL_FORMATS: dict[StepLength, str] = {
     "month": "%Y-%m",

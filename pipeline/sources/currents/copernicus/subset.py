@@ -17,16 +17,12 @@ import re
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
-from pipeline.sources.quality.coverage import around_missing
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.coverage import Bounds, around_missing
 
 NO_ANSWER = 3
 # Interval at which the process checks that its parent still runs, s.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import gpxpy
 import pyogrio
@@ -17,6 +17,7 @@ from pipeline.formats.exchange.rtz import write_rtz
 from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.shared.json_values import encodable_text
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.xml_text import xml_text
 from pipeline.stages.write import safe_name
 from tests.pipeline.formats import runs
@@ -24,11 +25,6 @@ from tests.pipeline.formats.exchange.test_gpx import check_order
 from tests.pipeline.formats.exchange.test_kml import schema
 from tests.pipeline.formats.exchange.test_rtz import VERSIONS
 from tests.validators import rtz_faults
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 NAMES = (
     "<script>alert(1)</script>",

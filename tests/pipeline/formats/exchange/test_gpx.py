@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import gpxpy
 import numpy as np
@@ -16,12 +17,8 @@ from lxml import etree
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.passage.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.legs import planned_times
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs, small_run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 Element: TypeAlias = Any  # lxml has no types
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyogrio
@@ -16,12 +17,8 @@ from lxml import etree
 from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.passage.waypoints import both_sides
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs, small_run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 Element: TypeAlias = Any  # lxml has no types
 NAMESPACE = "{http://www.opengis.net/kml/2.2}"

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
 from pipeline.formats.exchange.missions import write_mission, write_plan
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
 
 LINK = mavutil.mavlink
 

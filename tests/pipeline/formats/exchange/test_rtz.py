@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import pytest
 from lxml import etree
 
 from pipeline.formats.exchange.rtz import write_rtz
 from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
 from tests.validators import rtz_faults
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 # lxml has no types.
 Element: TypeAlias = Any

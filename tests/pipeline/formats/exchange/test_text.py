@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -19,10 +18,8 @@ from pipeline.formats.exchange.text import (
     wrapped_longitude,
 )
 from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 
 def test_routes_of_a_plane_are_not_for_a_plotter(

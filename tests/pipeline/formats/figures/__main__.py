@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,16 +12,13 @@ from PIL import Image
 
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.maps.season_map import overview_figure
+from pipeline.formats.shared.result import RunResult
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from tests.conftest import ROOT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RunResult
 
 PICTURES_FOLDER = ROOT / "docs" / "pictures"
 BOSTON = "boston-enc"

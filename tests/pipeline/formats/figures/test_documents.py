@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import io
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from PIL import Image
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
 from tests.conftest import ROOT
 from tests.pipeline.formats.figures.__main__ import EXPERIMENTS, PICTURES, PICTURES_FOLDER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.formats.shared.result import RunResult
 
 MAX_BYTES = 300_000
 NAMES = {*PICTURES, *EXPERIMENTS}

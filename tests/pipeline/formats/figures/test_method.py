@@ -18,10 +18,12 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.text import Annotation, Text
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.formats.figures.kinds import Form, Kind, figure
 from pipeline.formats.figures.method import channels_figure, mesh_figure
 from pipeline.formats.figures.padding_map import padding_map_figure
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.test_widths import variants
@@ -29,8 +31,6 @@ from tests.pipeline.formats.figures.test_widths import variants
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import FloatArray, RunResult
 
 
 def segments(axes: Axes, colour: str) -> list[FloatArray]:

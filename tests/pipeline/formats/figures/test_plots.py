@@ -13,15 +13,15 @@ from matplotlib.patches import StepPatch
 from matplotlib.text import Text
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import profile_figure, profile_svg
 from pipeline.formats.figures.reach_histogram import padding_figure, padding_svg
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import route_profile
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from pipeline.formats.shared.result import FloatArray, RunResult
 
 HOSTILE = '<script>alert(1)</script> "../ \N{ROCKET} \u202e' + "long " * 60
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,9 +15,7 @@ from pipeline.formats.figures.turning import (
     turns_figure,
 )
 from pipeline.formats.figures.variants import Variant, variants_figure
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult
 
 
 def test_the_turns_drawn_reach_as_far_as_those_that_set_the_padding(result: RunResult) -> None:

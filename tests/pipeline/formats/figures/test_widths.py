@@ -16,12 +16,11 @@ from pipeline.formats.figures.kinds import Kind, Width, figure
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.variants import Variant
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from pipeline.formats.shared.result import RunResult
 
 KINDS = Kind.selected(())
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import shapely.affinity
+from shapely.geometry import Polygon
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Evaluation, Land
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from shapely.geometry import Polygon
-
-    from pipeline.formats.shared.result import RunResult
 
 SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
 _RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import geopandas
 import numpy as np
@@ -18,12 +19,8 @@ from pipeline.formats.gis.geojson import bounding_box, write_geojson
 from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 
 def refused(text: str) -> None:

@@ -6,7 +6,8 @@ import sqlite3
 import time
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import geopandas
 import numpy as np
@@ -17,16 +18,12 @@ import shapely
 
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan, Zone
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.validators import geopackage_faults
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 LAYERS = {

@@ -7,24 +7,20 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from matplotlib.image import imread
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from pipeline.stages.planar import unsimplified
 from tests.pipeline.formats.gis.cases import badly_named, moved_east
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RunResult
 
 pytestmark = pytest.mark.slow
 

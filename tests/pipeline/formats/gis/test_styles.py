@@ -9,7 +9,8 @@ import sqlite3
 import zipfile
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,14 +26,10 @@ from pipeline.formats.gis.qgis.map_crs import map_crs
 from pipeline.formats.gis.qgis.styles import style
 from pipeline.formats.gis.qgis.symbols import clean, literal
 from pipeline.formats.gis.qgis.view import view
+from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 LAYERS = {
     *("routes", "passage", "legs", "path_points", "channels", "islands"),

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,12 +18,8 @@ from pipeline.formats.paper.legs_table import distance_text, position, rows
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.report.page import gather
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs, small_run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.formats.passage import cheapest_chain as module
 from pipeline.formats.passage.candidates import Candidates, with_candidates
 from pipeline.formats.passage.cheapest_chain import cheapest_chain
@@ -15,11 +15,6 @@ from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe
 from pipeline.formats.passage.tracks import Drawing, curve_for
 from pipeline.formats.shared.legs import metres_along
 from tests.pipeline.formats import runs
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
 
 
 def corridors() -> list[tuple[SafeCorridor, Drawing]]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import gpxpy
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from lxml import etree
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.exchange.missions import write_mission, write_plan
@@ -23,20 +25,10 @@ from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.paper.legs_table import rows
 from pipeline.formats.passage.leg_times import steps_along_legs
-from pipeline.formats.passage.waypoints import MAX_EXTRA_FUEL, season_waypoints
+from pipeline.formats.passage.waypoints import MAX_EXTRA_FUEL, Waypoints, season_waypoints
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline import chosen_speeds, tidal_run
 from tests.pipeline.formats import oracles, runs
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
-
-    FloatArray = npt.NDArray[np.float64]
 
 DEPARTURE = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
 

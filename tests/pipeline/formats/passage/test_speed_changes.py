@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import gpxpy
 import numpy as np
@@ -22,18 +22,13 @@ from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.tracks import Drawing
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.legs import legs
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import route_profile
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import oracles
 from tests.pipeline.tidal_run import DEPARTURE
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.passage.waypoints import Waypoints
-    from pipeline.formats.shared.result import RunResult
 
 
 @pytest.fixture(scope="module")

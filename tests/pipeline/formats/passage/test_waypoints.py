@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import networkx as nx
 import numpy as np
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
@@ -19,14 +20,8 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     waypoints,
 )
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
 
 
 def every(result: RunResult) -> Iterator[Waypoints]:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from PIL import Image
+from playwright.sync_api import Page
 
 from pipeline.formats.report.page import gather, render
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from playwright.sync_api import Page
-
-    from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult
 
 
 def written(result: RunResult, directory: Path) -> Path:

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import shapely
+from playwright.sync_api import Browser
 
 import renew
 from pipeline.formats.report.page import gather, render
-from pipeline.model import Evaluation
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import Evaluation, RouteKey, RouteMetrics, SeasonPlan
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from playwright.sync_api import Browser
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.model import RouteKey, RouteMetrics, SeasonPlan
 
 ISLANDS, CORNERS = 250, 200
 ROUTES_PER_SEASON = 8

@@ -1,20 +1,15 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page, Route
 
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats.report.actions import written
 from tests.validators import chromium
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from playwright.sync_api import Browser, ConsoleMessage, Page, Route
-
-    from pipeline.formats.shared.result import RunResult
 
 
 @dataclass

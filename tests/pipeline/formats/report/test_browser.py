@@ -6,23 +6,20 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import pytest
+from playwright.sync_api import Browser, Page
 
 from pipeline.formats.report import assets
 from pipeline.formats.shared import text as texts
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, Passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
+from tests.pipeline.formats.report.conftest import Reader
 from tests.validators import axe_faults
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-
-    from pipeline.formats.shared.result import RunResult
-    from tests.pipeline.formats.report.conftest import Reader
 
 WIDTHS = (360, 768, 1280)
 HOSTILE = (

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 import renew
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats.report.actions import written
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from tests.pipeline.formats.report.conftest import Reader
+from tests.pipeline.formats.report.conftest import Reader
 
 # Texts of a plot that cover each other by more than a hair, as "one / other".
 OVERLAPS = """() => [...document.querySelectorAll(".plots svg")].flatMap((plot) => {

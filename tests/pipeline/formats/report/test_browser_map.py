@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.report import assets
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, written
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
-    from pipeline.formats.shared.result import RunResult
-    from tests.pipeline.formats.report.conftest import Reader
+from tests.pipeline.formats.report.conftest import Reader
 
 HOSTILE = (
     "<script>alert(1)</script></script><!-- \N{ROCKET} \u202eevil\u202c \u2028 \x00" + "W" * 300

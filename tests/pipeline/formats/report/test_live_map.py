@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pyproj
 import pytest
 import shapely
+from playwright.sync_api import Page
 
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, pixels, season, written
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from playwright.sync_api import Page
-
-    from pipeline.formats.shared.result import RunResult
-    from tests.pipeline.formats.report.conftest import Reader
+from tests.pipeline.formats.report.conftest import Reader
 
 MILE_M, KNOT_M_S = 1852.0, 1852.0 / 3600
 

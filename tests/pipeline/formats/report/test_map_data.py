@@ -1,21 +1,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.formats.report.live_map.encode import Lattice
 from pipeline.formats.report.live_map.map_data import map_data
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
-
-    from pipeline.formats.shared.result import RunResult
 
 LIMITS = (0.2, 0.4)
 

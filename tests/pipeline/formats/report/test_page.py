@@ -7,19 +7,16 @@ import math
 import re
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import pytest
 import shapely
 
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared import text as texts
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, ShutStrait
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 HOSTILE = (
     '<script>alert("1")</script>"\'><img src=x onerror=alert(1)> ../../etc \N{ROCKET} \u202eevil'

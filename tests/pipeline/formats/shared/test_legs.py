@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
 import pytest
 
 from pipeline.formats.shared.legs import legs, metres_along, times_at
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 

@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -18,17 +18,13 @@ from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import GapShares
 from pipeline.outcome import Outcome
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 WORD = re.compile(r"\bland\b", re.IGNORECASE)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.shared.palette import (
@@ -14,9 +14,6 @@ from pipeline.formats.shared.palette import (
     SEASON_COLOURS_ON_DARK,
     season_colour,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # What is seen, in linear RGB: Machado, Oliveira and Fernandes (2009), severity 1.
 VISION = {

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
@@ -10,18 +9,15 @@ import pytest
 import shapely
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from shapely.geometry import Polygon
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.formats.shared.legs import legs
-from pipeline.formats.shared.route_profile import coast_index, route_profile
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.route_profile import RouteProfile, coast_index, route_profile
 from pipeline.stages.evaluate import evaluate_season
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from shapely.geometry import Polygon
-
-    from pipeline.formats.shared.result import FloatArray, RankedRoute, RunResult
-    from pipeline.formats.shared.route_profile import RouteProfile
 
 GEOD = pyproj.Geod(ellps="WGS84")
 
@@ -49,13 +45,17 @@ def profile_of(
     if current is not None:
         scene = replace(scene, currents={entry.season: current})
     field = scene.currents[entry.season]
+    legs = range(2, len(path) + 1)
+    fuels = [0.0, *(renew.fuel(path[:end], field, scene.vessel) for end in legs)]
     route = replace(
         entry.plan.best,
         path=path,
+        speeds=np.full(len(path) - 1, scene.vessel.speed),
+        times=np.array(fuels) / scene.vessel.fuel_rate,
         trajectory=sailed(path, field, scene.vessel),
         length=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
-        fuel=renew.fuel(path, field, scene.vessel),
-        duration=renew.fuel(path, field, scene.vessel) / scene.vessel.fuel_rate,
+        fuel=fuels[-1],
+        duration=fuels[-1] / scene.vessel.fuel_rate,
     )
     plans = (replace(entry, plan=replace(entry.plan, routes=(route,), chosen=0)),)
     changed = evaluated(replace(result, scene=scene, plans=plans))

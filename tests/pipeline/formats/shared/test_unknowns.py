@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns, unknowns
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
 

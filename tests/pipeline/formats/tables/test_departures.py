@@ -6,11 +6,12 @@ import csv
 import json
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.departures import write_departures_csv, write_departures_json
 from pipeline.formats.tables.scenario_file import write_scenario
 from pipeline.model import DepartureChoice
@@ -18,11 +19,6 @@ from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
 from pipeline.stages.write import formats_of
 from tests.pipeline.tidal_run import DEPARTURE, planned
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": 3}
 

@@ -6,17 +6,14 @@ import platform
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import shapely
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import manifest, write_manifest
 from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
 
 
 def test_the_manifest_accounts_for_inputs_and_outputs(result: RunResult, tmp_path: Path) -> None:

@@ -3,15 +3,11 @@ from __future__ import annotations
 import csv
 from dataclasses import fields, replace
 from datetime import datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.metrics import COLUMNS, write_metrics
 from pipeline.model import Evaluation, RouteMetrics
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
 
 
 def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:

@@ -6,9 +6,10 @@ import resource
 import shutil
 import subprocess
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -16,6 +17,7 @@ import pytest
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.netcdf import write_currents
 from pipeline.model import CurrentGrid
 from pipeline.stages.write import formats_of
@@ -28,11 +30,6 @@ from tests.pipeline.formats.gis.cases import (
     moved_east,
     renamed,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pipeline.formats.shared.result import RunResult
 
 ROOT = Path(__file__).resolve().parents[4]
 _MEDIUM = 2  # compliance_checker's weights: 3 is high, 2 medium, 1 low

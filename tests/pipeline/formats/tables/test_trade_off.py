@@ -6,7 +6,7 @@ import csv
 import json
 from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +14,9 @@ import pytest
 import renew
 from pipeline.formats.figures.trade_off_plot import trade_off_figure, trade_off_svg
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.still_water import still_fuel_per_metre, still_speed_m_s
-from pipeline.formats.shared.trade_offs import speed_notes, trade_off, trade_off_text
+from pipeline.formats.shared.trade_offs import TradeOff, speed_notes, trade_off, trade_off_text
 from pipeline.formats.tables.scenario_file import write_scenario
 from pipeline.formats.tables.trade_off import write_trade_off_csv, write_trade_off_json
 from pipeline.scenario.catalogue import read_toml
@@ -25,12 +26,6 @@ from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 from tests.pipeline.tidal_run import DEPARTURE
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.formats.shared.result import RunResult
-    from pipeline.formats.shared.trade_offs import TradeOff
 
 
 @pytest.fixture(scope="module")

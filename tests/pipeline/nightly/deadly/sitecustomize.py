@@ -10,11 +10,9 @@ import importlib.machinery
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from types import ModuleType
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
 
 _MODULE = "pipeline.nightly.planning.worker"
 

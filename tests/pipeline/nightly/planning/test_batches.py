@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.nightly.planning.batches import BatchWork
 from pipeline.nightly.planning.worker import BatchReport
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def work(

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.request.expansion import expand
 from tests.pipeline.nightly.nights import plane_night
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_a_case_is_found_among_millions_at_once(tmp_path: Path) -> None:

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.request.expansion import expand
-from pipeline.nightly.request.newest_currents import cycle_time, is_cycle, newest_currents
+from pipeline.nightly.request.newest_currents import Newest, cycle_time, is_cycle, newest_currents
 from tests.loopback_store import world
 from tests.loopback_store.world import connected
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast, write_night
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.nightly.request.newest_currents import Newest
 
 FORECAST = "copernicus-forecast-daily"
 

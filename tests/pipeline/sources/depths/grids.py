@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
+from pipeline._types import FloatArray
 
 LON_ATTRIBUTES = {"standard_name": "longitude", "units": "degrees_east"}
 LAT_ATTRIBUTES = {"standard_name": "latitude", "units": "degrees_north"}

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.sources.depths import depth_file
 from pipeline.sources.depths.depth_file import DepthFile
 from tests.pipeline.sources.depths import grids
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
-    Writer = Callable[[Path, FloatArray, FloatArray, FloatArray], Path]
+Writer = Callable[[Path, FloatArray, FloatArray, FloatArray], Path]
 
 LON, LAT = np.arange(-2.0, 2.01, 0.1), np.arange(49.0, 51.01, 0.1)
 HEIGHT = np.rint(np.add.outer(30 * (LAT - 50), 40 * LON) - 20)

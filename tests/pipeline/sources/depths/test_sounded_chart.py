@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 import xarray as xr
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.model import Credit, Land
 from pipeline.scenario.region import ChartSpec
@@ -18,13 +19,6 @@ from pipeline.sources.depths.depth_file import DepthFile
 from pipeline.sources.depths.sounded_chart import SoundedChart
 from pipeline.sources.registry import land_source
 from tests.pipeline.sources.depths import grids
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
 
 REGION = shapely.box(-1.0, 49.5, 1.0, 50.5)
 ISLAND = shapely.box(-0.2, 49.9, 0.2, 50.1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pyogrio
@@ -15,14 +15,10 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.geo.projection import Projection
 from pipeline.loading import load_scenario
+from pipeline.outcome import Outcome
 from pipeline.run import run
 from pipeline.sources.land.s57_adapter import S57Chart
 from tests.true_scale import clearance_m
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.outcome import Outcome
 
 
 @pytest.fixture(scope="module")

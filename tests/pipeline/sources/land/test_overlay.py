@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -18,9 +18,6 @@ from pipeline.sources.registry import land_source
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.small_region import small_region
 from tests.pipeline.sources.land.test_vector import write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SCENARIO = (
     small_region("mine")

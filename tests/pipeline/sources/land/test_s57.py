@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pyogrio
 import pyproj
 import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
 from pipeline.sources.land.s57_adapter import S57Chart
 from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
 from pipeline.sources.registry import land_source
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.model import Land
 
 GEOD = pyproj.Geod(ellps="WGS84")
 BOSTON = shapely.box(-71.02, 42.305, -70.955, 42.37)

@@ -7,7 +7,8 @@ import json
 import os
 import re
 import threading
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyogrio
@@ -15,14 +16,10 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import land_source
 from tests.pipeline.sources import mutations
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.model import Land
 
 REGION = shapely.box(118.0, 9.0, 120.0, 11.0)
 RING = [[118.6, 9.5], [119.4, 9.6], [119.3, 10.4], [118.7, 10.3], [118.6, 9.5]]

@@ -6,7 +6,7 @@ import errno
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.sources.land import world
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 BOX = shapely.box(-5, -5, 15, 15)
 ISLANDS = [shapely.box(x, x, x + 1, x + 1) for x in range(-20, 30, 2)]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pipeline.sources.quality.field import Field
+from pipeline.sources.quality.field import Field
 
 # Among the islands between Borneo and Luzon, and off Japan: coasts on all sides, and open sea.
 ISLANDS = np.arange(112.0, 130.0, 0.25), np.arange(2.0, 18.0, 0.25)

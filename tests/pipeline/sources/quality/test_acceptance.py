@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -16,10 +18,6 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, Land
 from pipeline.sources.quality.acceptance import Expected, accept, largest_spike
 from pipeline.sources.quality.field import Field
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 REGION = shapely.box(117, 8, 120, 11)
 ISLAND = shapely.box(118, 9, 119.5, 10.5)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
 
-from pipeline.model import Land
+from pipeline.model import CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
@@ -21,11 +21,6 @@ from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from tests.pipeline.sources.quality import test_acceptance
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.model import CurrentGrid
 
 # Cuyo: islands of some kilometres in open water, 0.05 degrees apart from most gaps of a grid.
 CUYO = shapely.box(120.6, 10.4, 121.4, 11.2)

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
+from pipeline._types import BoolArray, FloatArray
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.quality.misregistration import find_shift
 from tests.pipeline.sources.quality.faulty_fields import ISLANDS, shifted
 from tests.pipeline.synthetic_currents import coastal, sea
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    FloatArray = npt.NDArray[np.float64]
-    BoolArray = npt.NDArray[np.bool_]
 
 
 @pytest.mark.parametrize(("east", "north"), [(0.5, 0), (0, -0.5), (-0.75, 0.25), (1.0, 1.0)])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -31,9 +31,6 @@ from tests.pipeline.sources.quality.faulty_fields import (
     with_v_flipped,
 )
 from tests.pipeline.synthetic_currents import EARTH_RADIUS_M, coastal, sea
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 NO_LAND = Land((), (), 0.0)
 LIMIT_M_S = 10.0

@@ -8,25 +8,21 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from pipeline.errors import StageError
 from pipeline.loading import load_scenario
+from pipeline.outcome import Event, Outcome
 from pipeline.run import run
 from pipeline.stages.workers import fitness, fleet
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
-
-if TYPE_CHECKING:
-    import subprocess
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pipeline.outcome import Event, Outcome
 
 
 @pytest.fixture(autouse=True)

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline.errors import StageError
 from pipeline.loading import parse_scenario
 from pipeline.run import run
+from pipeline.scenario.model import Scenario
 from tests.pipeline.processes import QUICK, SLOW, descendants, renew, started, wait_until
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.scenario.model import Scenario
 
 
 def scenario(text: str) -> Scenario:

@@ -1,15 +1,11 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
 
 from pipeline.formats.figures.maps.arrows import SpeedScale, arrows, speed_scale
-
-if TYPE_CHECKING:
-    from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) -> None:

@@ -3,10 +3,11 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 from matplotlib.image import imread
@@ -15,14 +16,8 @@ from pipeline.formats.figures.maps.chart_map import Margins
 from pipeline.formats.figures.maps.season_map import overview_figure, season_svg
 from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from pipeline.formats.shared.result import RunResult
 
 HOSTILE = "<script>alert(1)</script> ../ \N{ROCKET} \u202egnp.exe $x_{" + "long " * 60
 

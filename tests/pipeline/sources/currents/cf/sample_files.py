@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +13,9 @@ import xarray as xr
 from pipeline.errors import RequestError
 from pipeline.sources.currents.cf.contents import find_files, read_contents
 from pipeline.sources.currents.cf.grid import FieldReader, find_window
+from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.field import Field
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from pipeline.sources.quality.coverage import Bounds
-    from pipeline.sources.quality.field import Field
 
 BOX = (117.0, 8.0, 122.0, 13.0)
 LON, LAT = np.arange(100.0, 140.0, 0.5), np.arange(-10.0, 30.0, 0.5)

@@ -6,8 +6,8 @@ import hashlib
 import json
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -18,18 +18,12 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario, parse_scenario
-from pipeline.model import Land
+from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
-from pipeline.sources.quality.field import Field
+from pipeline.sources.quality.field import Field, LandMask
 from tests.pipeline.small_region import small_region
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.model import CurrentGrid
-    from pipeline.sources.quality.field import LandMask
 
 NO_LAND = Land((), (), 0.0)
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,6 @@ import xarray as xr
 from pipeline.sources.currents.cf.axes import is_same_axis
 from tests.pipeline.sources.currents.cf.sample_files import LAT, LON, SEA, at_levels, refusal
 from tests.pipeline.synthetic_currents import dataset
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 
 def _curvilinear() -> xr.Dataset:

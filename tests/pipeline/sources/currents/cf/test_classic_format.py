@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -12,9 +12,6 @@ from pipeline.errors import RequestError
 from pipeline.sources.currents.cf.classic_format import missing_bytes
 from tests.pipeline.sources.currents.cf.sample_files import SEA, read
 from tests.pipeline.synthetic_currents import dataset
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FORMATS = ("NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA")
 TYPES = ("i1", "S1", "i2", "i4", "f4", "f8")

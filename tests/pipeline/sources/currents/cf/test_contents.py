@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import xarray as xr
 
 from pipeline.errors import RequestError
 from pipeline.sources.currents.cf.contents import find_files, read_contents
+from pipeline.sources.quality.field import Field
 from tests.pipeline.sources.currents.cf.sample_files import (
     LAT,
     LON,
@@ -22,12 +24,6 @@ from tests.pipeline.sources.currents.cf.sample_files import (
     refusal,
 )
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from pipeline.sources.quality.field import Field
 
 # --- the same sea, written in many ways ---------------------------------------------------------
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -19,9 +20,6 @@ from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
 from tests.pipeline.sources.currents.cf.sample_files import LAT, LON, SEA
 from tests.pipeline.synthetic_currents import dataset, write
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
 AXES = {

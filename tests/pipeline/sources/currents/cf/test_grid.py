@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import netCDF4
 import numpy as np
@@ -17,11 +16,9 @@ from hypothesis import strategies as st
 from pipeline.sources.currents.cf.contents import Contents, read_contents
 from pipeline.sources.currents.cf.grid import FieldReader, coverage_faults, find_window
 from pipeline.sources.currents.cf.time import TimeSteps
+from pipeline.sources.quality.coverage import Bounds
 from tests.pipeline.sources.currents.cf.sample_files import BOX, LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, sea, write
-
-if TYPE_CHECKING:
-    from pipeline.sources.quality.coverage import Bounds
 
 # --- across the seams ---------------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +10,6 @@ from pipeline.interpreters import run_python
 from pipeline.sources.currents.cf import probe
 from tests.pipeline.sources.currents.cf.sample_files import SEA
 from tests.pipeline.synthetic_currents import dataset, write
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # In place of the probe: does to each file what its name says.
 STAND_IN = """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,15 +11,11 @@ import shapely
 import xarray as xr
 
 from pipeline.errors import RequestError
-from pipeline.model import Land
+from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
-from pipeline.sources.quality.field import Field
+from pipeline.sources.quality.field import Field, LandMask
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
-
-if TYPE_CHECKING:
-    from pipeline.model import CurrentGrid
-    from pipeline.sources.quality.field import LandMask
 
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
 FIRST = datetime(2026, 11, 22, tzinfo=UTC)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.scenario.period import period
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps, select_steps
-
-if TYPE_CHECKING:
-    from pipeline.sources.interfaces import TimeMethod
+from pipeline.sources.interfaces import TimeMethod
 
 HOUR = timedelta(hours=1)
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import base64
 import configparser
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

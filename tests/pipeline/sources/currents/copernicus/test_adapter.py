@@ -6,7 +6,7 @@ import os
 import re
 import time
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import shapely
@@ -23,9 +23,6 @@ from pipeline.storage.store import Store
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec
 from tests.pipeline.conftest import ACROSS_BOX
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture(autouse=True)

@@ -6,13 +6,10 @@ import json
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.storage.store import file_hash
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 REQUEST = {"a": 1.5, "b": ["x"]}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.errors import StageError
 from pipeline.loading import load_scenario
+from pipeline.model import CurrentGrid
 from pipeline.scenario.model import Scenario
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
@@ -22,11 +23,6 @@ from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, spec
 from tests.pipeline.conftest import ACROSS_BOX
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pipeline.model import CurrentGrid
 
 DEPARTURE = datetime(2024, 7, 15, 8, 20, tzinfo=UTC)
 HOUR = timedelta(hours=1)

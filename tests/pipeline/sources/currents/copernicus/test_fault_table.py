@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.loopback_store.fault_table import inject
-from tests.loopback_store.rows import ROWS
+from tests.loopback_store.rows import ROWS, Row
 from tests.loopback_store.server import PASSWORD, USERNAME
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.loopback_store.rows import Row
 
 
 @pytest.mark.parametrize(

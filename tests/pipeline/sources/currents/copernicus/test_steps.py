@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import calendar
 from datetime import UTC, date, datetime, timedelta
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.period import period
 from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
-
-if TYPE_CHECKING:
-    from pipeline.scenario.catalogue import StepKind, StepLength
-    from pipeline.sources.interfaces import TimeMethod
+from pipeline.sources.interfaces import TimeMethod
 
 MONTHS, DAYS, HOURS = (
     TimeResolution("month", "mean"),

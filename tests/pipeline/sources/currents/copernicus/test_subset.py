@@ -6,15 +6,12 @@ import logging
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
+
+import pytest
 
 from pipeline.sources.currents.copernicus.subset import AnswerLog
 from tests.pipeline.processes import ends_within
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pytest
 
 
 def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:

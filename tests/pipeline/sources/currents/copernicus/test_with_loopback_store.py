@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,9 +29,6 @@ from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, season, spec
 from tests.pipeline.conftest import ACROSS_BOX
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MONTHLY = "copernicus-glorys-monthly"
 
