@@ -9,11 +9,14 @@ import math
 from collections.abc import Sequence
 from typing import Unpack, cast
 
+import numpy as np
+
 from renew._types import FloatArray
 from renew.departures.around_areas import SailingsAround, plan_around, with_always_shut
 from renew.departures.departure_window import DepartureWindow, Progress
 from renew.departures.latest_departure import latest_departure
 from renew.departures.sailings import DeparturePlanner, Sailings
+from renew.errors import ParameterError
 from renew.inputs.arguments import (
     DistinctBy,
     Method,
@@ -31,6 +34,7 @@ from renew.inputs.arguments import (
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.figures import shown
 from renew.inputs.fuel import Drift
 from renew.inputs.shut_area import ShutArea
 from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
@@ -287,6 +291,8 @@ def plan_departures(
     if unknown:
         raise TypeError(f"plan_departures() has no option {unknown}")
     options = cast("PlanOptions", {**_DEFAULTS, **plan_options})
+    if not isinstance(with_classes, bool | np.bool_):
+        raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
     check_objects(chart, vessel, avoid)
     times, points = as_departures(departures), as_via(via)
     check_options(

@@ -8,6 +8,7 @@ among the k least sums only where i x j <= k, counted from 1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -64,7 +65,10 @@ class ViaEnumerator:
         """The best combinations of channels of the parts; each part begins as the best may."""
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
-            voyage = self.voyage.part(at, self.voyage.departure + combined[0][0])
+            earliest = combined[0][0]
+            # Where no way can be made the clock stops.
+            begin = self.voyage.departure + (earliest if math.isfinite(earliest) else 0.0)
+            voyage = self.voyage.part(at, begin)
             found = [
                 (voyage.duration(channel.found_by.points), channel)
                 for channel in look(at, part.leaving(voyage))

@@ -126,7 +126,9 @@ class Chart:
 
 def _all_polygons(name: str, geometries: object) -> list[Polygon]:
     """Take the polygons out of geometries; refuse what is none."""
-    if not isinstance(geometries, Iterable) or isinstance(geometries, str | bytes):
+    is_text = isinstance(geometries, str | bytes)
+    # An array without axes claims to be iterable, and is not.
+    if is_text or not isinstance(geometries, Iterable) or not np.iterable(geometries):
         raise GeometryError(f"chart: {name} must be polygons in a row, not {shown(geometries)}")
     given = list(geometries)
     for at, geometry in enumerate(given):

@@ -185,7 +185,14 @@ class FunctionCurrent(CurrentField):
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity of the wrapped function."""
         points = np.asarray(points, dtype=float)
-        return checked_velocity(points, self.function(points))
+        try:
+            velocity = self.function(points)
+        except (TypeError, ValueError, LookupError, ArithmeticError) as error:
+            raise ParameterError(
+                f"current: asked for its velocity at points of shape {points.shape}, the function "
+                f"raised {type(error).__name__}: {shown(str(error))}"
+            ) from error
+        return checked_velocity(points, velocity)
 
 
 @dataclass(frozen=True, slots=True)

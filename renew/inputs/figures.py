@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 import reprlib
-import sys
 from typing import TypeGuard
 
 import numpy as np
@@ -29,7 +29,10 @@ def is_number(value: object) -> TypeGuard[float]:
 
 def is_finite(value: object) -> TypeGuard[float]:
     """Whether a value is a number that is finite as a float."""
-    return is_number(value) and bool(abs(value) <= sys.float_info.max)
+    try:
+        return is_number(value) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond the floats
+        return False
 
 
 def as_floats(name: str, value: object) -> FloatArray:

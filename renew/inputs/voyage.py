@@ -134,7 +134,9 @@ class Voyage:
         for at, piece in enumerate(self.cut(path)):
             part = self.part(at, departure)
             yield part, piece
-            departure += part.duration(piece)
+            duration = part.duration(piece)
+            # Where no way can be made the clock stops.
+            departure += duration if math.isfinite(duration) else 0.0
 
     def cut(self, path: FloatArray) -> list[FloatArray]:
         """Pieces (n, 2) of a path between the via points that it passes; each ends in one."""
@@ -270,8 +272,8 @@ class Voyage:
 
     def duration(self, path: FloatArray) -> float:
         """Time under way (s) along a path (n, 2), by the table; inf where no way can be made."""
-        times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
-        return float(times[-1] - self.departure)
+        end = float(arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))[-1])
+        return end - self.departure if math.isfinite(end) else math.inf
 
     def reading_times(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.

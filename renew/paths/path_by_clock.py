@@ -70,6 +70,8 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
         beside, exempt = water.near(near).capsules, corridor.exempt[:, near].copy()
         points = points_beside(path, one.window * length, one.points, beside)
         way = TimedWay(path, voyage, as_it_is=True)
+        if not way.can_be_made:
+            continue
         passed = np.interp(shares(path), *schedule)
         chain = way.cheapest(
             points,

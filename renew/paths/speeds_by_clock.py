@@ -36,9 +36,9 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     way = TimedWay(path, voyage)
     most = np.full(len(path) - 1, voyage.vessel.speed)
     fastest = _flown(path, most, voyage)
-    if not fastest.arrival <= voyage.deadline:
+    if not (math.isfinite(fastest.arrival) and fastest.arrival <= voyage.deadline):
         return fastest._replace(fuel=math.inf)
-    if not voyage.has_choice:
+    if not voyage.has_choice or not way.can_be_made:
         return fastest
     speeds, price = way.least_fuel(way.chain(voyage.deadline).speeds, way.every, voyage.deadline)
     legs = alike_legs(speeds, speeds, way.own_leg)
@@ -86,6 +86,9 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
     From the highest speed all the way to where more time saves no more.
     """
     way, vessel = TimedWay(path, voyage), voyage.vessel
+    if not way.can_be_made:
+        flown = _flown(path, np.full(len(path) - 1, vessel.speed), voyage)
+        return np.array([flown.arrival]), np.array([flown.fuel])
     fastest = np.full(len(way.own_leg), vessel.speed)
     earliest = float(way.sailed(fastest).times[-1])
     if not voyage.has_choice:

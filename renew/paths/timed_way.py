@@ -149,6 +149,11 @@ class TimedWay:
         return Chain(*cheapest_chain(*rows, _TRIES, table, errand))
 
     @property
+    def can_be_made(self) -> bool:
+        """Whether the highest speed brings the vessel to the end, by the table of the current."""
+        return math.isfinite(self.arrivals(self.speeds[1])[-1])
+
+    @property
     def speeds(self) -> tuple[float, float]:
         """Lowest and highest speed (m/s)."""
         return self._voyage.choice.least, self._voyage.vessel.speed

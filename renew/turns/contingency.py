@@ -17,6 +17,7 @@ import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
+from renew.errors import ParameterError
 from renew.inputs.arguments import check_turns
 from renew.inputs.chart import Chart
 from renew.inputs.current import (
@@ -26,6 +27,7 @@ from renew.inputs.current import (
     as_field,
     sample_statistics,
 )
+from renew.inputs.figures import is_finite, shown
 from renew.inputs.fuel import Drift, as_path, ground_speed, reading_times, speeds_by_leg
 from renew.inputs.punctuality import early_and_late
 from renew.inputs.speeds_along import speeds_along
@@ -130,6 +132,8 @@ def contingency(
     check_turns(chart, vessel, length, spacing=spacing, seed=seed, late=lates)
     if departure is None:
         departure = float(getattr(route, "times", np.zeros(1))[0])
+    if not is_finite(departure):
+        raise ParameterError(f"departure = {shown(departure)} s must be finite")
     points, course = stations(path, spacing)
     if speeds is None:
         speeds = getattr(route, "speeds", None)

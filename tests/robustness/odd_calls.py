@@ -132,6 +132,11 @@ def _plan_arguments(rng: Rng) -> dict[str, Any]:
     return given | {str(name): options[str(name)] for name in names}
 
 
+def _without_departure(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Arguments for departures of their own."""
+    return {name: value for name, value in arguments.items() if name != "departure"}
+
+
 def _right_call(rng: Rng) -> Call:
     """A call with arguments that can be right."""
     axis, path = np.linspace(0, 100, 4), np.array([[10.0, 10.0], [40.0, 60.0], [90.0, 90.0]])
@@ -160,7 +165,8 @@ def _right_call(rng: Rng) -> Call:
         ("tightest", renew.tightest, {"route": _route(), "current": _currents(rng),
                                       "vessel": PAPER_VESSEL, "seed": 1}),
         ("plan_departures", renew.plan_departures,
-         _plan_arguments(rng) | {"departures": [0.0, 20.0], "with_classes": False}),
+         _without_departure(_plan_arguments(rng))
+         | {"departures": [0.0, 20.0], "with_classes": False}),
     ]  # fmt: skip
     if rng.random() < 0.5:
         return Call("plan", renew.plan, _plan_arguments(rng))
