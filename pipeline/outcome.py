@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.position import position_text
 from pipeline.model import Evaluation, Fetched, SeasonPlan, ShutStrait
 from pipeline.scenario.model import Scenario
 
-Stage = Literal["fetch", "simplify", "project", "plan", "write"]
-STAGES: tuple[Stage, ...] = ("fetch", "simplify", "project", "plan", "write")
+Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
 """The stages that events report; a season is evaluated in the task that plans it."""
 
 

@@ -89,7 +89,7 @@ def worker_state(folder: str) -> dict[str, str]:
 
     return {
         "Python": platform.python_version(),
-        "code": code_hash("plan")[:12],
+        "code": code_hash()[:12],
         **{name: version(name) for name in _SAME_ON_WORKERS},
         f"the folder {folder}": "found" if Path(folder).is_dir() else "missing",
     }

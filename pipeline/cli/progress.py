@@ -16,7 +16,9 @@ _DESCRIPTIONS = {
     "fetch": "Fetching land and currents",
     "simplify": "Simplifying the coast",
     "project": "Projecting",
+    "choose": "Choosing",
     "plan": "Planning and verifying",
+    "compare": "Comparing the ways round",
     "write": "Writing",
 }
 

@@ -1,1 +1,1 @@
-"""The six stages, one file each: fetch, simplify, project, plan, evaluate, write."""
+"""The seven stages, one file each: fetch, simplify, project, choose, plan, compare, write."""

@@ -24,7 +24,7 @@ from pipeline.sources.registry import current_source, land_source
 from pipeline.stages import planar
 from pipeline.stages.avoided_areas import avoided_zones
 from pipeline.stages.overpowering_current import overpowering_notes
-from pipeline.storage.store import DOWNLOADS, Store, artefact_key
+from pipeline.storage.store import DOWNLOADS, Made, Store, artefact_key
 
 # Longest voyage in changing currents where no limit is given: times as long as straight through
 # still water, and a day, as a tide may turn against a short one.
@@ -40,19 +40,47 @@ class FetchedParts:
     current_keys: Mapping[str, str]
     failures: Mapping[str, str]
 
+    @property
+    def land(self) -> Made[Land]:
+        """The land with its key."""
+        return Made(self.land_key, self.fetched.land)
 
-def fetch(scenario: Scenario, store: Store, *, offline: bool = False) -> FetchedParts:
-    """Fetch land and every season's current.
+
+def fetch(
+    scenario: Scenario, store: Store, *, offline: bool = False, strict: bool = False
+) -> FetchedParts:
+    """Fetch land and every season's current; `strict` takes no other than each one's first choice.
 
     Raises
     ------
     RequestError
         No season has a source that is available and covers the region.
     StageError
-        Sources were asked, and none returned data.
+        Sources were asked, and none returned data; or one that is no first choice, where strict.
     """
+    parts = _plane_parts(scenario) if scenario.region is None else _parts(scenario, store, offline)
+    if strict:
+        _refuse_stand_ins(parts)
+    return parts
+
+
+def _refuse_stand_ins(parts: FetchedParts) -> None:
+    """Refuse to plan on other currents than those that the scenario asks for first."""
+    faults = [
+        f"{season_text(grid.season)} would be {grid.stand_in_notes[0]}, which is not its first "
+        "choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
+        for grid in parts.fetched.currents
+        if grid.is_stand_in
+    ]
+    faults += [f"{season_text(name)}: {why}" for name, why in parts.failures.items()]
+    if faults:
+        raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
+
+
+def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # noqa: FBT001
+    """Fetch the parts of a scenario with a chart."""
     if scenario.region is None:
-        return _plane_parts(scenario)
+        raise ValueError("the region is chosen before")
     land = land_source(scenario.chart, scenario.vessel.draught_m)
     fetcher = Fetcher(scenario.region, land, store, offline)
     seasons = [with_max_hours(season, scenario) for season in scenario.seasons]

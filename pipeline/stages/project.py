@@ -7,6 +7,7 @@ are filled from the water around them, as a value on land says nothing about the
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 import shapely
@@ -21,9 +22,11 @@ from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
-from pipeline.stages.avoided_areas import known_clocks, shut_areas
+from pipeline.stages.avoided_areas import area_identities, known_clocks, shut_areas
 from pipeline.stages.endpoints import check_endpoints
+from pipeline.stages.simplify import SimplifiedLand
 from pipeline.stages.speed_choices import speed_choices
+from pipeline.storage.store import Made, Store
 
 # Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
 # curved in the plane. An edge is halved until it sags less, at most _MAX_HALVINGS times, and no
@@ -35,6 +38,41 @@ _NODES_PER_CELL = 2
 # Maximum ratio of a cell's height to its width that counts for the spacing of nodes: near a pole
 # cells become too narrow to follow.
 _MAX_ASPECT = 4
+
+
+def projected(
+    scenario: Scenario,
+    fetched: Fetched,
+    current_keys: Mapping[str, str],
+    land: Made[SimplifiedLand],
+    store: Store,
+) -> Made[Scene]:
+    """Build the planner's input, or find it in the store; keys of the currents are by season.
+
+    Raises
+    ------
+    RequestError
+        As `project`; or the no-go zone leaves no water.
+    """
+
+    def make() -> Scene:
+        try:
+            return project(scenario, fetched, land.value.simplified)
+        except renew.PlanningError as error:
+            raise RequestError([str(error)]) from error
+
+    inputs = land.key, dict(current_keys), scene_inputs(scenario), speed_choices(scenario)
+    return store.made("project", Scene, inputs, make)
+
+
+def scene_inputs(scenario: Scenario) -> dict[str, object]:
+    """Return the parts of the scenario, other than chart and currents, that a scene uses."""
+    names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
+    inputs = scenario.model_dump(mode="json", include=names)
+    if not scenario.avoid:
+        return inputs
+    clocks = {season.name: season.first_departure for season in scenario.seasons}
+    return {**inputs, "avoid": area_identities(scenario), "clocks": clocks}
 
 
 def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Scene:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, pairwise
 
 import numpy as np
 import shapely
@@ -28,7 +29,11 @@ from pipeline.geo.coast.covering_land import covering_land, inner_land
 from pipeline.geo.coast.open_water import OpenWater, opened
 from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
-from pipeline.model import Simplified
+from pipeline.model import Land, Simplified
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.strict import Point
+from pipeline.stages import planar
+from pipeline.storage.store import Made, Store
 
 # Maximum length of an edge when it is projected, m: what is straight in degrees is curved in the
 # plane, by 1.3 m for 5 km at 70 degrees of latitude.
@@ -53,6 +58,32 @@ class SimplifiedLand:
 
     simplified: Simplified
     notes: tuple[str, ...]
+
+
+def simplify(
+    scenario: Scenario, land: Made[Land], store: Store, ends: Sequence[Point] = ()
+) -> Made[SimplifiedLand]:
+    """Simplify the land of a scenario's chart; `ends` are kept in water beside its own stops."""
+    region, chart = scenario.region, scenario.chart
+    names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
+    figures = scenario.model_dump(mode="json", include=names)
+    inputs = land.key, figures, scenario.fastest_vessel.model_dump(), list(ends)
+
+    def make() -> SimplifiedLand:
+        if region is None:
+            return SimplifiedLand(planar.unsimplified(land.value), ())
+        return simplify_land(
+            land.value.polygons,
+            region.shape,
+            margin_m=chart.margin_m,
+            accuracy_m=land.value.accuracy_m,
+            tolerance_m=chart.tolerance_m,
+            turning_radius_m=scenario.fastest_vessel.vessel().turning_radius * scenario.scale,
+            endpoints=(*chain(*pairwise(scenario.stops.values())), *ends),
+            projection=Projection.for_region(region.shape, 1.0, region.crs),
+        )
+
+    return store.made("simplify", SimplifiedLand, inputs, make)
 
 
 def simplify_land(

@@ -15,10 +15,11 @@ import os
 import pickle
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from pipeline.errors import StageError
 from pipeline.storage.code_identity import code_hash
@@ -44,6 +45,14 @@ _DIGEST_SIZE = hashlib.sha256().digest_size
 SUFFIX = ".artefact"
 DOWNLOADS = "downloads"
 """Folder of the store in which sources cache their downloads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made(Generic[ValueT]):
+    """An artefact, and its key, which stands for it in the keys of what is made from it."""
+
+    key: str
+    value: ValueT
 
 
 class Store:
@@ -80,6 +89,13 @@ class Store:
             self.save(stage, key, found)
         return found
 
+    def made(
+        self, stage: str, kind: type[ValueT], inputs: object, make: Callable[[], ValueT]
+    ) -> Made[ValueT]:
+        """Load the artefact that a stage makes of its inputs, or make and save it."""
+        key = artefact_key(stage, inputs)
+        return Made(key, self.load_or_make(stage, key, kind, make))
+
     def folder(self, name: str) -> Path:
         """Return a folder of the store, created if needed, for files that a source caches."""
         path = self.root / name
@@ -101,7 +117,7 @@ def artefact_key(stage: str, *inputs: object) -> str:
     """Return an artefact's key: a token of stage, code, libraries and inputs."""
     from dask.base import tokenize
 
-    token = tokenize(stage, code_hash(stage), library_versions(), inputs, ensure_deterministic=True)
+    token = tokenize(stage, code_hash(), library_versions(), inputs, ensure_deterministic=True)
     return str(token)
 
 

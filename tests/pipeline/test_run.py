@@ -98,7 +98,7 @@ def test_every_stage_is_reported(first: Path) -> None:
     events: list[Event] = []
     run(single_gyre(classes=4), first, on_event=events.append)
     begun = [event.stage for event in events if event.status == "begun"]
-    assert begun == ["fetch", "simplify", "project", "plan", "write"]
+    assert begun == ["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
     assert [event.stage for event in events if event.status == "done" and not event.season] == begun
 
 

@@ -126,7 +126,7 @@ def provenance(result: RunResult) -> dict[str, object]:
         ],
         "notes": list(result.fetched.notes),
         "command": shlex.join([Path(sys.argv[0]).name, *map(_named, sys.argv[1:])]),
-        "code": {"commit": code_commit(), "plan_sha256": code_hash("plan")},
+        "code": {"commit": code_commit(), "plan_sha256": code_hash()},
         "platform": {
             "system": platform.system(),
             "release": platform.release(),

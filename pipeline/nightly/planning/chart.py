@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pipeline._types import FloatArray
-from pipeline.choices.offing import Offing
-from pipeline.choices.region import chosen_region
 from pipeline.errors import StageError
-from pipeline.geo.projection import Projection
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.nightly.planning.small_map import SmallMap
 from pipeline.scenario.model import Scenario
@@ -20,10 +17,12 @@ from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.registry import land_source
 from pipeline.stages import planar
+from pipeline.stages.choosing.offing import Offing
+from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
-from pipeline.stages.simplify import SimplifiedLand, simplify_land
-from pipeline.storage.store import Store, artefact_key, load_artefact, save_artefact
+from pipeline.stages.simplify import simplify
+from pipeline.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 
 STAGE = "night-chart"
 _Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
@@ -151,26 +150,8 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
         region = chosen_region(scenario, store, offline=False)
         scenario = region.complete(scenario)
     fetcher = _fetcher(scenario, store)
-    land, region_spec, chart = fetcher.land, fetcher.region, scenario.chart
-    endpoints = (scenario.start, scenario.goal, *ends)
-    key = artefact_key(
-        "simplify", fetcher.land_key, scenario.model_dump(mode="json"), list(endpoints)
-    )
-    simplified = store.load_or_make(
-        "simplify",
-        key,
-        SimplifiedLand,
-        lambda: simplify_land(
-            land.polygons,
-            region_spec.shape,
-            margin_m=chart.margin_m,
-            accuracy_m=land.accuracy_m,
-            tolerance_m=chart.tolerance_m,
-            turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
-            endpoints=endpoints,
-            projection=Projection.for_region(region_spec.shape, 1.0, region_spec.crs),
-        ),
-    )
+    land = fetcher.land
+    simplified = simplify(scenario, Made(fetcher.land_key, land), store, ends).value
     scene = project(scenario, Fetched(land, ()), simplified.simplified)
     notes = (*land.notes, *simplified.notes)
     return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, notes, SmallMap.of(scene))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
 from pipeline.stages.workers.connection import within
-from pipeline.storage.code_identity import code_hash
 from pipeline.storage.store import artefact_key
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ _OTHER_VERSION = "another version of RENEW or of its libraries; install the same
 
 def own_identity() -> str:
     """Return a hash of all code and libraries that plans depend on."""
-    return artefact_key("evaluate", code_hash("plan"))
+    return artefact_key("evaluate")
 
 
 def refuse_other_version(identity: str) -> None:

@@ -131,12 +131,12 @@ def test_a_route_over_land_is_detected(
     scene, island, plan = planned
     assert plan.plan is not None
     middle = scene.projection.to_plane((118.9, 10.0))
-    straight = {
-        "path": np.array([scene.start, middle, scene.goal]),
-        "speeds": np.full(2, scene.vessel.speed),
-        "times": np.array([0.0, 1.0, 2.0]),
-    }
-    route = replace(plan.plan.best, **straight)
+    route = replace(
+        plan.plan.best,
+        path=np.array([scene.start, middle, scene.goal]),
+        speeds=np.full(2, scene.vessel.speed),
+        times=np.array([0.0, 1.0, 2.0]),
+    )
     over = SeasonPlan("still", replace(plan.plan, routes=(route,)), "", 1.0)
     row = evaluate_season(scene, over, SCALE, seed=0).routes[0]
     # The crossing in lon/lat, where the legs are almost straight too.

@@ -9,8 +9,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.choices.region_choice import Voyage, choose_region, rounded_outward, widened_by
 from pipeline.sources.quality.field import LandMask
+from pipeline.stages.choosing.region_choice import (
+    Voyage,
+    choose_region,
+    rounded_outward,
+    widened_by,
+)
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)
 GEOD = pyproj.Geod(ellps="WGS84")

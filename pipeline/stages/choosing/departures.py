@@ -10,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from functools import partial
 
 import numpy as np
 
@@ -25,20 +26,19 @@ from pipeline.stages.avoided_areas import later
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.speed_choices import speed_choices
-from pipeline.storage.store import Store, artefact_key
+from pipeline.storage.store import Made, Store, artefact_key
 
 # Number of plans between two notes on how far the choice is.
 _TOLD_EVERY = 5
 
 
 @dataclass(frozen=True)
-class Departed:
-    """A run whose seasons have their departures: what later stages take, and what was chosen."""
+class Chosen:
+    """A scenario that leaves nothing out, its data and scene; what was chosen, and notes on it."""
 
     scenario: Scenario
     parts: FetchedParts
-    scene_key: str
-    scene: Scene
+    scene: Made[Scene]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -46,24 +46,23 @@ class Departed:
 def choose_departures(
     scenario: Scenario,
     parts: FetchedParts,
-    scene_key: str,
-    scene: Scene,
+    scene: Made[Scene],
     store: Store,
     say: Callable[[str], None],
-) -> Departed:
-    """Choose the departure of every season that leaves it open.
+) -> Chosen:
+    """Choose the departure of every season that leaves it open; the new scene is stored, too.
 
     Raises
     ------
     RequestError
         No season is left: an arrival can't be made.
     """
-    departed = Departed(scenario, parts, scene_key, scene)
+    departed = Chosen(scenario, parts, scene)
     for season in scenario.seasons:
         if not season.leaves_departure_open or season.name not in parts.current_keys:
             continue
         key = artefact_key(
-            "departures", scene_key, scenario.planner.model_dump(mode="json"), season.model_dump()
+            "departures", scene.key, scenario.planner.model_dump(mode="json"), season.model_dump()
         )
         choice = store.load("departures", key, DepartureChoice)
 
@@ -72,17 +71,20 @@ def choose_departures(
 
         try:
             if choice is None:
-                choice = _in_thread(lambda: _choice(scene, season, scenario.planner, say_of_it))  # noqa: B023 - called at once
+                given = scene.value, season, scenario.planner, say_of_it
+                choice = _in_thread(partial(_choice, *given))
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
             moments = moments_of(season.first_departure)
-            reason = " ".join(error.located(scene.place_text, moments).split())
+            reason = " ".join(error.located(scene.value.place_text, moments).split())
             departed = _without(departed, season.name, reason)
     if scenario.seasons and not departed.parts.current_keys:
         raise RequestError(
             [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
         )
+    if departed.scene.key != scene.key:  # where tasks find it
+        store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
     return departed
 
 
@@ -164,9 +166,9 @@ def _choice(
     )
 
 
-def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
+def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     """Let a season depart when it was chosen to."""
-    name, parts, scene = choice.season, departed.parts, departed.scene
+    name, parts, scene = choice.season, departed.parts, departed.scene.value
     # Times are written to the second, and so it is planned.
     shift = float(round(choice.chosen_s))
     chosen = choice.first + timedelta(seconds=shift)
@@ -187,13 +189,15 @@ def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
             fetched=replace(parts.fetched, currents=grids),
             current_keys={**parts.current_keys, name: key},
         ),
-        scene_key=artefact_key("departures", departed.scene_key, name, chosen),
-        scene=replace(
-            scene,
-            currents={**scene.currents, name: current},
-            areas={**scene.areas, name: later(scene.areas.get(name, ()), shift)},
-            departures={**scene.departures, name: chosen},
-            speeds=speed_choices(scenario),
+        scene=Made(
+            artefact_key("departures", departed.scene.key, name, chosen),
+            replace(
+                scene,
+                currents={**scene.currents, name: current},
+                areas={**scene.areas, name: later(scene.areas.get(name, ()), shift)},
+                departures={**scene.departures, name: chosen},
+                speeds=speed_choices(scenario),
+            ),
         ),
         choices=(*departed.choices, choice),
         notes=(
@@ -203,7 +207,7 @@ def _with_departure(departed: Departed, choice: DepartureChoice) -> Departed:
     )
 
 
-def _without(departed: Departed, season: str, reason: str) -> Departed:
+def _without(departed: Chosen, season: str, reason: str) -> Chosen:
     """Leave out a season that has no departure, with the reason."""
     parts = departed.parts
     keys = {name: key for name, key in parts.current_keys.items() if name != season}

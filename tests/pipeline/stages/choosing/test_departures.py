@@ -17,11 +17,11 @@ from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import exact_moment_text
 from pipeline.model import DepartureChoice
 from pipeline.scenario.season import Season
-from pipeline.stages.choose_departures import Departed, choose_departures
+from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.plan import plan_season
 from pipeline.stages.speed_choices import speed_choices
-from pipeline.storage.store import Store
+from pipeline.storage.store import Made, Store
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5
@@ -33,7 +33,7 @@ def result() -> Any:  # noqa: ANN401 - a RunResult
     return run(tide(14), ())
 
 
-def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Departed:  # noqa: ANN401
+def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Chosen:  # noqa: ANN401
     data = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
     season = Season.model_validate({k: v for k, v in data.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
@@ -41,7 +41,7 @@ def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Depa
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(scenario, parts, "scene", scene, store, told.append)
+    return choose_departures(scenario, parts, Made("scene", scene), store, told.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
@@ -57,27 +57,27 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     (season,) = departed.scenario.seasons
     assert season.departure == choice.chosen
     assert season.departures is None
-    assert departed.scene.departures["tide"] == choice.chosen
+    assert departed.scene.value.departures["tide"] == choice.chosen
     # Single plans at the clock of the whole tide and at the season's own agree.
     options = departed.scenario.planner
-    plan = plan_season(departed.scene, "tide", options).plan
+    plan = plan_season(departed.scene.value, "tide", options).plan
     assert plan is not None
     assert plan.best.times[0] == 0.0
     assert plan.best.duration == pytest.approx(choice.least_s, rel=2e-3)
     before = result.scene.currents["tide"].velocity(result.scene.start, choice.chosen_s)
-    now = departed.scene.currents["tide"].velocity(result.scene.start, 0.0)
+    now = departed.scene.value.currents["tide"].velocity(result.scene.start, 0.0)
     assert now == pytest.approx(before, abs=1e-4)
     (grid,) = departed.parts.fetched.currents
     (asked,) = result.fetched.currents
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
     assert departed.parts.current_keys["tide"] != "current"
-    assert departed.scene_key != "scene"
+    assert departed.scene.key != "scene"
     assert "5 departures are planned" in told[0]
     # It is stored: nothing is told a second time.
     again: list[str] = []
     same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")
     assert again == []
-    assert same.scene_key == departed.scene_key
+    assert same.scene.key == departed.scene.key
 
 
 def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
@@ -119,8 +119,8 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
     assert len(choice.departures_s) == 3
     (season,) = departed.scenario.seasons
     assert (season.departure, season.arrive_by) == (choice.chosen, by)
-    assert departed.scene.speeds["tide"].within_s == (by - choice.chosen).total_seconds()
-    plan = plan_season(departed.scene, "tide", departed.scenario.planner).plan
+    assert departed.scene.value.speeds["tide"].within_s == (by - choice.chosen).total_seconds()
+    plan = plan_season(departed.scene.value, "tide", departed.scenario.planner).plan
     assert plan is not None
     assert plan.best.fuel == pytest.approx(choice.fuels.min(), rel=2e-3)
     assert plan.best.times[-1] <= (by - choice.chosen).total_seconds()
@@ -135,8 +135,8 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
 def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     departed = _chosen(result, tmp_path, [])
     assert departed.choices == ()
-    assert departed.scene is result.scene
-    assert departed.scene_key == "scene"
+    assert departed.scene.value is result.scene
+    assert departed.scene.key == "scene"
 
 
 CHOICE = DepartureChoice(

@@ -2,7 +2,7 @@
 
 The ways are shortest ones on a coarse grid: the best, and for each larger island that the direct
 line meets the best on either side. Currents are not known yet; where the best route comes near the
-region's edge, :mod:`pipeline.choices.region_growth` widens it.
+region's edge, :mod:`pipeline.stages.choosing.region_growth` widens it.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline._types import FloatArray, IndexArray
-from pipeline.choices.water_grid import WaterGrid, Way
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
+from pipeline.stages.choosing.water_grid import WaterGrid, Way
 
 LonLat = tuple[float, float]
 

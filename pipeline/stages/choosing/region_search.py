@@ -6,19 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from pipeline._types import FloatArray
-from pipeline.choices.region import (
+from pipeline.errors import NoWayError, PipelineError
+from pipeline.formats.shared.result import RunResult
+from pipeline.scenario.model import Scenario
+from pipeline.stages.choosing.region import (
     ChosenRegion,
     chosen_region,
     edge_notes,
     opened_region,
     wider_region,
 )
-from pipeline.errors import NoWayError, PipelineError
-from pipeline.formats.shared.result import RunResult
-from pipeline.scenario.model import Scenario
-from pipeline.storage.store import Store
+from pipeline.storage.store import Made, Store
 
-Staged = tuple[RunResult, list[str]]
+RunInRegion = Callable[[Scenario, tuple[str, ...]], Made[RunResult]]
 
 # Number of times that a chosen region is widened: each is a plan of its own.
 _MAX_WIDENINGS = 3
@@ -27,10 +27,10 @@ _MAX_WIDENINGS = 3
 def search_region(
     asked: Scenario,
     store: Store,
-    run_in_region: Callable[[Scenario, tuple[str, ...]], Staged],
+    run_in_region: RunInRegion,
     *,
     offline: bool,
-) -> Staged:
+) -> Made[RunResult]:
     """Return what a run gives in a region that its best routes keep off the edge of.
 
     Parameters
@@ -46,28 +46,29 @@ def search_region(
         What the first region's run raises, unless no way joins start and goal in it; then what the
         widest one's run raises. Of a wider region than one with a way, a failure does not matter.
     """
-    region, (result, evaluated) = _first_with_a_way(
+    region, made = _first_with_a_way(
         chosen_region(asked, store, offline=offline), asked, run_in_region
     )
     for _ in range(_MAX_WIDENINGS):
-        wider = wider_region(region, _best_paths(result))
+        wider = wider_region(region, _best_paths(made.value))
         if wider is None:
             break
         try:
-            result, evaluated = run_in_region(wider.complete(asked), wider.notes)
+            made = run_in_region(wider.complete(asked), wider.notes)
         except PipelineError:
             break
         region = wider
-    limits = edge_notes(region, _best_paths(result))
+    limits = edge_notes(region, _best_paths(made.value))
+    result = made.value
     fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
-    return replace(result, fetched=fetched, choices=(*result.choices, *limits)), evaluated
+    return replace(made, value=replace(result, fetched=fetched, choices=(*result.choices, *limits)))
 
 
 def _first_with_a_way(
     region: ChosenRegion,
     asked: Scenario,
-    run_in_region: Callable[[Scenario, tuple[str, ...]], Staged],
-) -> tuple[ChosenRegion, Staged]:
+    run_in_region: RunInRegion,
+) -> tuple[ChosenRegion, Made[RunResult]]:
     """Open a region up until a way joins start and goal in it; return it, and what its run gave."""
     for _ in range(_MAX_WIDENINGS):
         try:

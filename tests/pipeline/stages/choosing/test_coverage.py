@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.choices.coverage import Coverage, covered_by_currents
-from pipeline.choices.region_choice import Voyage
 from pipeline.errors import RequestError
 from pipeline.scenario.season import Season
+from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
+from pipeline.stages.choosing.region_choice import Voyage
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 PALAWAN = Voyage.between((120.30, 12.80), (116.80, 7.70))

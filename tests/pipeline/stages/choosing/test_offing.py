@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import renew
-from pipeline.choices.offing import passable_offing, wanted_offing_m
 from pipeline.scenario import catalogue
 from pipeline.scenario.vessel import VesselSpec
+from pipeline.stages.choosing.offing import passable_offing, wanted_offing_m
 
 FAR_M, MILE_M = 1e6, 1852.0
 START, GOAL = np.array([100.0, 1000.0]), np.array([1900.0, 1000.0])

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import shapely
 
-from pipeline.choices.region_choice import Voyage
 from pipeline.errors import RequestError
 from pipeline.loading import least_region
 from pipeline.scenario.season import Season
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.registry import current_source
+from pipeline.stages.choosing.region_choice import Voyage
 
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0

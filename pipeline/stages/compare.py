@@ -1,0 +1,80 @@
+"""Sixth stage: what the routes of all seasons show together, in names, figures and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.safety_notes import safety_notes
+from pipeline.formats.shared.trade_offs import speed_notes
+from pipeline.stages.avoided_areas import shut_notes
+from pipeline.stages.choosing.departures import Chosen
+from pipeline.stages.overpowering_current import waiting_notes
+from pipeline.stages.plan_seasons import Planned
+from pipeline.stages.second_shoreline import crossing_notes
+from pipeline.stages.shut_straits import shut_straits
+from pipeline.stages.side_bounds import side_bounds
+from pipeline.stages.simplify import SimplifiedLand
+from pipeline.stages.unresolved_straits import unresolved_strait_notes
+from pipeline.stages.way_names import with_way_names
+from pipeline.storage.store import Made, Store, artefact_key
+
+
+def compare(
+    chosen: Chosen,
+    land: Made[SimplifiedLand],
+    planned: Made[Planned],
+    store: Store,
+    say: Callable[[str], None],
+) -> Made[RunResult]:
+    """Name each route's way, bound the other sides, and find the straits that are shut.
+
+    The result's notes are those on what was chosen, on the data, on the land, and on the routes.
+    """
+    options, scene = chosen.scenario.planner, chosen.scene.value
+    plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
+    named = with_way_names(planned.value.evaluation, scene, plans, chosen.parts.fetched.land.places)
+    sides = store.made(
+        "sides", tuple, (*inputs, options.drift), lambda: side_bounds(scene, plans, named, options)
+    ).value
+    straits = store.made(
+        "straits",
+        tuple,
+        inputs,
+        lambda: shut_straits(scene, land.value.simplified, plans, options),
+    ).value
+    result = RunResult(
+        chosen.scenario,
+        chosen.parts.fetched,
+        land.value.simplified,
+        scene,
+        plans,
+        replace(named, side_bounds=sides),
+        {},
+        datetime.now(UTC),
+        chosen.notes,
+        straits,
+        chosen.choices,
+    )
+    result = replace(result, choices=(*chosen.notes, *speed_notes(result)))
+    notes = _notes(result)
+    for note in notes:
+        say(note)
+    before = (*chosen.notes, *chosen.parts.fetched.notes, *land.value.notes)
+    fetched = replace(chosen.parts.fetched, notes=(*before, *notes))
+    return Made(artefact_key("compare", *inputs), replace(result, fetched=fetched))
+
+
+def _notes(result: RunResult) -> tuple[str, ...]:
+    """What a reader should know about the routes."""
+    return (
+        *speed_notes(result),
+        *safety_notes(result),
+        *shut_notes(result.scene, result.plans),
+        *waiting_notes(result.scene, result.plans),
+        *crossing_notes(result.evaluation.shore_crossings),
+        *unresolved_strait_notes(result),
+        *result.unknowns,
+    )
