@@ -8,9 +8,10 @@ from html import escape
 from pathlib import Path
 from typing import Literal, get_args
 
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.position import position_text
-from pipeline.model import Evaluation, Fetched, SeasonPlan, ShutStrait
+from pipeline.model import Evaluation, Fetched, SeasonPlan
 from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
@@ -39,21 +40,37 @@ def ignore(event: Event) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a run; `fresh` is False where the results existed already.
+    """The outcome of a run; `fresh` is False where the results existed already."""
 
-    The scenario is complete: `choices` say what was chosen where it left something out. `straits`
-    are those that are shut, the widest first.
-    """
-
-    scenario: Scenario
+    result: RunResult
     directory: Path
-    plans: tuple[SeasonPlan, ...]
-    evaluation: Evaluation
-    fetched: Fetched
     fresh: bool
     seconds: float
-    choices: tuple[str, ...] = ()
-    straits: tuple[ShutStrait, ...] = ()
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario as it was run: nothing is left out."""
+        return self.result.scenario
+
+    @property
+    def plans(self) -> tuple[SeasonPlan, ...]:
+        """The plans of all seasons, those that failed among them."""
+        return self.result.plans
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """What was measured of the routes."""
+        return self.result.evaluation
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """What was chosen where the scenario left something out."""
+        return self.result.choices
+
+    @property
+    def fetched(self) -> Fetched:
+        """Land and currents, with all notes."""
+        return self.result.fetched
 
     @property
     def failures(self) -> tuple[str, ...]:

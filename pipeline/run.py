@@ -71,17 +71,7 @@ def run(
         result = stages.result(scenario)
         fresh = stages.write(result, held.directory)
         held.record_origin()
-        return Outcome(
-            result.value.scenario,
-            held.directory,
-            result.value.plans,
-            result.value.evaluation,
-            result.value.fetched,
-            fresh,
-            time.perf_counter() - started,
-            result.value.choices,
-            result.value.straits,
-        )
+        return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
 
 
 @contextlib.contextmanager

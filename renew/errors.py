@@ -6,7 +6,7 @@ A message names the value, the limit it broke and what to change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -70,18 +70,26 @@ class Text:
     @property
     def places(self) -> tuple[FloatArray, ...]:
         """The places that it names, (2,) m each, in the order of its values."""
-        found: list[FloatArray] = []
-        for value in self.values:
-            if isinstance(value, Text):
-                found += value.places
-            elif not isinstance(value, Moment):
-                found.append(value)
-        return tuple(found)
+        return tuple(value for value in _values_in(self) if not isinstance(value, Moment))
+
+    @property
+    def moments(self) -> tuple[Moment, ...]:
+        """The moments that it names, in the order of its values."""
+        return tuple(value for value in _values_in(self) if isinstance(value, Moment))
 
     @classmethod
     def joined(cls, separator: str, texts: Sequence[Text]) -> Text:
         """Return texts one after the other."""
         return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
+
+
+def _values_in(text: Text) -> Iterator[FloatArray | Moment]:
+    """Places and moments of a text, and of the texts inside it."""
+    for value in text.values:
+        if isinstance(value, Text):
+            yield from _values_in(value)
+        else:
+            yield value
 
 
 def from_until(begin: float, end: float, *, on: str = "") -> Text:

@@ -6,7 +6,8 @@ import json
 import math
 from datetime import datetime
 
-from pipeline.formats.shared.unknowns import unknowns
+from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.rejections import rejections
 from pipeline.model import ClockWorth, RouteMetrics
 from pipeline.outcome import Outcome
 from pipeline.stages.write import season_stem
@@ -32,8 +33,13 @@ def outcome_json(outcome: Outcome) -> str:
             )
             for row in outcome.evaluation.routes
         ],
+        "rejected": [
+            {"season": plan.season, **json_value(one)}
+            for plan in outcome.plans
+            for one in rejections(outcome.result, plan.season)
+        ],
         "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
-        "unknown": list(unknowns(outcome)),
+        "unknown": list(outcome.result.unknowns),
         "notes": list(outcome.fetched.notes),
         "failures": list(outcome.failures),
     }

@@ -65,7 +65,7 @@ def season_table(outcome: Outcome) -> str:
     lines = [*_unused_currents(outcome)]
     lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
-    found = unknowns(outcome)
+    found = unknowns(outcome.result)
     lines += ["Not known:", *(f"- {text}" for text in found), ""] * bool(found)
     lines += [
         "  ".join(

@@ -59,7 +59,7 @@ class Pace(TypedDict, total=False):
 class SpeedChoice:
     """Speeds through water, m/s, among which a season's vessel chooses from leg to leg.
 
-    She has `within_s` true seconds from her departure to the goal.
+    The vessel has `within_s` true seconds from its departure to the goal.
     """
 
     least: float
@@ -97,7 +97,7 @@ class Scene:
     speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
 
     def vessel_in(self, season: str) -> renew.Vessel:
-        """The vessel at the highest speed that she has in a season."""
+        """The vessel at the highest speed that it has in a season."""
         choice = self.speeds.get(season)
         return self.vessel if choice is None else replace(self.vessel, speed=choice.most)
 

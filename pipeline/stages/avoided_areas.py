@@ -80,7 +80,7 @@ def shut_areas(
 
 
 def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea, ...]:
-    """The same areas on a clock that begins some seconds later."""
+    """Put areas on a clock that begins some seconds later."""
     return tuple(
         renew.ShutArea(area.polygon, area.begin - shift, area.end - shift, area.name)
         for area in areas

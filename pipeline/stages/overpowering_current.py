@@ -1,7 +1,7 @@
 """Report the water whose current is as fast as the vessel, always or for some hours.
 
 Of the whole region by its source's grid; and on the ways of a plan's classes, with the hours at
-which she may be there.
+which the vessel may be there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def overpowering_notes(
     """Note the share of a region's water with an overpowering current, and its maximum.
 
     The region is in lon/lat degrees, the vessel's speed through water in m/s. A current that
-    changes may overpower her for some hours only, which are given; its clock begins at the first
+    changes may overpower it for some hours only, which are given; its clock begins at the first
     departure. Empty where the current is slower than the vessel everywhere.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)

@@ -69,7 +69,7 @@ class _StraitFinder:
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
-        """The same, searchable."""
+        """A spatial index of the hard no-go zone."""
         return shapely.STRtree(self._no_go)
 
     @property

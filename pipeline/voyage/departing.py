@@ -24,7 +24,7 @@ _MINUTE = timedelta(minutes=1)
 class Departing:
     """Departure, the last one that will do, and the arrival that has to be made; UTC, or None.
 
-    With speeds to choose from, m/s, she is there by the arrival, whenever she leaves.
+    With speeds to choose from, m/s, the vessel arrives by then whenever it leaves.
     """
 
     begin: datetime

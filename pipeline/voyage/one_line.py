@@ -57,7 +57,7 @@ def go(
         departure is as late as will do, and not before `depart`.
     speeds_m_s
         Lowest and highest speed through water among which the vessel chooses from leg to leg, in
-        place of her own: she leaves at `depart`, and is there by `arrive_by` with least fuel. In
+        place of its own: it leaves at `depart`, and is there by `arrive_by` with least fuel. In
         the currents of `months`, if they are given, or in such as change.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)

@@ -53,9 +53,9 @@ class VoyageRequest:
     name : name of the scenario, and of its folder of results.
     depart : departure with its zone, from which on the currents change; in place of months.
     until : the last departure that will do: the best one up to it is chosen.
-    arrive_by : when the vessel has to be there: she departs as late as will do, but with a choice
+    arrive_by : when the vessel has to be there: it departs as late as will do, but with a choice
         of speeds at once.
-    speeds : lowest and highest speed through water, "4kn..9kn", among which she chooses; the
+    speeds : lowest and highest speed through water, "4kn..9kn", among which it chooses; the
         currents are those of the months, if they are given, or change.
     via : positions that the route passes in this order.
     avoid : vector files of areas that no route may enter.
@@ -144,7 +144,7 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
         return request.vessel
     figures = request.figures or VesselFigures()
     if request.speeds and not request.vessel:
-        # Her turning circle is that at the highest speed.
+        # The turning circle is that at the highest speed.
         figures = replace(figures, speed=request.speeds.partition(RANGE)[2])
     return vessel_spec(request.vessel, figures)
 

@@ -206,7 +206,7 @@ def _at_one_speed(
     departure: float,
     deadline: float,
 ) -> float:
-    """Fuel at the lowest speed, of those that are the same all the way, by which she is in time."""
+    """Fuel at the lowest constant speed that brings the vessel there in time."""
     chart, current, vessel, start, goal = waters
     low, high, fuel = *_CHANGING_SPEEDS, math.inf
     for _ in range(12):

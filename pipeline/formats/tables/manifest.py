@@ -20,6 +20,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import MAX_STRAITS
 from pipeline.storage.code_identity import code_commit, code_hash
@@ -79,6 +80,7 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
                 "failure": entry.failure,
                 "classes": len(entry.plan.routes) if entry.plan else 0,
                 "rejected": len(entry.plan.rejected) if entry.plan else 0,
+                "rejections": json_value(rejections(result, entry.season)),
                 "seconds": round(entry.seconds, 3),
                 **_gap_shares(result, entry.season),
             }

@@ -58,15 +58,7 @@ def said(texts: list[str]) -> list[str]:
 
 
 def terminal(result: RunResult, folder: Path) -> str:
-    outcome = Outcome(
-        scenario=result.scenario,
-        directory=folder,
-        plans=result.plans,
-        evaluation=result.evaluation,
-        fetched=result.fetched,
-        fresh=True,
-        seconds=1.0,
-    )
+    outcome = Outcome(result, folder, fresh=True, seconds=1.0)
     return season_table(outcome) + outcome._repr_html_()
 
 

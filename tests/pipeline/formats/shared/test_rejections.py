@@ -1,0 +1,58 @@
+"""A rejected class is told to programs by values that agree with its sentence."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+import renew
+from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.rejections import rejections
+from pipeline.formats.shared.result import RunResult
+from pipeline.geo.position import position_text
+from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
+from tests.pipeline.formats import small_run
+
+BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def with_rejected(
+    result: RunResult, cause: renew.PlanningError, strait: Strait | None
+) -> RunResult:
+    """Let one class of the first season be rejected."""
+    entry = result.plans[0]
+    assert entry.plan is not None
+    channel = entry.plan.best.channel
+    gone = renew.Rejected("p1", str(cause), channel, strait, cause)
+    plan = replace(entry, plan=replace(entry.plan, rejected=(gone,)))
+    scene = replace(result.scene, departures={entry.season: BEGUN})
+    return replace(result, plans=(plan, *result.plans[1:]), scene=scene)
+
+
+def test_places_and_widths_are_those_of_the_sentence() -> None:
+    result = small_run.parts()
+    gap = np.array([result.scene.start, result.scene.start + np.array([40.0, 0.0])])
+    strait = Strait(gap, 0, 1, 2, 25.0, 30.0)
+    shut = with_rejected(result, InfeasibleError("blocked at {0}", gap.mean(axis=0)), strait)
+    (found,) = rejections(shut, shut.plans[0].season)
+    assert json.loads(json.dumps(json_value(found))) == found
+    (place,) = found["places"]  # type: ignore[misc]
+    assert found["reason"] == f"blocked at {position_text(place['lon'], place['lat'])}"
+    assert (found["class"], found["kind"], found["moments"]) == ("p1", "InfeasibleError", [])
+    values = found["strait"]
+    assert isinstance(values, dict)
+    scale = result.scene.projection.scale
+    assert values["width_m"] == pytest.approx(40.0 * scale, rel=0.01)
+    assert (values["padding_left_m"], values["padding_right_m"]) == (25.0 * scale, 30.0 * scale)
+
+
+def test_moments_are_dates() -> None:
+    late = TooLateError(Text("known until {0}", (Text("{0}", (Moment(3600.0),)),)))
+    result = with_rejected(small_run.parts(), late, None)
+    (found,) = rejections(result, result.plans[0].season)
+    assert found["moments"] == ["2026-01-01T01:00:00+00:00"]
+    assert found["strait"] is None
