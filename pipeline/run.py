@@ -14,6 +14,7 @@ from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
+from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.choosing.region_search import search_region
 from pipeline.stages.compare import compare
 from pipeline.stages.fetch import fetch
@@ -136,8 +137,7 @@ class _Stages:
         with self._stage("project"):
             scene = projected(scenario, parts.fetched, parts.current_keys, land, store)
         with self._stage("choose") as say:
-            chosen = choose(scenario, parts, scene, store, say)
-            chosen = replace(chosen, notes=(*region_notes, *chosen.notes))
+            chosen = choose(Chosen(scenario, parts, scene, notes=region_notes), store, say)
         with self._stage("plan"):
             planned = plan_seasons(
                 chosen,

@@ -8,47 +8,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from pipeline.model import Scene
-from pipeline.scenario.model import Scenario
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.choosing.offing import Offing
-from pipeline.stages.fetch import FetchedParts
-from pipeline.storage.store import Made, Store
+from pipeline.storage.store import Store
 
 
-def choose(
-    scenario: Scenario,
-    parts: FetchedParts,
-    scene: Made[Scene],
-    store: Store,
-    say: Callable[[str], None],
-) -> Chosen:
-    """Return a scenario that leaves nothing out, with its scene and notes on what was chosen.
+def choose(given: Chosen, store: Store, say: Callable[[str], None]) -> Chosen:
+    """Return a scenario that leaves nothing out, with its scene; report what was chosen.
 
     Raises
     ------
     RequestError
         No season is left: an arrival can't be made.
     """
-    complete, notes = _with_offing(scenario, parts, scene, store)
-    for note in notes:
+    chosen = choose_departures(_with_offing(given, store), store, say)
+    for note in chosen.notes[len(given.notes) :]:
         say(note)
-    departed = choose_departures(complete, parts, scene, store, say)
-    for note in departed.notes:
-        say(note)
-    return replace(departed, notes=(*notes, *departed.notes))
+    return chosen
 
 
-def _with_offing(
-    scenario: Scenario, parts: FetchedParts, scene: Made[Scene], store: Store
-) -> tuple[Scenario, tuple[str, ...]]:
-    """Complete the planner's options by a clearance where it is left out; return a note, too."""
+def _with_offing(given: Chosen, store: Store) -> Chosen:
+    """Complete the planner's options by a clearance where it is left out."""
+    scenario, scene = given.scenario, given.scene
     if scenario.planner.clearance is not None or scenario.is_planar:
-        return scenario, ()
-    accuracy_m = parts.fetched.land.accuracy_m
+        return given
+    accuracy_m = given.parts.fetched.land.accuracy_m
     inputs = scene.key, accuracy_m, scenario.fastest_vessel.model_dump()
     offing = store.made(
         "offing", Offing, inputs, lambda: Offing.of(scene.value, scenario, accuracy_m)
     ).value
     options = scenario.planner.model_copy(update={"clearance": offing.planar_m})
-    return scenario.model_copy(update={"planner": options}), (offing.note,)
+    complete = scenario.model_copy(update={"planner": options})
+    return replace(given, scenario=complete, notes=(*given.notes, offing.note))

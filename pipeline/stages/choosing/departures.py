@@ -43,13 +43,7 @@ class Chosen:
     notes: tuple[str, ...] = ()
 
 
-def choose_departures(
-    scenario: Scenario,
-    parts: FetchedParts,
-    scene: Made[Scene],
-    store: Store,
-    say: Callable[[str], None],
-) -> Chosen:
+def choose_departures(given: Chosen, store: Store, say: Callable[[str], None]) -> Chosen:
     """Choose the departure of every season that leaves it open; the new scene is stored, too.
 
     Raises
@@ -57,9 +51,9 @@ def choose_departures(
     RequestError
         No season is left: an arrival can't be made.
     """
-    departed = Chosen(scenario, parts, scene)
+    departed, scenario, scene = given, given.scenario, given.scene
     for season in scenario.seasons:
-        if not season.leaves_departure_open or season.name not in parts.current_keys:
+        if not season.leaves_departure_open or season.name not in given.parts.current_keys:
             continue
         key = artefact_key(
             "departures", scene.key, scenario.planner.model_dump(mode="json"), season.model_dump()
@@ -71,8 +65,8 @@ def choose_departures(
 
         try:
             if choice is None:
-                given = scene.value, season, scenario.planner, say_of_it
-                choice = _in_thread(partial(_choice, *given))
+                asked = scene.value, season, scenario.planner, say_of_it
+                choice = _in_thread(partial(_choice, *asked))
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:

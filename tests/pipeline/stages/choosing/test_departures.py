@@ -41,7 +41,7 @@ def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Chos
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(scenario, parts, Made("scene", scene), store, told.append)
+    return choose_departures(Chosen(scenario, parts, Made("scene", scene)), store, told.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
