@@ -22,7 +22,6 @@ from pipeline.scenario.asked_currents import with_currents
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.model import MAX_SEASONS, Scenario
-from pipeline.scenario.old_keys import with_current_keys
 from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point, looks_like_path
@@ -57,7 +56,7 @@ def load_scenario(
         Files that belong together, and sources of the catalogue in order of preference: they
         replace every season's currents; seasons that embedded tables lack are left out.
     on_note
-        Called with a note for each season left out, and for each key of an earlier version.
+        Called with a note for each season left out.
 
     Raises
     ------
@@ -77,22 +76,13 @@ def load_scenario(
         if on_note is not None:
             for note in notes:
                 on_note(note)
-    return parse_scenario(data, path.parent, on_note=on_note)
+    return parse_scenario(data, path.parent)
 
 
-def parse_scenario(
-    data: dict[str, Any],
-    folder: Path | None = None,
-    *,
-    on_note: Callable[[str], None] | None = None,
-) -> Scenario:
+def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`)."""
     folder = folder or working_directory()
-    data, notes, faults = with_current_keys(data)
-    if on_note is not None:
-        for note in notes:
-            on_note(note)
-    faults += _unknown_names(data)
+    faults = list(_unknown_names(data))
     scenario, found = _checked(_with_vessel(data))
     faults += [*found, *_cross_faults(_ValidTables.of(data, folder))]
     if scenario is None or faults:

@@ -234,7 +234,7 @@ def check(
         from pipeline.loading import load_scenario
         from pipeline.stages.endpoint_look import endpoints_on_land
 
-        found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
+        found = load_scenario(file)
         if faults := endpoints_on_land(found):
             raise RequestError(faults)
         seasons = ", ".join(season.name for season in found.seasons)
@@ -296,7 +296,7 @@ def warm() -> None:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """A scenario that was asked for, the file that it is in, and notes on its keys."""
+    """A scenario that was asked for, the file that it is in, and which seasons were left out."""
 
     scenario: Scenario
     origin: Origin
