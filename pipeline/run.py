@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import renew
+from pipeline.choices.coverage import require_covered
 from pipeline.choices.offing import Offing
 from pipeline.choices.region_search import search_region
 from pipeline.errors import NoWayError, RequestError, StageError
@@ -21,6 +22,7 @@ from pipeline.formats.shared.text import season_text, seasons_text
 from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan, Simplified
+from pipeline.model.vessel import planner_vessel
 from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session
@@ -81,6 +83,7 @@ def run(
     StageError
         No season could be planned for another reason, or nothing can be written.
     """
+    require_covered(scenario)
     options = _Options(offline, strict, scheduler, limit_s)
     with session(scenario.name, output, origin) as held:
         staged = _StagedRun(scenario, held.directory, held.store, on_event or ignore, options)
@@ -103,6 +106,7 @@ def planned_scenario(
     Takes and raises what `run` does; only the store is written to. In the block no other run
     replaces the scenario's folder.
     """
+    require_covered(scenario)
     with session(scenario.name, output, origin) as held:
         options = _Options(offline=offline)
         staged = _StagedRun(scenario, held.directory, held.store, on_event or ignore, options)
@@ -303,7 +307,7 @@ class _StagedRun:
                 margin_m=chart.margin_m,
                 accuracy_m=land.accuracy_m,
                 tolerance_m=chart.tolerance_m,
-                turning_radius_m=vessel.vessel().turning_radius * self.scenario.scale,
+                turning_radius_m=planner_vessel(vessel).turning_radius * self.scenario.scale,
                 endpoints=tuple(chain(*pairwise(self.scenario.stops.values()))),
                 projection=Projection.for_region(region.shape, 1.0, region.crs),
             )

@@ -282,8 +282,6 @@ def _without_bidi(value: Any) -> Any:  # noqa: ANN401 - whatever TOML can hold
     return value
 
 
-def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:
-    """Return the fault that a name is not in the catalogue."""
-    return (
-        f"{key} = {shown(value)} is not a {kind} of the catalogue: {near_miss(str(value), known)}"
-    )
+def unknown(kind: str, value: str, known: Iterable[str]) -> str:
+    """Return the fault that a name is not in the catalogue, to be put behind its key."""
+    return f"= {shown(value)} is not a {kind} of the catalogue: {near_miss(value, known)}"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from pipeline.scenario import catalogue
 from pipeline.scenario.avoided import AvoidedArea
 from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
@@ -132,6 +133,16 @@ class OutputOptions(StrictModel):
     )
 
 
+def _known_vessel(given: object) -> object:
+    """Replace a vessel's name by its entry of the catalogue; ValueError where it has none."""
+    if not isinstance(given, str):
+        return given
+    known = catalogue.names("vessels")
+    if given not in known:
+        raise ValueError(catalogue.unknown("vessel", given, known))
+    return catalogue.vessel(given)
+
+
 class Scenario(StrictModel):
     """What `renew run` plans: from where to where, with which vessel, in which currents."""
 
@@ -166,9 +177,8 @@ class Scenario(StrictModel):
         default=ChartSpec(),
         description="The land of a chart scenario. Add a [chart] table, or leave it out.",
     )
-    # `pipeline.loading` replaces a vessel's name by its entry before a scenario is validated.
     vessel: Annotated[
-        VesselSpec, BeforeValidator(lambda given: given, json_schema_input_type=str | VesselSpec)
+        VesselSpec, BeforeValidator(_known_vessel, json_schema_input_type=str | VesselSpec)
     ] = Field(
         description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
         examples=["usv-7m"],

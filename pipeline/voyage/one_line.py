@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+from pipeline.choices.coverage import uncovered_seasons
 from pipeline.errors import RequestError
 from pipeline.outcome import Event, EventHandler, Outcome, ignore
 from pipeline.run import run
@@ -121,8 +122,8 @@ def run_voyage(
     strict: bool,
     on_event: EventHandler,
 ) -> Outcome:
-    """Run a voyage's scenario, after a quick look whether start and goal are in water."""
-    if faults := endpoints_on_land(scenario):
+    """Run a voyage's scenario, after a quick look at its currents, and at start and goal."""
+    if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
     return run(scenario, output, offline=offline, strict=strict, on_event=on_event)
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.choices.coverage import least_region
 from pipeline.errors import RequestError
-from pipeline.loading import least_region, parse_scenario
+from pipeline.loading import parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import asked_currents

@@ -14,6 +14,7 @@ from pipeline.choices.region import chosen_region
 from pipeline.errors import StageError
 from pipeline.geo.projection import Projection
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
+from pipeline.model.vessel import planner_vessel
 from pipeline.nightly.planning.small_map import SmallMap
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -166,7 +167,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
             margin_m=chart.margin_m,
             accuracy_m=land.accuracy_m,
             tolerance_m=chart.tolerance_m,
-            turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
+            turning_radius_m=planner_vessel(scenario.vessel).turning_radius * scenario.scale,
             endpoints=endpoints,
             projection=Projection.for_region(region_spec.shape, 1.0, region_spec.crs),
         ),

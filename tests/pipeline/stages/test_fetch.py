@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.choices.coverage import require_covered
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario, parse_scenario
 from pipeline.model import PassedOver
@@ -62,7 +63,7 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
 )
 def test_a_source_without_time_steps_of_its_own_is_refused(source: str, reason: str) -> None:
     with pytest.raises(RequestError, match=reason):
-        parse_scenario(changing(source))
+        require_covered(parse_scenario(changing(source)))
 
 
 def test_a_voyage_may_take_three_times_as_long_as_straight_and_a_day() -> None:
