@@ -83,9 +83,9 @@ class Component:
     fixed: dict[str, int]
     unit_m_s: float
 
-    def lazy(self, dataset: xr.Dataset) -> xr.DataArray:
+    def lazy(self, dataset: xr.Dataset) -> xr.Variable:
         """Return the variable of its open file, not yet read."""
-        return dataset[self.name].isel(self.fixed)
+        return dataset.variables[self.name].isel(self.fixed)
 
 
 @dataclass(frozen=True)

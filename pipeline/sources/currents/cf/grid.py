@@ -1,14 +1,15 @@
 """Reading a region from the user's files: of a global file, no more than a window.
 
-The window is cut out of each step before Dask sums the steps, some megabytes at a time.
+The window is cut out of each step before the steps are summed, some megabytes at a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -182,37 +183,41 @@ class FieldReader:
         weights: Mapping[int, float],
     ) -> FloatArray:
         """Weighted sum (ny, nx) of a component's steps in m/s."""
-        by_file: dict[int, list[tuple[int, float]]] = {}
+        by_file: dict[int, dict[int, float]] = {}
         for step, weight in weights.items():
             file, step_in_file = index[step]
-            by_file.setdefault(file, []).append((step_in_file, weight))
+            by_file.setdefault(file, {})[step_in_file] = weight
         total = np.zeros((self._window.lat.size, self._window.lon.size))
         for file, steps in by_file.items():
-            total += self._weighted_sum_of_file(files[file], sorted(steps))
+            component = files[file]
+            try:
+                variable = component.lazy(self._dataset(component.file))
+                with reading():
+                    for times, values in self._blocks(component, variable, sorted(steps)):
+                        shares = [steps[time] for time in times]
+                        total += component.unit_m_s * np.tensordot(shares, values, axes=1)
+            except ValueError as error:
+                raise ValueError(f"{component.file.name}: {error}") from None
         return total
 
-    def _weighted_sum_of_file(
-        self, component: Component, steps: Sequence[tuple[int, float]]
-    ) -> FloatArray:
-        """Weighted sum (ny, nx) of some steps (index, weight) of one file, in m/s."""
-        import xarray as xr
-
-        lat, lon, window = component.lat, component.lon, self._window
-        try:
-            array = component.lazy(self._dataset(component.file))
-            with reading():
-                runs = [
-                    _lazy_weighted_sum(
-                        array.isel({lat: window.rows, lon: run}), component.time, steps
-                    )
-                    for run in window.columns
-                ]
-                joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
-                # In this process, even if there is a Dask cluster: its workers may lack the file.
-                values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
-        except ValueError as error:
-            raise ValueError(f"{component.file.name}: {error}") from None
-        return np.asarray(values, dtype=float) * component.unit_m_s
+    def _blocks(
+        self, component: Component, variable: xr.Variable, steps: Sequence[int]
+    ) -> Iterator[tuple[Sequence[int], FloatArray]]:
+        """Read ascending steps some megabytes at a time: their numbers, values (nt, ny, nx)."""
+        window, lat, lon = self._window, component.lat, component.lon
+        shape = (window.lat.size, window.lon.size)
+        most = max(1, _CHUNK_BYTES // max(1, math.prod(shape) * variable.dtype.itemsize))
+        for first in range(0, len(steps), most):
+            times = steps[first : first + most]
+            part: dict[str, slice | list[int]] = {lat: window.rows}
+            if component.time:
+                is_range = times[-1] - times[0] == len(times) - 1
+                part[component.time] = slice(times[0], times[-1] + 1) if is_range else list(times)
+            read = [
+                variable.isel({**part, lon: run}).load().transpose(..., lat, lon).values
+                for run in window.columns
+            ]
+            yield times, np.concatenate(read, axis=-1).astype(float).reshape(-1, *shape)
 
     def _dataset(self, file: Path) -> xr.Dataset:
         """Return an open file."""
@@ -225,25 +230,3 @@ class FieldReader:
         """Close files, the longest open first, until so many are left."""
         while len(self._open) > count:
             self._open.pop(next(iter(self._open))).close()
-
-
-def _lazy_weighted_sum(
-    array: xr.DataArray, time: str, steps: Sequence[tuple[int, float]]
-) -> xr.DataArray:
-    """Weighted sum of some steps (index, weight), not yet read."""
-    import xarray as xr
-
-    array = array.drop_vars(list(array.coords))
-    if not time:
-        return array.chunk().astype(float)
-    if len(steps) == 1:
-        # As each step of a current that changes is read: Dask's plan for it takes longer than it.
-        ((index, weight),) = steps
-        return array.isel({time: index}).astype(float) * weight
-    indices = [index for index, _ in steps]
-    is_range = indices == list(range(indices[0], indices[-1] + 1))
-    chosen = array.isel({time: slice(indices[0], indices[-1] + 1) if is_range else indices})
-    step_bytes = max(1, chosen.nbytes // len(indices))
-    chosen = chosen.chunk({time: max(1, _CHUNK_BYTES // step_bytes)}).astype(float)
-    weights = xr.DataArray([weight for _, weight in steps], dims=time)
-    return (chosen * weights).sum(time, skipna=False)
