@@ -206,10 +206,8 @@ def _hash(file: Path, stamp: str) -> str:
 
 def _with_margin(contents: Contents, region: Bounds) -> Bounds:
     """Bounds of a region with a margin of a few cells."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
-    return widened(region, MARGIN_CELLS * lon_step, MARGIN_CELLS * lat_step)
+    lon_deg, lat_deg = contents.largest_cell
+    return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
 
 
 def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:

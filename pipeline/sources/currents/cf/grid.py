@@ -100,9 +100,7 @@ def _contiguous_runs(indices: npt.NDArray[np.intp]) -> list[slice]:
 
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
+    lon_step, lat_step = contents.largest_cell
     around = find_window(contents, widened(region, lon_step, lat_step))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
@@ -127,9 +125,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
+    lon_step, lat_step = contents.largest_cell
     around = find_window(contents, widened(region, lon_step, lat_step))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
