@@ -193,19 +193,13 @@ def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
-    data = vessel_table(name)
+    data = entry("vessels", name)
+    data.pop("schema_version", None)
     try:
         return VesselSpec.model_validate(data)
     except ValidationError as error:
         lines = model_faults(error, VesselSpec, data)
         raise RequestError([f"vessel {name!r}: {line}" for line in lines]) from None
-
-
-def vessel_table(name: str) -> dict[str, Any]:
-    """Read a vessel's entry as a scenario's [vessel] table."""
-    data = entry("vessels", name)
-    data.pop("schema_version", None)
-    return data
 
 
 def scenario_path(asked: str) -> Path:

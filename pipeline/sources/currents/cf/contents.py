@@ -6,6 +6,7 @@ was found and what is needed.
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import os
 from collections.abc import Sequence
@@ -30,7 +31,6 @@ from pipeline.sources.currents.cf.dataset import (
     check_chunks,
     check_is_number,
     groups_of,
-    is_hdf5,
     open_dataset,
 )
 from pipeline.sources.currents.cf.probe import fatal_files
@@ -153,23 +153,19 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
     RequestError
         They can't be read, or have no currents on a lon/lat grid: one line for each fault.
     """
-    fatal = fatal_files([file for file in files if is_hdf5(file)])
-    if fatal:
+    if fatal := fatal_files(files):
         raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
     datasets: dict[Path, xr.Dataset] = {}
     faults = []
-    try:
+    with contextlib.ExitStack() as stack:
         for file in files:
             try:
-                datasets[file] = open_dataset(file)
+                datasets[file] = stack.enter_context(open_dataset(file))
             except ValueError as error:
                 faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
         return _contents(files, datasets)
-    finally:
-        for dataset in datasets.values():
-            dataset.close()
 
 
 def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:

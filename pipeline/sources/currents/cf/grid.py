@@ -81,6 +81,16 @@ def find_window(axes: Axes, bounds: Bounds) -> Window:
     return Window(all_lon[order], lat[rows], _contiguous_runs(rows)[0], columns)
 
 
+def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) -> FloatArray:
+    """Read a variable in a window (..., ny, nx); `dims` are its dimensions along lat and lon."""
+    lat, lon = dims
+    runs = [
+        variable.isel({lat: window.rows, lon: run}).load().transpose(..., lat, lon).values
+        for run in window.columns
+    ]
+    return np.concatenate(runs, axis=-1).astype(float)
+
+
 def _contiguous_runs(indices: npt.NDArray[np.intp]) -> list[slice]:
     """Divide indices into runs that go up or down by one, as slices."""
     if indices.size == 0:
@@ -205,15 +215,12 @@ class FieldReader:
         most = max(1, _CHUNK_BYTES // max(1, math.prod(shape) * variable.dtype.itemsize))
         for first in range(0, len(steps), most):
             times = steps[first : first + most]
-            part: dict[str, slice | list[int]] = {lat: window.rows}
+            part: dict[str, slice | list[int]] = {}
             if component.time:
                 is_range = times[-1] - times[0] == len(times) - 1
                 part[component.time] = slice(times[0], times[-1] + 1) if is_range else list(times)
-            read = [
-                variable.isel({**part, lon: run}).load().transpose(..., lat, lon).values
-                for run in window.columns
-            ]
-            yield times, np.concatenate(read, axis=-1).astype(float).reshape(-1, *shape)
+            values = read_window(variable.isel(part), (lat, lon), window)
+            yield times, values.reshape(-1, *shape)
 
     def _dataset(self, file: Path) -> xr.Dataset:
         """Return an open file."""

@@ -35,7 +35,7 @@ from pipeline.sources.currents.copernicus.steps import (
     select_all_steps,
     select_steps,
 )
-from pipeline.sources.interfaces import Issue
+from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.acceptance import AcceptedFields, Expected, accept
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, common_bounds, widened
 
@@ -60,7 +60,7 @@ class _Request:
 
 
 @dataclass(frozen=True)
-class Copernicus:
+class Copernicus(CurrentSource):
     """One dataset of the service."""
 
     spec: CopernicusSpec
