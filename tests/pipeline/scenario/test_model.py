@@ -12,10 +12,10 @@ import renew
 from pipeline.model.vessel import planner_vessel
 from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.reference import tables
 from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
 from renew.inputs import arguments
+from tests.scenario_reference import tables
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}

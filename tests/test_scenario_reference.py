@@ -13,7 +13,8 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
-from pipeline.scenario import catalogue, reference
+from pipeline.scenario import catalogue
+from tests import scenario_reference as reference
 
 TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
