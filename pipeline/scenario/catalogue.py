@@ -69,7 +69,7 @@ class VectorSpec(SourceBase, Licence):
 class TableSeason(Licence):
     """A season of an embedded table: the credit, the time that it is valid for, and its months.
 
-    It stands for the months (1 to 12) of any year for which no better current is at hand.
+    Where no better current is at hand, it stands for these months (1 to 12) of any year.
     """
 
     valid: str
@@ -84,9 +84,9 @@ class EmbeddedTableSpec(SourceBase):
     seasons: dict[str, TableSeason]
 
     def part(self, season: Season) -> str | None:
-        """The table's season for one of a scenario: of the same name, or for the month it is named.
+        """Return the table's season that stands for a season of a scenario; None where none does.
 
-        Any other name is a slip of the pen.
+        It has its name; or that is a month, which is one of the months of the table's season.
         """
         if season.name in self.seasons:
             return season.name

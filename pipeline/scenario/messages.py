@@ -47,7 +47,7 @@ _KINDS = {
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Suggest the known name that was probably meant, or list those that there are."""
+    """Suggest the known name that was probably meant, or list the known names."""
     names = sorted(known)
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:

@@ -326,7 +326,7 @@ def _obtained(request: _Request, metadata: Mapping[str, Any]) -> SelectedSteps:
 
 
 def _asked_time(season: Season) -> str:
-    """The time that a season asks for: that of its one field, or the way from its departure on."""
+    """Spell the time that a season asks for: of its one field, or from its departure on."""
     if not season.is_changing:
         return season.valid
     ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (season.period.begin, season.period.end))
