@@ -108,7 +108,7 @@ class DepthFile:
         RequestError
             The file is damaged, or has too many cells there.
         """
-        window = find_window(self, bounds)
+        window = find_window(self.lon, self.lat, bounds)
         if min(window.lon.size, window.lat.size) < 2:
             return None
         shape = (window.lat.size, window.lon.size)

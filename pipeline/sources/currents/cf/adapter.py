@@ -106,7 +106,7 @@ class CfFiles(CurrentSource):
             raise RequestError([f"{name_of(find_files(self.paths))}: {error}"]) from None
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
-        window = find_window(contents, _check_bounds(contents, bounds))
+        window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
         mask = LandMask.world()
         try:
             found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)

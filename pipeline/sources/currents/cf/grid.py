@@ -9,12 +9,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, IndexArray
 from pipeline.sources.currents.cf.axes import SAME_SHARE
 from pipeline.sources.currents.cf.contents import Component, Contents
 from pipeline.sources.currents.cf.dataset import open_dataset, reading
@@ -34,20 +33,6 @@ _GAP_STEPS = 1.5
 _MAX_OPEN = 2
 
 
-class Axes(Protocol):
-    """A grid's longitudes (nx,) and latitudes (ny,), degrees, ascending or descending."""
-
-    @property
-    def lon(self) -> FloatArray:
-        """Longitudes."""
-        ...
-
-    @property
-    def lat(self) -> FloatArray:
-        """Latitudes."""
-        ...
-
-
 @dataclass(frozen=True)
 class Window:
     """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and their indices in the files.
@@ -62,10 +47,9 @@ class Window:
     columns: tuple[slice, ...]
 
 
-def find_window(axes: Axes, bounds: Bounds) -> Window:
-    """Find the nodes inside bounds, in the bounds' own longitudes."""
+def find_window(lon: FloatArray, lat: FloatArray, bounds: Bounds) -> Window:
+    """Find the nodes of monotonic axes inside bounds, in the bounds' own longitudes, degrees."""
     west, south, east, north = bounds
-    lon, lat = axes.lon, axes.lat
     turns = range(int((west - lon.max()) // 360), int((east - lon.min()) // 360) + 1)
     all_lon = np.concatenate([lon + 360 * turn for turn in turns])
     all_columns = np.tile(np.arange(lon.size), len(turns))
@@ -77,8 +61,18 @@ def find_window(axes: Axes, bounds: Bounds) -> Window:
         order = order[np.concatenate([[True], is_distinct])]
     rows = np.flatnonzero((lat >= south) & (lat <= north))
     rows = rows[np.argsort(lat[rows])]
-    columns = tuple(_contiguous_runs(all_columns[order]))
-    return Window(all_lon[order], lat[rows], _contiguous_runs(rows)[0], columns)
+    columns = _runs(all_columns[order], 1 if lon[-1] > lon[0] else -1)
+    return Window(all_lon[order], lat[rows], _runs(rows, 1 if lat[-1] > lat[0] else -1)[0], columns)
+
+
+def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
+    """Divide indices into runs that go on by a step of 1 or -1, as slices; one at least."""
+    ends = np.flatnonzero(np.diff(indices) != step) + 1
+    return tuple(
+        slice(int(run[0]), stop if (stop := int(run[-1]) + step) >= 0 else None, step)
+        for run in np.split(indices, ends)
+        if run.size
+    ) or (slice(0, 0),)
 
 
 def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) -> FloatArray:
@@ -91,27 +85,10 @@ def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) ->
     return np.concatenate(runs, axis=-1).astype(float)
 
 
-def _contiguous_runs(indices: npt.NDArray[np.intp]) -> list[slice]:
-    """Divide indices into runs that go up or down by one, as slices."""
-    if indices.size == 0:
-        return [slice(0, 0)]
-    step = np.diff(indices)
-    runs, begin = [], 0
-    for i in range(1, indices.size + 1):
-        continues = i < indices.size and abs(step[i - 1]) == 1 and step[i - 1] == step[begin]
-        if not continues:
-            first, last = int(indices[begin]), int(indices[i - 1])
-            down = last < first
-            end = last - 1 if down else last + 1
-            runs.append(slice(first, end if end >= 0 else None, -1 if down else 1))
-            begin = i
-    return runs
-
-
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
     lon_step, lat_step = contents.largest_cell
-    around = find_window(contents, widened(region, lon_step, lat_step))
+    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
         fault = (
@@ -136,7 +113,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
     lon_step, lat_step = contents.largest_cell
-    around = find_window(contents, widened(region, lon_step, lat_step))
+    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
     return common_bounds(region, _outer_edges(around, lon_step, lat_step))

@@ -26,6 +26,7 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
+from pipeline.sources.currents.copernicus.acceptance import AcceptedFields, Expected, accept
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
@@ -36,7 +37,6 @@ from pipeline.sources.currents.copernicus.steps import (
     select_steps,
 )
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.acceptance import AcceptedFields, Expected, accept
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, common_bounds, widened
 
 
