@@ -39,21 +39,19 @@ from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 if TYPE_CHECKING:
     import xarray as xr
 
-# Pairs of standard names, and of variable names for variables without; the first found is used.
-_STANDARD_NAMES = (
-    ("eastward_sea_water_velocity", "northward_sea_water_velocity"),
-    ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity"),
-    (
+# Standard names of eastward components and their partners, and pairs of names for variables without
+# a standard name; the first found is used.
+_STANDARD_NAMES = tuple(
+    (name, name.replace("eastward", "northward").replace("_x_", "_y_"))
+    for name in (
+        "eastward_sea_water_velocity",
+        "surface_eastward_sea_water_velocity",
         "eastward_sea_water_velocity_assuming_no_tide",
-        "northward_sea_water_velocity_assuming_no_tide",
-    ),
-    ("sea_water_x_velocity", "sea_water_y_velocity"),
-    ("surface_sea_water_x_velocity", "surface_sea_water_y_velocity"),
-    (
+        "sea_water_x_velocity",
+        "surface_sea_water_x_velocity",
         "surface_geostrophic_eastward_sea_water_velocity",
-        "surface_geostrophic_northward_sea_water_velocity",
-    ),
-    ("geostrophic_eastward_sea_water_velocity", "geostrophic_northward_sea_water_velocity"),
+        "geostrophic_eastward_sea_water_velocity",
+    )
 )
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
 # Units in m/s, and their spellings without blanks, dots, carets and asterisks.
