@@ -104,7 +104,7 @@ figures: $(READY)  ## measure what pages quote: docs/figures/*.csv; then tests/t
 	$(BIN)/python -m tests.bench --record $(QUOTED)
 
 reference: $(READY)  ## the reference of a scenario's keys, its JSON schema, and all commands: docs/reference/
-	$(BIN)/python -m pipeline.scenario.reference
+	$(BIN)/python -m tests.scenario_reference
 	$(BIN)/python -m tests.command_reference
 
 # -W: a broken link, a public name without docstring or a cell that was not executed fails the build. -E: nothing is left

@@ -14,6 +14,7 @@ from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
+from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.choosing.region_search import search_region
 from pipeline.stages.compare import compare
@@ -65,6 +66,7 @@ def run(
     StageError
         No season could be planned for another reason, or nothing can be written.
     """
+    require_covered(scenario)
     options = _Options(offline, strict, scheduler, limit_s)
     started = time.perf_counter()
     with session(scenario.name, output, origin) as held:
@@ -89,6 +91,7 @@ def planned_scenario(
     Takes and raises what `run` does; only the store is written to. In the block no other run
     replaces the scenario's folder.
     """
+    require_covered(scenario)
     with session(scenario.name, output, origin) as held:
         stages = _Stages(held.store, on_event or ignore, _Options(offline=offline))
         yield stages.result(scenario).value

@@ -15,6 +15,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
 from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.model import Scenario
@@ -152,7 +153,7 @@ def _simplified(scenario: Scenario, fetched: Fetched) -> Simplified:
         margin_m=scenario.chart.margin_m,
         accuracy_m=fetched.land.accuracy_m,
         tolerance_m=scenario.chart.tolerance_m,
-        turning_radius_m=scenario.vessel.vessel().turning_radius * scenario.scale,
+        turning_radius_m=planner_vessel(scenario.vessel).turning_radius * scenario.scale,
         endpoints=(scenario.start, scenario.goal),
         projection=Projection.for_region(scenario.region.shape, 1.0, scenario.region.crs),
     ).simplified

@@ -232,10 +232,11 @@ def check(
     with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
+        from pipeline.stages.choosing.coverage import uncovered_seasons
         from pipeline.stages.endpoint_look import endpoints_on_land
 
-        found = load_scenario(file, on_note=lambda note: typer.echo(f"note: {note}", err=True))
-        if faults := endpoints_on_land(found):
+        found = load_scenario(file)
+        if faults := [*uncovered_seasons(found), *endpoints_on_land(found)]:
             raise RequestError(faults)
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(
@@ -296,7 +297,7 @@ def warm() -> None:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """A scenario that was asked for, the file that it is in, and notes on its keys."""
+    """A scenario that was asked for, the file that it is in, and which seasons were left out."""
 
     scenario: Scenario
     origin: Origin

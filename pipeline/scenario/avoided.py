@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class AvoidedArea(StrictModel):
-    """Polygons of a file that no route may enter from a time until another, or ever."""
+    """Polygons of a file that no route may enter: between two times, or ever."""
 
     model_config = ConfigDict(populate_by_name=True)
 

@@ -69,7 +69,7 @@ class VectorSpec(SourceBase, Licence):
 class TableSeason(Licence):
     """A season of an embedded table: the credit, the time that it is valid for, and its months.
 
-    It stands for the months (1 to 12) of any year for which no better current is at hand.
+    Where no better current is at hand, it stands for these months (1 to 12) of any year.
     """
 
     valid: str
@@ -84,9 +84,9 @@ class EmbeddedTableSpec(SourceBase):
     seasons: dict[str, TableSeason]
 
     def part(self, season: Season) -> str | None:
-        """The table's season for one of a scenario: of the same name, or for the month it is named.
+        """Return the table's season that stands for a season of a scenario; None where none does.
 
-        Any other name is a slip of the pen.
+        It has its name; or that is a month, which is one of the months of the table's season.
         """
         if season.name in self.seasons:
             return season.name
@@ -193,19 +193,13 @@ def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
-    data = vessel_table(name)
+    data = entry("vessels", name)
+    data.pop("schema_version", None)
     try:
         return VesselSpec.model_validate(data)
     except ValidationError as error:
         lines = model_faults(error, VesselSpec, data)
         raise RequestError([f"vessel {name!r}: {line}" for line in lines]) from None
-
-
-def vessel_table(name: str) -> dict[str, Any]:
-    """Read a vessel's entry as a scenario's [vessel] table."""
-    data = entry("vessels", name)
-    data.pop("schema_version", None)
-    return data
 
 
 def scenario_path(asked: str) -> Path:
@@ -282,8 +276,6 @@ def _without_bidi(value: Any) -> Any:  # noqa: ANN401 - whatever TOML can hold
     return value
 
 
-def unknown(kind: str, key: str, value: object, known: Iterable[str]) -> str:
-    """Return the fault that a name is not in the catalogue."""
-    return (
-        f"{key} = {shown(value)} is not a {kind} of the catalogue: {near_miss(str(value), known)}"
-    )
+def unknown(kind: str, value: str, known: Iterable[str]) -> str:
+    """Return the fault that a name is not in the catalogue, to be put behind its key."""
+    return f"= {shown(value)} is not a {kind} of the catalogue: {near_miss(value, known)}"

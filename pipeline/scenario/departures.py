@@ -11,7 +11,7 @@ from pipeline.scenario.strict import Integer, StrictModel
 
 
 class DepartureTimes(StrictModel):
-    """When the vessel may leave: `count` times from the first on, `every` so often."""
+    """Times at which the vessel may leave: `count` of them from `first` on, `every` apart."""
 
     first: AwareDatetime = Field(
         description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",

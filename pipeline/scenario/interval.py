@@ -18,7 +18,7 @@ def interval(text: str) -> timedelta:
     Raises
     ------
     ValueError
-        The text is none, or no time at all.
+        The text is no interval, or 0.
     """
     found = _INTERVAL.fullmatch(text)
     if not found:

@@ -47,7 +47,7 @@ _KINDS = {
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Suggest the known name that was probably meant, or list those that there are."""
+    """Suggest the known name that was probably meant, or list the known names."""
     names = sorted(known)
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
     if close:
@@ -157,11 +157,8 @@ def _spelled(path: Sequence[str | int], prefix: str) -> str:
 def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | None:
     """Return the last field on a path, or None."""
     names = [step for step in path if isinstance(step, str)]
-    if not names:
-        return None
-    last = max(i for i, step in enumerate(path) if isinstance(step, str))
-    owner = _model(model, path[:last])
-    return _keys(owner).get(names[-1]) if owner is not None else None
+    owner = _model(model, names[:-1])
+    return _keys(owner).get(names[-1]) if names and owner is not None else None
 
 
 def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from pipeline.scenario import catalogue
 from pipeline.scenario.avoided import AvoidedArea
 from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
@@ -68,9 +69,9 @@ class PlannerOptions(StrictModel):
     )
     distinct_by: Literal["auto"] | NonNegative = Field(
         default="auto",
-        description="Size of an island below which passing it on one or the other side counts as "
-        "the same class, planar metres; automatic: only the few largest islands on the way count. "
-        "Give 'auto', metres, or 0 to count every island.",
+        description="Islands smaller than this tell no classes apart, planar metres; automatic: "
+        "only the few largest islands near the route do. Give 'auto', metres, or 0 to count every "
+        "island.",
         json_schema_extra={"unit": "planar m"},
     )
     method: Literal["optimal", "sampled"] = Field(
@@ -132,6 +133,16 @@ class OutputOptions(StrictModel):
     )
 
 
+def _known_vessel(given: object) -> object:
+    """Replace a vessel's name by its entry of the catalogue; ValueError where it has none."""
+    if not isinstance(given, str):
+        return given
+    known = catalogue.names("vessels")
+    if given not in known:
+        raise ValueError(catalogue.unknown("vessel", given, known))
+    return catalogue.vessel(given)
+
+
 class Scenario(StrictModel):
     """What `renew run` plans: from where to where, with which vessel, in which currents."""
 
@@ -166,9 +177,8 @@ class Scenario(StrictModel):
         default=ChartSpec(),
         description="The land of a chart scenario. Add a [chart] table, or leave it out.",
     )
-    # `pipeline.loading` replaces a vessel's name by its entry before a scenario is validated.
     vessel: Annotated[
-        VesselSpec, BeforeValidator(lambda given: given, json_schema_input_type=str | VesselSpec)
+        VesselSpec, BeforeValidator(_known_vessel, json_schema_input_type=str | VesselSpec)
     ] = Field(
         description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
         examples=["usv-7m"],
@@ -205,8 +215,8 @@ class Scenario(StrictModel):
     avoid: tuple[AvoidedArea, ...] = Field(
         default=(),
         max_length=1000,
-        description="Areas that are shut, always or for some hours: neither early, on time nor "
-        "late is the vessel in one then, nor in a turn. Add an [[avoid]] table for each.",
+        description="Areas that are shut, always or for some hours: the vessel and its turns "
+        "stay out of them then, even if it is early or late. Add an [[avoid]] table for each.",
     )
     seasons: tuple[Season, ...] = Field(
         min_length=1,
@@ -227,7 +237,7 @@ class Scenario(StrictModel):
     )
 
     def explaining_gap(self) -> Self:
-        """The scenario, with its optimality gaps explained."""
+        """Return the scenario with the option set that explains optimality gaps."""
         outputs = self.outputs.model_copy(update={"explain_gap": True})
         return self.model_copy(update={"outputs": outputs})
 
@@ -270,8 +280,8 @@ class Scenario(StrictModel):
                 )
             if season.speed is not None and not season.is_changing and self.scale != 1:
                 faults.append(
-                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where its way "
-                    "takes other times; plan at true scale, scale = 1"
+                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where times "
+                    "under way are not the true ones; plan at true scale, scale = 1"
                 )
         faults += self._itinerary_faults()
         if faults:
@@ -279,7 +289,7 @@ class Scenario(StrictModel):
         return self
 
     def _itinerary_faults(self) -> Iterator[str]:
-        """What is wrong with via points and shut areas, beside the rest of the scenario."""
+        """Find what does not go together with via points or shut areas."""
         for name, needed in (("method", "optimal"), ("order", "fuel")):
             if self.via and (given := getattr(self.planner, name)) != needed:
                 yield f"has via points, which need planner.{name} = {needed!r}, not {given!r}"
@@ -297,8 +307,8 @@ class Scenario(StrictModel):
                     )
             if self.scale != 1:
                 yield (
-                    f"has hours in [[avoid]] at scale = {self.scale:g}, where its way takes other "
-                    "times; plan at true scale, scale = 1"
+                    f"has hours in [[avoid]] at scale = {self.scale:g}, where times under way are "
+                    "not the true ones; plan at true scale, scale = 1"
                 )
 
     def vessel_in(self, season: Season) -> VesselSpec:
@@ -319,7 +329,7 @@ class Scenario(StrictModel):
         return {"start": self.start, **via, "goal": self.goal}
 
     def departing(self, season: str, departure: datetime) -> Self:
-        """The scenario, with a season's departure chosen."""
+        """Return the scenario with a season's departure chosen."""
         seasons = tuple(
             one.departing(departure) if one.name == season else one for one in self.seasons
         )

@@ -52,7 +52,7 @@ class Gyre(StrictModel):
 
 
 class Uniform(StrictModel):
-    """The same current everywhere in a plane scenario."""
+    """A uniform current in a plane scenario."""
 
     u: Velocity = Field(
         default=0.0,
@@ -156,17 +156,18 @@ class Season(StrictModel):
     )
     to_within: Interval | None = Field(
         default=None,
-        description="Plan more departures between these until, by the paths found, no other in the "
-        "window takes less time than the best one by more than this; left out, only those are "
-        "planned. Give an interval, such as '1h', or leave it out.",
+        description="Time that another departure of the window may save, at most, over the best "
+        "one found: departures between those given are planned until no path found saves more; "
+        "left out, only those given are. Give an interval, such as '1h', or leave it out.",
         examples=["1h"],
     )
     arrive_by: AwareDatetime | None = Field(
         default=None,
-        description="Time at which the vessel has to be at the goal: it leaves as late as will "
-        "do, not before 'departure', in currents that change; or with 'speed' it leaves then, or "
-        "at the best of 'departures', and takes that time. Give a time with its zone, as "
-        "2026-07-02T18:00:00Z, or leave it out.",
+        description="Latest arrival at the goal, in currents that change or with 'speed'. Without "
+        "'speed' the latest departure is chosen, not before 'departure', that still arrives in "
+        "time; with it the vessel leaves at 'departure', or at the best of 'departures', and "
+        "chooses speeds that arrive in time. Give a time with its zone, as 2026-07-02T18:00:00Z, "
+        "or leave it out.",
         examples=["2026-07-02T18:00:00Z"],
     )
     speed: SpeedRange | None = Field(
@@ -179,9 +180,9 @@ class Season(StrictModel):
     max_hours: Positive | None = Field(
         default=None,
         le=MAX_HOURS,
-        description="How long a voyage in changing currents may take: no time step that long after "
-        "the last departure is read; left out, three times as long as straight from start to goal, "
-        "and a day. Give hours, such as 240, or leave it out.",
+        description="Longest voyage in changing currents: time steps that long after the last "
+        "departure are not read; left out, three times the time of the straight way from start to "
+        "goal, and a day. Give hours, such as 240, or leave it out.",
         examples=[240],
         json_schema_extra={"unit": "hours"},
     )
@@ -216,7 +217,7 @@ class Season(StrictModel):
             )
 
     def _window_faults(self) -> Iterator[str]:
-        """What is wrong with the departures to choose from, and with the arrival."""
+        """Find what is wrong with the departures to choose from."""
         if self.departures is not None:
             if self.departure is not None:
                 yield "has both 'departure' and 'departures'; leave one out"
@@ -235,7 +236,7 @@ class Season(StrictModel):
             yield "has 'to_within', but no 'departures' to choose from; add them"
 
     def _speed_faults(self) -> Iterator[str]:
-        """What is wrong with the choice of speeds, or missing beside it."""
+        """Find what is wrong with the choice of speeds, or missing beside it."""
         if self.speed is None:
             return
         if self.speed.least > self.speed.most:
@@ -251,7 +252,7 @@ class Season(StrictModel):
             yield "has 'speed', but no 'arrive_by', for which its speed is chosen; add it"
 
     def _arrival_faults(self) -> Iterator[str]:
-        """What is wrong with the time between departure and arrival."""
+        """Find what is wrong with the time between departure and arrival."""
         first = self.first_departure
         if self.arrive_by is not None and first is not None:
             if self.arrive_by <= first:
@@ -263,7 +264,7 @@ class Season(StrictModel):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     def _check_steady(self) -> None:
-        """Refuse what a current needs that is the same at all times, or can't have; all at once."""
+        """Refuse what a current without times lacks, or can't have; all at once."""
         faults = [*self._speed_faults()]
         given = [
             repr(name)
@@ -290,7 +291,7 @@ class Season(StrictModel):
 
     @property
     def leaves_departure_open(self) -> bool:
-        """Whether it is to be chosen when the vessel leaves; with speeds it leaves at once."""
+        """Whether the departure is to be chosen; with 'speed' and 'departure' it is given."""
         return self.departures is not None or (self.arrive_by is not None and self.speed is None)
 
     @property
@@ -302,10 +303,10 @@ class Season(StrictModel):
 
     @property
     def period(self) -> Period:
-        """The period that the current is to be valid for; from the departure on if it changes.
+        """The period that the current is to be valid for.
 
-        Until `max_hours` after the last departure, and at least until the arrival asked for; or
-        only the departure itself.
+        A current that changes is needed from the first departure until `max_hours` after the last
+        one, and at least until the arrival asked for.
         """
         begin = self.first_departure
         if self.is_changing and begin is not None:

@@ -13,7 +13,7 @@ _Speed = Annotated[Positive, Field(le=1e6)]
 
 
 class SpeedRange(StrictModel):
-    """Lowest and highest speed through water; the vessel's own does not count then."""
+    """Lowest and highest speed through water, in place of the vessel's own speed."""
 
     least: _Speed = Field(
         description="Lowest speed through water, m/s. Give a speed in m/s, above 0.",

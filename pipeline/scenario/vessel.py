@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from pipeline.scenario.strict import Name, Positive, StrictModel
-
-if TYPE_CHECKING:
-    import renew
 
 # As of `renew.Vessel`: larger figures are a slip of the pen, and powers of them overflow.
 _Figure = Annotated[Positive, Field(le=1e6)]
@@ -66,17 +63,3 @@ class VesselSpec(StrictModel):
         "Give a number above 0, at most 20: 2 is the paper's, 3 the propeller law of displacement "
         "hulls.",
     )
-
-    def vessel(self) -> renew.Vessel:
-        """Return the planner's own vessel."""
-        import math
-
-        import renew
-
-        return renew.Vessel(
-            speed=self.speed_m_s,
-            turn_rate=math.radians(self.turn_rate_deg_s),
-            length=self.length_m,
-            fuel_coefficient=self.fuel_coefficient,
-            fuel_exponent=self.fuel_exponent,
-        )

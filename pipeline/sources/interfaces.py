@@ -47,11 +47,12 @@ class LandSource(Protocol):
 
 
 class CurrentSource(Protocol):
-    """Surface currents for a region and a season."""
+    """Surface currents for a region and a season; as a rule on this machine, for anybody."""
 
     def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Whether `current` would download, given the files cached in the folder."""
-        ...
+        del region, season, folder
+        return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
         """What the current depends on besides the region: dataset, release, time, file hashes."""
@@ -59,7 +60,7 @@ class CurrentSource(Protocol):
 
     def unavailable_reason(self) -> str:
         """Say why the source can't be used now, with the remedy; empty when it can."""
-        ...
+        return ""
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say for which part of the region or season there are no data, with the remedy, or ""."""

@@ -13,6 +13,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane
 from pipeline.scenario.season import Season
@@ -57,7 +58,7 @@ def plane_scene(scenario: Scenario) -> Scene:
         start=np.asarray(scenario.start, dtype=float),
         goal=np.asarray(scenario.goal, dtype=float),
         projection=projection,
-        vessel=scenario.vessel.vessel(),
+        vessel=planner_vessel(scenario.vessel),
         is_planar=True,
         via=np.array(scenario.via, dtype=float).reshape(-1, 2),
         departures=known_clocks(scenario),

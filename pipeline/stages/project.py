@@ -19,6 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar
@@ -112,7 +113,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         start=projection.to_plane(scenario.start),
         goal=projection.to_plane(scenario.goal),
         projection=projection,
-        vessel=scenario.vessel.vessel(),
+        vessel=planner_vessel(scenario.vessel),
         second_shore=tuple(second_shore),
         depths=charted.depths,
         current_cells={grid.season: grid.cells for grid in fetched.currents},

@@ -30,6 +30,7 @@ from pipeline.geo.coast.open_water import OpenWater, opened
 from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Land, Simplified
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages import planar
@@ -64,10 +65,10 @@ def simplify(
     scenario: Scenario, land: Made[Land], store: Store, ends: Sequence[Point] = ()
 ) -> Made[SimplifiedLand]:
     """Simplify the land of a scenario's chart; `ends` are kept in water beside its own stops."""
-    region, chart = scenario.region, scenario.chart
+    region, chart, fastest = scenario.region, scenario.chart, scenario.fastest_vessel
     names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
     figures = scenario.model_dump(mode="json", include=names)
-    inputs = land.key, figures, scenario.fastest_vessel.model_dump(), list(ends)
+    inputs = land.key, figures, fastest.model_dump(), list(ends)
 
     def make() -> SimplifiedLand:
         if region is None:
@@ -78,7 +79,7 @@ def simplify(
             margin_m=chart.margin_m,
             accuracy_m=land.value.accuracy_m,
             tolerance_m=chart.tolerance_m,
-            turning_radius_m=scenario.fastest_vessel.vessel().turning_radius * scenario.scale,
+            turning_radius_m=planner_vessel(fastest).turning_radius * scenario.scale,
             endpoints=(*chain(*pairwise(scenario.stops.values())), *ends),
             projection=Projection.for_region(region.shape, 1.0, region.crs),
         )

@@ -11,6 +11,7 @@ from pipeline.outcome import Event, EventHandler, Outcome, ignore
 from pipeline.run import run
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.vessel import VesselSpec
+from pipeline.stages.choosing.coverage import uncovered_seasons
 from pipeline.stages.endpoint_look import endpoints_on_land
 from pipeline.voyage.quantities import RANGE
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
@@ -121,8 +122,8 @@ def run_voyage(
     strict: bool,
     on_event: EventHandler,
 ) -> Outcome:
-    """Run a voyage's scenario, after a quick look whether start and goal are in water."""
-    if faults := endpoints_on_land(scenario):
+    """Run a voyage's scenario, after a quick look at its currents, and at start and goal."""
+    if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
     return run(scenario, output, offline=offline, strict=strict, on_event=on_event)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import RequestError
-from pipeline.loading import least_region, parse_scenario
+from pipeline.loading import parse_scenario
 from pipeline.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import asked_currents
@@ -16,6 +16,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.sources.registry import current_source
+from pipeline.stages.choosing.coverage import least_region
 from pipeline.voyage.departing import Departing, departing
 from pipeline.voyage.months import read_months
 from pipeline.voyage.positions import Position, read_positions, read_via

@@ -12,6 +12,7 @@ from shapely import Polygon
 
 import renew
 from pipeline.geo.projection import Projection
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.sources.land.osm import land_polygons
 from pipeline.stages.project import extent_polygon
@@ -41,7 +42,7 @@ def islands() -> Iterator[Figure]:
     projection = Projection.for_region(shapely.box(*ARCHIPELAGO_SEA))
     chart = _archipelago(projection)
     start, goal = projection.to_plane(START), projection.to_plane(GOAL)
-    vessel = catalogue.vessel("usv-7m").vessel()
+    vessel = planner_vessel(catalogue.vessel("usv-7m"))
     current = _gridded(renew.GyreCurrent(0.3, 30e3, 30e3), chart.bounds, 1000.0)
     plan = partial(renew.plan, chart, current, vessel, start, goal, classes=CLASSES)
     name = f"{len(chart.no_go)} islands, {_vertices(chart)} vertices, k = {CLASSES}"

@@ -170,14 +170,31 @@ def test_marks_of_direction_are_dropped(tmp_path: Path) -> None:
 
 
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
-    text = with_line(ACROSS, "classes = 2", "clases = 2\nrisk = 2\nseed = -1")
-    text = with_line(text, "paper-asv", "titanic")
-    text = with_line(text, "[118.40, 10.20]", "[100, 10.20]")
-    code, lines = run(tmp_path, text)
-    assert code == 2
-    for words in ("clases", "risk = 2", "seed = -1", "titanic", "start = [100.0, 10.2] lies 2"):
-        assert sum(words in line for line in lines) == 1, words
-    assert len(lines) == 5
+    places = with_line(ACROSS, "[118.40, 10.20]", "[100, 10.20]")
+    places = with_line(places, 'currents = ["embedded-palawan"]', 'currents = ["osm-land"]')
+    keys = with_line(places, "classes = 2", "clases = 2\nrisk = 2\nseed = -1")
+    keys = with_line(keys, "paper-asv", "titanic")
+    # First those of keys; those between tables, where all keys are valid.
+    for text, said in (
+        (keys, ("clases", "risk = 2", "seed = -1", "titanic")),
+        (places, ("start = [100.0, 10.2] lies 2", "gives land, not currents")),
+    ):
+        code, lines = run(tmp_path, text)
+        assert code == 2
+        for words in said:
+            assert sum(words in line for line in lines) == 1, words
+        assert len(lines) == len(said)
+
+
+def test_check_says_at_once_what_currents_and_land_lack(tmp_path: Path) -> None:
+    text = with_line(ACROSS, "[118.3, 9.3, 119.2, 10.4]", "[118.3, 3.5, 123.9, 10.4]")
+    path = tmp_path / "scenario.toml"
+    path.write_text(with_line(text, "[118.40, 10.20]", "[118.70, 9.85]"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 2
+    currents, land = result.stderr.splitlines()
+    assert "season 'summer': embedded-palawan has no data south of 6.75" in currents
+    assert "start = [118.7, 9.85] lies on land" in land
 
 
 def test_start_on_land_says_how_far_and_where_water_is(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario, parse_scenario
 from pipeline.scenario.asked_currents import asked_currents
+from pipeline.stages.choosing.coverage import require_covered
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 
@@ -48,15 +50,29 @@ def test_depths_need_a_file_and_a_draught() -> None:
 
 
 @pytest.mark.parametrize("version", [None, 9])
-def test_a_missing_or_wrong_version_hides_no_other_fault(version: int | None) -> None:
-    lines = faults(
-        schema_version=version,
-        seasons=[SEASON, SEASON],
-        plane={"extent": [0, 0, 9, 9]},
-        chart={"source": "./nowhere.gpkg"},
-    )
-    for part in ("schema_version", "2 seasons called", "both [region]", "nowhere.gpkg"):
+def test_a_missing_or_wrong_version_hides_no_fault_of_another_key(version: int | None) -> None:
+    lines = faults(schema_version=version, vessel="no-such-vessel", goal=[118.4])
+    for part in ("schema_version", "no-such-vessel", "goal"):
         assert sum(part in line for line in lines) == 1, (part, lines)
+
+
+def test_all_faults_between_tables_are_told_at_once() -> None:
+    lines = faults(seasons=[SEASON, SEASON], plane={"extent": [0, 0, 9, 9]})
+    for part in ("2 seasons called", "both [region]"):
+        assert sum(part in line for line in lines) == 1, (part, lines)
+    lines = faults(start=[110.0, 11.0], goal=[110.0, 11.0], chart={"source": "./nowhere.gpkg"})
+    for part in ("start = [110.0, 11.0] lies", "same place", "nowhere.gpkg"):
+        assert sum(part in line for line in lines) == 1, (part, lines)
+
+
+def test_loading_asks_no_source(tmp_path: Path) -> None:
+    """A file of currents that is none is refused where a run begins, not where it is named."""
+    file = tmp_path / "currents.nc"
+    file.write_bytes(b"no field")
+    season = {"name": "july", "valid": "2024-07", "currents": [str(file)]}
+    scenario = parse_scenario(table(seasons=[season]))
+    with pytest.raises(RequestError, match=r"season 'july': currents.nc: "):
+        require_covered(scenario)
 
 
 def test_start_and_goal_may_not_be_the_same_place() -> None:
@@ -83,7 +99,10 @@ def test_places_on_earth_are_asked_for_without_a_region_too() -> None:
 
 
 def test_without_a_region_the_currents_must_cover_start_and_goal() -> None:
-    (line,) = faults(region=None, start=[23.5, 37.9], goal=[28.3, 36.5])
+    scenario = parse_scenario(table(region=None, start=[23.5, 37.9], goal=[28.3, 36.5]))
+    with pytest.raises(RequestError) as caught:
+        require_covered(scenario)
+    (line,) = caught.value.faults
     assert "season 'summer': embedded-palawan has no data west of 114.75" in line
 
 
@@ -102,4 +121,4 @@ def test_seasons_that_an_asked_table_lacks_are_left_out_with_a_note() -> None:
     # Still water has every season, and where none is left the request is refused.
     assert len(load_scenario("hansando", currents=[*asked, "still"]).seasons) == 2
     with pytest.raises(RequestError, match="has no data"):
-        load_scenario("hansando", currents=["embedded-palawan"])
+        require_covered(load_scenario("hansando", currents=["embedded-palawan"]))

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
@@ -15,9 +15,10 @@ from pipeline.nightly.request.cases import Block, Cases, Member, doubled
 from pipeline.nightly.request.pairs import Pair, read_pairs
 from pipeline.scenario import catalogue
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path
 from pipeline.scenario.vessel import VesselSpec
+from pipeline.stages.choosing.coverage import require_covered
 
 if TYPE_CHECKING:
     from pipeline.nightly.request.config import CaseTable, NightConfig
@@ -117,7 +118,8 @@ class _Expansion:
             is_named = asked in catalogue.names("scenarios")
             path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
             data = catalogue.read_toml(path)
-            scenario = _parsed_without_files(data, path.parent)
+            scenario = parse_scenario(data, path.parent)
+            require_covered(_without_files(scenario))
             return self._with_own_currents(scenario)
         except RequestError as error:
             for fault in error.faults:
@@ -140,7 +142,7 @@ class _Expansion:
         for one in named:
             if isinstance(one, str) and one not in catalogue.names("sources"):
                 raise RequestError(
-                    [catalogue.unknown("source", "currents", one, catalogue.names("sources"))]
+                    [f"currents {catalogue.unknown('source', one, catalogue.names('sources'))}"]
                 )
         seasons = tuple(
             season.model_copy(update={"currents": named}) for season in scenario.seasons
@@ -248,38 +250,13 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
     ]
 
 
-def _parsed_without_files(data: dict[str, Any], folder: Path) -> Scenario:
-    """Check a scenario's table, but for files of currents: a forecast may come later."""
-    seasons = data.get("seasons")
-    if not isinstance(seasons, list) or "plane" in data:
-        return parse_scenario(data, folder)
-
-    def is_there(named: object) -> bool:
-        return isinstance(named, str) and not looks_like_path(named)
-
-    checked = []
-    for season in seasons:
-        currents = season.get("currents") if isinstance(season, dict) else None
-        if isinstance(currents, list) and currents:
-            named = [one for one in currents if is_there(one)]
-            season = {**season, "currents": named or ["still"]}  # noqa: PLW2901
-        checked.append(season)
-    scenario = parse_scenario({**data, "seasons": checked}, folder)
-    found = []
-    for season, given in zip(scenario.seasons, seasons, strict=True):
-        currents = tuple(
-            one if is_there(one) else _absolute(one, folder) for one in given.get("currents", ())
-        )
-        found.append(season.model_copy(update={"currents": currents}))
-    return scenario.model_copy(update={"seasons": tuple(found)})
-
-
-def _absolute(named: object, folder: Path) -> tuple[str, ...]:
-    """Return the absolute paths of a group of files."""
-    if not isinstance(named, (str, list)) or not all(isinstance(one, str) for one in named):
-        raise RequestError([f"currents = {named!r} is neither a source nor a list of files"])
-    paths = [named] if isinstance(named, str) else named
-    return tuple(one if one.startswith(("~", "/")) else str(folder / one) for one in paths)
+def _without_files(scenario: Scenario) -> Scenario:
+    """Leave out files of currents: a forecast may come later."""
+    seasons = []
+    for season in scenario.seasons:
+        named = tuple(one for one in season.currents if isinstance(one, str))
+        seasons.append(season.model_copy(update={"currents": named or (STILL,)}))
+    return scenario.model_copy(update={"seasons": tuple(seasons)})
 
 
 def _name(stem: str) -> str:

@@ -21,7 +21,6 @@ from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.cases import Block, Cases, Member
 from pipeline.scenario.season import Season
-from pipeline.sources.currents.cf.dataset import is_hdf5
 from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.registry import current_source
 
@@ -153,7 +152,7 @@ def _open_all(cases: Cases) -> None:
     """Try all members' files in one process, which is remembered: one for each takes far longer."""
     members = (member for block in cases.blocks for member in block.members)
     files = {Path(member.path) for member in members if member is not None}
-    fatal_files([file for file in sorted(files) if is_hdf5(file)])
+    fatal_files(sorted(files))
 
 
 def _issue(

@@ -20,7 +20,7 @@ from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.messages import near_miss
 from pipeline.scenario.period import period
 from pipeline.scenario.season import Season
-from pipeline.sources.interfaces import Issue
+from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.sources.quality.field import Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
@@ -30,18 +30,13 @@ _STEP_TOLERANCE_DEG = 2e-4
 
 
 @dataclass(frozen=True)
-class EmbeddedTable:
+class EmbeddedTable(CurrentSource):
     """A CSV table (season, lon, lat, u, v) whose points lie on one regular grid per season.
 
     Missing points are NaN: land, or water without data.
     """
 
     spec: EmbeddedTableSpec
-
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Never."""
-        del region, season, folder
-        return False
 
     @cached_property
     def _bytes(self) -> bytes:
@@ -53,10 +48,6 @@ class EmbeddedTable:
         digest = hashlib.sha256(self._bytes).hexdigest()
         part = self.spec.part(season) or season.name
         return (self.spec.name, digest, part, self.spec.model_dump_json())
-
-    def unavailable_reason(self) -> str:
-        """Always available."""
-        return ""
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario.catalogue import StillSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.interfaces import Issue
+from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import Bounds
 
 _NOTE = "planned without currents, as in still water"
@@ -21,24 +21,15 @@ _NODES = 5
 
 
 @dataclass(frozen=True)
-class StillWater:
+class StillWater(CurrentSource):
     """A current of zero everywhere and at all times."""
 
     spec: StillSpec
-
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Never."""
-        del region, season, folder
-        return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
         """Its name, as it is always the same."""
         del season
         return (self.spec.name,)
-
-    def unavailable_reason(self) -> str:
-        """Always available."""
-        return ""
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Covers everything."""

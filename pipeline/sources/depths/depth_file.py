@@ -7,6 +7,9 @@ otherwise.
 
 from __future__ import annotations
 
+import contextlib
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,11 +23,10 @@ from pipeline.sources.currents.cf.axes import axis_role, coordinate_axis, grid_f
 from pipeline.sources.currents.cf.dataset import (
     check_chunks,
     check_is_number,
-    is_hdf5,
     open_dataset,
     reading,
 )
-from pipeline.sources.currents.cf.grid import find_window
+from pipeline.sources.currents.cf.grid import find_window, read_window
 from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.quality.coverage import Bounds
 
@@ -92,17 +94,11 @@ class DepthFile:
             It can't be read, or has no depths in metres on a lon/lat grid: one line.
         """
         require_readable([path], "chart.depths")
-        fatal = fatal_files([path]) if is_hdf5(path) else {}
-        if fatal:
-            raise RequestError([f"chart.depths: {path.name}: {fatal[path]}"])
-        try:
-            dataset = open_dataset(path)
-            try:
+        with _refused(path):
+            if fatal := fatal_files([path]):
+                raise ValueError(fatal[path])
+            with open_dataset(path) as dataset:
                 return _described(path, dataset)
-            finally:
-                dataset.close()
-        except ValueError as error:
-            raise RequestError([f"chart.depths: {path.name}: {error}"]) from None
 
     def heights(self, bounds: Bounds) -> Heights | None:
         """Read the part in bounds (west, south, east, north); None where there are no two nodes.
@@ -112,31 +108,30 @@ class DepthFile:
         RequestError
             The file is damaged, or has too many cells there.
         """
-        window = find_window(self, bounds)
+        window = find_window(self.lon, self.lat, bounds)
         if min(window.lon.size, window.lat.size) < 2:
             return None
-        if window.lon.size * window.lat.size > _MAX_CELLS:
-            fault = (
-                f"chart.depths: {self.path.name} has {window.lat.size:,} x {window.lon.size:,} "
-                f"cells in the region, more than {_MAX_CELLS:,}; shrink the region, or take the "
-                "shallowest of several cells each, as with `cdo gridboxmax,4,4`"
-            )
-            raise RequestError([fault])
-        lat, lon = self.dims
-        try:
-            dataset = open_dataset(self.path)
-            with reading():
-                try:
-                    array = dataset[self.variable].squeeze(drop=True).transpose(lat, lon)
-                    runs = [
-                        array.isel({lat: window.rows, lon: run}).values for run in window.columns
-                    ]
-                finally:
-                    dataset.close()
-        except ValueError as error:
-            raise RequestError([f"chart.depths: {self.path.name}: {error}"]) from None
-        height_m = self.sign * np.concatenate(runs, axis=1).astype(np.float64)
+        shape = (window.lat.size, window.lon.size)
+        with _refused(self.path):
+            if math.prod(shape) > _MAX_CELLS:
+                raise ValueError(
+                    f"it has {shape[0]:,} x {shape[1]:,} cells in the region, more than "
+                    f"{_MAX_CELLS:,}; shrink the region, or take the shallowest of several cells "
+                    "each, as with `cdo gridboxmax,4,4`"
+                )
+            with open_dataset(self.path) as dataset, reading():
+                variable = dataset.variables[self.variable]
+                height_m = self.sign * read_window(variable, self.dims, window).reshape(shape)
         return Heights(window.lon, window.lat, np.where(np.isfinite(height_m), height_m, np.nan))
+
+
+@contextlib.contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Turn what is wrong with a file, a ValueError, into a RequestError that names it."""
+    try:
+        yield
+    except ValueError as error:
+        raise RequestError([f"chart.depths: {path.name}: {error}"]) from None
 
 
 def _described(path: Path, dataset: xr.Dataset) -> DepthFile:

@@ -1,4 +1,4 @@
-"""How far a region reaches beyond the cells of a grid of currents, and what both cover."""
+"""Bounds of regions and of grids of currents: how far one reaches beyond the other."""
 
 from __future__ import annotations
 

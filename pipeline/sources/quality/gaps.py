@@ -41,8 +41,7 @@ class WaterWithoutData:
 def water_without_data(field: Field, mask: LandMask, region: Polygon) -> WaterWithoutData | None:
     """Find the water of a region (lon/lat degrees) without data; None where the land has the gaps.
 
-    A gap at a node on land says that there is land, so it counts only beside one at a node in
-    water.
+    A gap at a node on land is as it should be: it counts only next to a gap at a node in water.
     """
     if not field.gap.any():
         return None

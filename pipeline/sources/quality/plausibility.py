@@ -53,7 +53,7 @@ class Assessment:
 
 
 def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
-    """Whether there is water, it moves, not the same everywhere, and not impossibly fast."""
+    """Whether the field has data that move, differ from place to place, and are not too fast."""
     u, v = field.u[~field.gap], field.v[~field.gap]
     speed = np.hypot(u, v)
     if not speed.size:

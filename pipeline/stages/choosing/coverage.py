@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.loading import least_region
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
+from pipeline.scenario.strict import Point
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.registry import current_source
 from pipeline.stages.choosing.region_choice import Voyage
 
+# Room around the stops that every region has, degrees (100 m).
+_AROUND_DEG = 1e-3
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0
 REMEDY = (
@@ -32,6 +35,42 @@ class Coverage:
 
     bounds: Bounds
     sources: tuple[str, str, str, str]
+
+
+def least_region(*stops: Point) -> shapely.Polygon:
+    """Return the line from stop to stop with little room around: part of any region they get."""
+    return shapely.LineString(stops).buffer(_AROUND_DEG)
+
+
+def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
+    """Find seasons without a source that covers the period, and the region or else the stops.
+
+    Whatever asks for a plan asks this first: the sources are not known where a file is loaded.
+    """
+    if scenario.is_planar:
+        return
+    stops = scenario.stops.values()
+    region = least_region(*stops) if scenario.region is None else scenario.region.shape
+    lacking: dict[str, list[str]] = {}
+    for season in scenario.seasons:
+        sources = map(current_source, season.currents)
+        reasons = [source.uncovered_reason(region, season) for source in sources]
+        if all(reasons):
+            lacking.setdefault("; ".join(reasons), []).append(repr(season.name))
+    for reason, names in lacking.items():
+        yield f"season{'s' * (len(names) > 1)} {', '.join(names)}: {reason}"
+
+
+def require_covered(scenario: Scenario) -> None:
+    """Refuse a scenario with a season that no source covers.
+
+    Raises
+    ------
+    RequestError
+        One line for each reason, with its seasons.
+    """
+    if faults := list(uncovered_seasons(scenario)):
+        raise RequestError(faults)
 
 
 def covered_by_currents(

@@ -147,18 +147,3 @@ def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version
         str(site / "pipeline" / "cli" / "main.py"),
         f"renew {declared_version}",
     ]
-
-
-def test_old_keys_are_accepted_with_a_note(tmp_path: Path) -> None:
-    text = (catalogue.root() / "scenarios" / "palawan-usv.toml").read_text(encoding="utf-8")
-    path = tmp_path / "old.toml"
-    old = 'rtz = "1.1"\n\n[chart]\nvertex_budget = 400'
-    path.write_text(text.replace("[chart]", f"[outputs]\n{old}"), encoding="utf-8")
-    result = CliRunner().invoke(app, ["check", str(path)])
-    assert result.exit_code == 0
-    assert "palawan-usv: valid" in result.stdout
-    renamed, removed = result.stderr.splitlines()
-    assert renamed == (
-        "note: outputs.rtz is now called outputs.rtz_version; the old name is still accepted"
-    )
-    assert removed.startswith("note: chart.vertex_budget has no effect any more: ")

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import current_source, land_source
@@ -25,7 +26,7 @@ def test_every_vessel_turns_within_five_lengths(name: str) -> None:
     spec = catalogue.vessel(name)
     assert spec.name == name
     # IMO MSC.137(76) allows a tactical diameter of 5 lengths.
-    assert 2 * spec.vessel().turning_radius < 5 * spec.length_m
+    assert 2 * planner_vessel(spec).turning_radius < 5 * spec.length_m
 
 
 @pytest.mark.parametrize("name", catalogue.names("sources"))

@@ -9,12 +9,13 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 import renew
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.reference import tables
 from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
 from renew.inputs import arguments
+from tests.scenario_reference import tables
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}
@@ -209,7 +210,7 @@ def test_the_vessels_limits_are_accepted_by_the_planner() -> None:
     schema = VesselSpec.model_json_schema()["properties"]
     keys = ("length_m", "speed_m_s", "turn_rate_deg_s", "fuel_coefficient", "fuel_exponent")
     largest = {key: float(schema[key]["maximum"]) for key in keys}
-    assert VesselSpec.model_validate(largest).vessel().length == largest["length_m"]
+    assert planner_vessel(VesselSpec.model_validate(largest)).length == largest["length_m"]
     for key in keys:
         with pytest.raises(ValidationError):
             VesselSpec.model_validate(largest | {key: largest[key] * 1.1})

@@ -13,6 +13,7 @@ from pipeline.loading import load_scenario, parse_scenario
 from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
 from pipeline.scenario.model import Scenario
+from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.fetch import fetch, with_max_hours
 from pipeline.storage.store import Store
 from tests.pipeline.conftest import ACROSS_BOX
@@ -62,7 +63,7 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
 )
 def test_a_source_without_time_steps_of_its_own_is_refused(source: str, reason: str) -> None:
     with pytest.raises(RequestError, match=reason):
-        parse_scenario(changing(source))
+        require_covered(parse_scenario(changing(source)))
 
 
 def test_a_voyage_may_take_three_times_as_long_as_straight_and_a_day() -> None:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
+from pipeline.model.vessel import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
@@ -41,7 +42,7 @@ def test_a_file_has_the_keys_of_an_entry(tmp_path: Path) -> None:
 def test_the_vessel_turns_on_the_circle_that_is_given(speed_kn: float, circle_m: float) -> None:
     figures = VesselFigures(f"{speed_kn:.3f}kn", "90m", f"{circle_m:.3f}m", "4m")
     vessel = vessel_spec("", figures)
-    assert 2 * vessel.vessel().turning_radius == pytest.approx(round(circle_m, 3))
+    assert 2 * planner_vessel(vessel).turning_radius == pytest.approx(round(circle_m, 3))
     # A full circle takes its circumference at that speed.
     circumference = vessel.speed_m_s * 360 / vessel.turn_rate_deg_s
     assert circumference == pytest.approx(math.pi * round(circle_m, 3))

@@ -30,7 +30,7 @@ from pipeline.sources.currents.cf.grid import (
 )
 from pipeline.sources.currents.cf.reference_time import reference_time
 from pipeline.sources.currents.cf.slices import SelectedSlices, select_slices
-from pipeline.sources.interfaces import Issue
+from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.quality.gaps import water_without_data
@@ -47,15 +47,10 @@ _ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
 
 
 @dataclass(frozen=True)
-class CfFiles:
+class CfFiles(CurrentSource):
     """Files that belong together, given by paths and patterns."""
 
     paths: tuple[str, ...]
-
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Never."""
-        del region, season, folder
-        return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
         """Hashes of the files that contain the season's steps; "nothing" where there are none."""
@@ -66,10 +61,6 @@ class CfFiles:
         hashes = (digest for _, digest in _file_hashes(contents, slices))
         about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
         return ("cf", *hashes, season.valid, about, slices.valid)
-
-    def unavailable_reason(self) -> str:
-        """Always available, if `uncovered_reason` is empty."""
-        return ""
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
@@ -115,7 +106,7 @@ class CfFiles:
             raise RequestError([f"{name_of(find_files(self.paths))}: {error}"]) from None
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
-        window = find_window(contents, _check_bounds(contents, bounds))
+        window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
         mask = LandMask.world()
         try:
             found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
@@ -206,10 +197,8 @@ def _hash(file: Path, stamp: str) -> str:
 
 def _with_margin(contents: Contents, region: Bounds) -> Bounds:
     """Bounds of a region with a margin of a few cells."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
-    return widened(region, MARGIN_CELLS * lon_step, MARGIN_CELLS * lat_step)
+    lon_deg, lat_deg = contents.largest_cell
+    return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
 
 
 def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:

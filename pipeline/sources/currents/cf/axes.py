@@ -1,4 +1,11 @@
-"""The axes of a variable by the CF conventions: what each is, and whether they make a grid."""
+"""The axes of a variable by the CF conventions: what each is, and whether they make a grid.
+
+Not by cf-xarray (0.11), which was tried: it would replace `axis_role` alone, 25 lines, for 50 ms of
+import. It does not know a time by its units before it is decoded, which damaged files can't be;
+where attributes contradict each other it names an axis twice; and by names it takes `latent` for a
+latitude. Scale, offset and fill values are xarray's work here as well, calendars and units of time
+cftime's; units of speed would need pint besides.
+"""
 
 from __future__ import annotations
 

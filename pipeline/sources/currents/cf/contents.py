@@ -6,12 +6,15 @@ was found and what is needed.
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
@@ -28,7 +31,6 @@ from pipeline.sources.currents.cf.dataset import (
     check_chunks,
     check_is_number,
     groups_of,
-    is_hdf5,
     open_dataset,
 )
 from pipeline.sources.currents.cf.probe import fatal_files
@@ -37,21 +39,19 @@ from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 if TYPE_CHECKING:
     import xarray as xr
 
-# Pairs of standard names, and of variable names for variables without; the first found is used.
-_STANDARD_NAMES = (
-    ("eastward_sea_water_velocity", "northward_sea_water_velocity"),
-    ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity"),
-    (
+# Standard names of eastward components and their partners, and pairs of names for variables without
+# a standard name; the first found is used.
+_STANDARD_NAMES = tuple(
+    (name, name.replace("eastward", "northward").replace("_x_", "_y_"))
+    for name in (
+        "eastward_sea_water_velocity",
+        "surface_eastward_sea_water_velocity",
         "eastward_sea_water_velocity_assuming_no_tide",
-        "northward_sea_water_velocity_assuming_no_tide",
-    ),
-    ("sea_water_x_velocity", "sea_water_y_velocity"),
-    ("surface_sea_water_x_velocity", "surface_sea_water_y_velocity"),
-    (
+        "sea_water_x_velocity",
+        "surface_sea_water_x_velocity",
         "surface_geostrophic_eastward_sea_water_velocity",
-        "surface_geostrophic_northward_sea_water_velocity",
-    ),
-    ("geostrophic_eastward_sea_water_velocity", "geostrophic_northward_sea_water_velocity"),
+        "geostrophic_eastward_sea_water_velocity",
+    )
 )
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
 # Units in m/s, and their spellings without blanks, dots, carets and asterisks.
@@ -69,7 +69,7 @@ _MAX_GROUPS = 4
 
 @dataclass(frozen=True)
 class Component:
-    """One component in one file: the variable's name, and those of its dimensions.
+    """One component in one file: the variable's name, those of its dimensions, and its axes.
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
     dimension, and `unit_m_s` is its unit in m/s.
@@ -82,10 +82,14 @@ class Component:
     lon: str
     fixed: dict[str, int]
     unit_m_s: float
+    lats_deg: FloatArray
+    lons_deg: FloatArray
+    steps: TimeSteps
+    notes: tuple[str, ...]
 
-    def lazy(self, dataset: xr.Dataset) -> xr.DataArray:
+    def lazy(self, dataset: xr.Dataset) -> xr.Variable:
         """Return the variable of its open file, not yet read."""
-        return dataset[self.name].isel(self.fixed)
+        return dataset.variables[self.name].isel(self.fixed)
 
 
 @dataclass(frozen=True)
@@ -107,16 +111,11 @@ class Contents:
     notes: tuple[str, ...]
     attributes: dict[str, str]
 
-
-@dataclass(frozen=True)
-class _Part:
-    """A component in one file with its axes, before files are combined."""
-
-    component: Component
-    lon: FloatArray
-    lat: FloatArray
-    steps: TimeSteps
-    notes: tuple[str, ...]
+    @property
+    def largest_cell(self) -> tuple[float, float]:
+        """The largest steps of longitude and latitude, degrees."""
+        lon_deg, lat_deg = (float(np.abs(np.diff(axis)).max()) for axis in (self.lon, self.lat))
+        return lon_deg, lat_deg
 
 
 def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
@@ -152,23 +151,19 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
     RequestError
         They can't be read, or have no currents on a lon/lat grid: one line for each fault.
     """
-    fatal = fatal_files([file for file in files if is_hdf5(file)])
-    if fatal:
+    if fatal := fatal_files(files):
         raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
     datasets: dict[Path, xr.Dataset] = {}
     faults = []
-    try:
+    with contextlib.ExitStack() as stack:
         for file in files:
             try:
-                datasets[file] = open_dataset(file)
+                datasets[file] = stack.enter_context(open_dataset(file))
             except ValueError as error:
                 faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
         return _contents(files, datasets)
-    finally:
-        for dataset in datasets.values():
-            dataset.close()
 
 
 def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:
@@ -177,20 +172,20 @@ def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Cont
     if isinstance(pair, str):
         raise RequestError([f"{name_of(files)}: {pair}{_groups_hint(files)}"])
     faults: list[str] = []
-    components: list[list[_Part]] = []
-    for wanted in pair:
-        parts = []
+    found: tuple[list[Component], list[Component]] = ([], [])
+    for (standard, name), components in zip(pair, found, strict=True):
         for file, dataset in datasets.items():
-            if _has_component(dataset, wanted):
+            variable = dataset.data_vars.get(name)
+            if variable is not None and variable.attrs.get("standard_name", "") == standard:
                 try:
-                    parts.append(_part(file, dataset, wanted[1]))
+                    components.append(_component(file, dataset, name))
                 except ValueError as error:
                     faults.append(f"{file.name}: {error}")
-        components.append(parts)
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
+    attributes = {str(k): str(v) for k, v in datasets[files[0]].attrs.items()}
     try:
-        return _combined(files, components, _kind_notes(pair), datasets)
+        return _combined(files, *found, _kind_notes(pair), attributes)
     except ValueError as error:
         raise RequestError([f"{name_of(files)}: {error}"]) from None
 
@@ -250,12 +245,6 @@ def _groups_hint(files: Sequence[Path]) -> str:
     return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
 
 
-def _has_component(dataset: xr.Dataset, wanted: tuple[str, str]) -> bool:
-    """Whether a file has the wanted component: (standard name, name)."""
-    standard, name = wanted
-    return name in dataset.data_vars and dataset[name].attrs.get("standard_name", "") == standard
-
-
 def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...]:
     """Say what is not part of this kind of current."""
     standard, name = pair[0]
@@ -264,8 +253,8 @@ def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...
     return ("the currents are without tide",) if "no_tide" in standard else ()
 
 
-def _part(file: Path, dataset: xr.Dataset, name: str) -> _Part:
-    """Return a component with its axes; ValueError where something is wrong with it."""
+def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
+    """Return a component of a file; ValueError where something is wrong with it."""
     array = dataset[name]
     check_is_number(name, array)
     check_chunks(array)
@@ -290,13 +279,18 @@ def _part(file: Path, dataset: xr.Dataset, name: str) -> _Part:
                 "depth, latitude nor longitude; keep one index of it"
             )
     time = by_role.get("time", "")
-    steps = read_steps(*time_axis(dataset, time)) if time else TimeSteps()
-    return _Part(
-        Component(file, name, time, by_role["lat"], by_role["lon"], fixed, unit_m_s),
-        coordinate_axis(dataset, by_role["lon"], period=360.0),
-        coordinate_axis(dataset, by_role["lat"]),
-        steps,
-        tuple(notes),
+    return Component(
+        file=file,
+        name=name,
+        time=time,
+        lat=by_role["lat"],
+        lon=by_role["lon"],
+        fixed=fixed,
+        unit_m_s=unit_m_s,
+        steps=read_steps(*time_axis(dataset, time)) if time else TimeSteps(),
+        lons_deg=coordinate_axis(dataset, by_role["lon"], period=360.0),
+        lats_deg=coordinate_axis(dataset, by_role["lat"]),
+        notes=tuple(notes),
     )
 
 
@@ -317,41 +311,38 @@ def _unit_m_s(array: xr.DataArray) -> tuple[float, list[str]]:
 
 def _combined(
     files: tuple[Path, ...],
-    components: Sequence[Sequence[_Part]],
+    u: Sequence[Component],
+    v: Sequence[Component],
     notes: tuple[str, ...],
-    datasets: dict[Path, xr.Dataset],
+    attributes: dict[str, str],
 ) -> Contents:
-    """Combine the parts of both components; ValueError where they don't match each other."""
-    first = components[0][0]
-    for part in (*components[0], *components[1]):
-        for own, other, axis in (
-            (part.lon, first.lon, "longitudes"),
-            (part.lat, first.lat, "latitudes"),
-        ):
-            if not is_same_axis(own, other):
+    """Combine both components of all files; ValueError where they don't match each other."""
+    first = u[0]
+    for other in (*u, *v):
+        for axis in ("longitudes", "latitudes"):
+            own, theirs = (getattr(one, f"{axis[:3]}s_deg") for one in (other, first))
+            if not is_same_axis(own, theirs):
                 raise ValueError(
-                    f"{part.component.name} has other {axis} than {first.component.name}: "
-                    "interpolate both to the same nodes (a staggered grid is not supported)"
+                    f"{other.name} has other {axis} than {first.name}: interpolate both to the "
+                    "same nodes (a staggered grid is not supported)"
                 )
     (u_steps, u_index), (v_steps, v_index) = (
-        merge_steps([part.steps for part in parts]) for parts in components
+        merge_steps([one.steps for one in components]) for components in (u, v)
     )
     if u_steps != v_steps:
         raise ValueError(
             f"the components have different times: {u_steps.span}, and {v_steps.span}; give both "
             "for the same times"
         )
-    part_notes = [note for parts in components for part in parts for note in part.notes]
-    attributes = {str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()}
     return Contents(
         files=files,
-        lon=first.lon,
-        lat=first.lat,
-        u=tuple(part.component for part in components[0]),
-        v=tuple(part.component for part in components[1]),
+        lon=first.lons_deg,
+        lat=first.lats_deg,
+        u=tuple(u),
+        v=tuple(v),
         steps=u_steps,
         u_index=u_index,
         v_index=v_index,
-        notes=tuple(dict.fromkeys((*notes, *part_notes))),
+        notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
         attributes=attributes,
     )

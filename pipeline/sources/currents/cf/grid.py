@@ -1,19 +1,19 @@
 """Reading a region from the user's files: of a global file, no more than a window.
 
-The window is cut out of each step before Dask sums the steps, some megabytes at a time.
+The window is cut out of each step before the steps are summed, some megabytes at a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, IndexArray
 from pipeline.sources.currents.cf.axes import SAME_SHARE
 from pipeline.sources.currents.cf.contents import Component, Contents
 from pipeline.sources.currents.cf.dataset import open_dataset, reading
@@ -33,20 +33,6 @@ _GAP_STEPS = 1.5
 _MAX_OPEN = 2
 
 
-class Axes(Protocol):
-    """A grid's longitudes (nx,) and latitudes (ny,), degrees, ascending or descending."""
-
-    @property
-    def lon(self) -> FloatArray:
-        """Longitudes."""
-        ...
-
-    @property
-    def lat(self) -> FloatArray:
-        """Latitudes."""
-        ...
-
-
 @dataclass(frozen=True)
 class Window:
     """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and their indices in the files.
@@ -61,10 +47,9 @@ class Window:
     columns: tuple[slice, ...]
 
 
-def find_window(axes: Axes, bounds: Bounds) -> Window:
-    """Find the nodes inside bounds, in the bounds' own longitudes."""
+def find_window(lon: FloatArray, lat: FloatArray, bounds: Bounds) -> Window:
+    """Find the nodes of monotonic axes inside bounds, in the bounds' own longitudes, degrees."""
     west, south, east, north = bounds
-    lon, lat = axes.lon, axes.lat
     turns = range(int((west - lon.max()) // 360), int((east - lon.min()) // 360) + 1)
     all_lon = np.concatenate([lon + 360 * turn for turn in turns])
     all_columns = np.tile(np.arange(lon.size), len(turns))
@@ -76,33 +61,34 @@ def find_window(axes: Axes, bounds: Bounds) -> Window:
         order = order[np.concatenate([[True], is_distinct])]
     rows = np.flatnonzero((lat >= south) & (lat <= north))
     rows = rows[np.argsort(lat[rows])]
-    columns = tuple(_contiguous_runs(all_columns[order]))
-    return Window(all_lon[order], lat[rows], _contiguous_runs(rows)[0], columns)
+    columns = _runs(all_columns[order], 1 if lon[-1] > lon[0] else -1)
+    return Window(all_lon[order], lat[rows], _runs(rows, 1 if lat[-1] > lat[0] else -1)[0], columns)
 
 
-def _contiguous_runs(indices: npt.NDArray[np.intp]) -> list[slice]:
-    """Divide indices into runs that go up or down by one, as slices."""
-    if indices.size == 0:
-        return [slice(0, 0)]
-    step = np.diff(indices)
-    runs, begin = [], 0
-    for i in range(1, indices.size + 1):
-        continues = i < indices.size and abs(step[i - 1]) == 1 and step[i - 1] == step[begin]
-        if not continues:
-            first, last = int(indices[begin]), int(indices[i - 1])
-            down = last < first
-            end = last - 1 if down else last + 1
-            runs.append(slice(first, end if end >= 0 else None, -1 if down else 1))
-            begin = i
-    return runs
+def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
+    """Divide indices into runs that go on by a step of 1 or -1, as slices; one at least."""
+    ends = np.flatnonzero(np.diff(indices) != step) + 1
+    return tuple(
+        slice(int(run[0]), stop if (stop := int(run[-1]) + step) >= 0 else None, step)
+        for run in np.split(indices, ends)
+        if run.size
+    ) or (slice(0, 0),)
+
+
+def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) -> FloatArray:
+    """Read a variable in a window (..., ny, nx); `dims` are its dimensions along lat and lon."""
+    lat, lon = dims
+    runs = [
+        variable.isel({lat: window.rows, lon: run}).load().transpose(..., lat, lon).values
+        for run in window.columns
+    ]
+    return np.concatenate(runs, axis=-1).astype(float)
 
 
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
-    around = find_window(contents, widened(region, lon_step, lat_step))
+    lon_step, lat_step = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
         fault = (
@@ -126,10 +112,8 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
-    lon_step, lat_step = (
-        float(np.abs(np.diff(axis)).max()) for axis in (contents.lon, contents.lat)
-    )
-    around = find_window(contents, widened(region, lon_step, lat_step))
+    lon_step, lat_step = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
     return common_bounds(region, _outer_edges(around, lon_step, lat_step))
@@ -182,37 +166,38 @@ class FieldReader:
         weights: Mapping[int, float],
     ) -> FloatArray:
         """Weighted sum (ny, nx) of a component's steps in m/s."""
-        by_file: dict[int, list[tuple[int, float]]] = {}
+        by_file: dict[int, dict[int, float]] = {}
         for step, weight in weights.items():
             file, step_in_file = index[step]
-            by_file.setdefault(file, []).append((step_in_file, weight))
+            by_file.setdefault(file, {})[step_in_file] = weight
         total = np.zeros((self._window.lat.size, self._window.lon.size))
         for file, steps in by_file.items():
-            total += self._weighted_sum_of_file(files[file], sorted(steps))
+            component = files[file]
+            try:
+                variable = component.lazy(self._dataset(component.file))
+                with reading():
+                    for times, values in self._blocks(component, variable, sorted(steps)):
+                        shares = [steps[time] for time in times]
+                        total += component.unit_m_s * np.tensordot(shares, values, axes=1)
+            except ValueError as error:
+                raise ValueError(f"{component.file.name}: {error}") from None
         return total
 
-    def _weighted_sum_of_file(
-        self, component: Component, steps: Sequence[tuple[int, float]]
-    ) -> FloatArray:
-        """Weighted sum (ny, nx) of some steps (index, weight) of one file, in m/s."""
-        import xarray as xr
-
-        lat, lon, window = component.lat, component.lon, self._window
-        try:
-            array = component.lazy(self._dataset(component.file))
-            with reading():
-                runs = [
-                    _lazy_weighted_sum(
-                        array.isel({lat: window.rows, lon: run}), component.time, steps
-                    )
-                    for run in window.columns
-                ]
-                joined = xr.concat(runs, lon, coords="minimal", compat="override", join="override")
-                # In this process, even if there is a Dask cluster: its workers may lack the file.
-                values: Any = joined.compute(scheduler="threads").transpose(lat, lon).values
-        except ValueError as error:
-            raise ValueError(f"{component.file.name}: {error}") from None
-        return np.asarray(values, dtype=float) * component.unit_m_s
+    def _blocks(
+        self, component: Component, variable: xr.Variable, steps: Sequence[int]
+    ) -> Iterator[tuple[Sequence[int], FloatArray]]:
+        """Read ascending steps some megabytes at a time: their numbers, values (nt, ny, nx)."""
+        window, lat, lon = self._window, component.lat, component.lon
+        shape = (window.lat.size, window.lon.size)
+        most = max(1, _CHUNK_BYTES // max(1, math.prod(shape) * variable.dtype.itemsize))
+        for first in range(0, len(steps), most):
+            times = steps[first : first + most]
+            part: dict[str, slice | list[int]] = {}
+            if component.time:
+                is_range = times[-1] - times[0] == len(times) - 1
+                part[component.time] = slice(times[0], times[-1] + 1) if is_range else list(times)
+            values = read_window(variable.isel(part), (lat, lon), window)
+            yield times, values.reshape(-1, *shape)
 
     def _dataset(self, file: Path) -> xr.Dataset:
         """Return an open file."""
@@ -225,25 +210,3 @@ class FieldReader:
         """Close files, the longest open first, until so many are left."""
         while len(self._open) > count:
             self._open.pop(next(iter(self._open))).close()
-
-
-def _lazy_weighted_sum(
-    array: xr.DataArray, time: str, steps: Sequence[tuple[int, float]]
-) -> xr.DataArray:
-    """Weighted sum of some steps (index, weight), not yet read."""
-    import xarray as xr
-
-    array = array.drop_vars(list(array.coords))
-    if not time:
-        return array.chunk().astype(float)
-    if len(steps) == 1:
-        # As each step of a current that changes is read: Dask's plan for it takes longer than it.
-        ((index, weight),) = steps
-        return array.isel({time: index}).astype(float) * weight
-    indices = [index for index, _ in steps]
-    is_range = indices == list(range(indices[0], indices[-1] + 1))
-    chosen = array.isel({time: slice(indices[0], indices[-1] + 1) if is_range else indices})
-    step_bytes = max(1, chosen.nbytes // len(indices))
-    chosen = chosen.chunk({time: max(1, _CHUNK_BYTES // step_bytes)}).astype(float)
-    weights = xr.DataArray([weight for _, weight in steps], dims=time)
-    return (chosen * weights).sum(time, skipna=False)

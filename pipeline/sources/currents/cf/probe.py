@@ -15,6 +15,7 @@ from signal import Signals
 from typing import Any
 
 from pipeline.interpreters import ProcessResult, run_python
+from pipeline.sources.currents.cf.dataset import is_hdf5
 
 # Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
 _START_S, _FILE_S = 60.0, 2.0
@@ -29,11 +30,15 @@ _found: dict[tuple[Path, int, int], str] = {}
 
 
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
-    """Return the files on which the library hangs or crashes, with how it does.
+    """Return the NetCDF 4 files on which the library hangs or crashes, with how it does.
 
     Those that were not looked at before are opened in one process, whose start takes most of it.
     """
-    versions = {file: (file, file.stat().st_size, file.stat().st_mtime_ns) for file in files}
+    versions = {
+        file: (file, file.stat().st_size, file.stat().st_mtime_ns)
+        for file in files
+        if is_hdf5(file)
+    }
     unknown = tuple(file for file, version in versions.items() if version not in _found)
     fatal = dict(_fatal(unknown))
     _found.update({versions[file]: fatal.get(file, "") for file in unknown})

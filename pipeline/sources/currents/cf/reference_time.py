@@ -35,13 +35,10 @@ def reference_time(files: tuple[Path, ...]) -> datetime | None:
     found = []
     for file in files:
         try:
-            dataset = open_dataset(file)
+            with open_dataset(file) as dataset:
+                found.append(_from_variable(dataset) or _from_attributes(dataset))
         except ValueError as error:
             raise RequestError([f"{file.name}: {error}"]) from None
-        try:
-            found.append(_from_variable(dataset) or _from_attributes(dataset))
-        finally:
-            dataset.close()
     times = [time for time in found if time is not None]
     return max(times) if len(times) == len(files) and times else None
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import calendar
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 
 import numpy as np
 
 from pipeline.scenario.period import Period
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.contents import Contents
-from pipeline.sources.currents.cf.time import MISSING_STEP, label, select_steps
+from pipeline.sources.currents.cf.time import TimeSteps, label
+from pipeline.sources.interfaces import TimeMethod
 
+# Distance between steps, in median distances, from which one is missing between them.
+_MISSING_STEP = 1.5
 # Number of faults of one kind that a message names.
 _MAX_FAULTS = 3
 
@@ -21,16 +26,16 @@ _MAX_FAULTS = 3
 class SelectedSlices:
     """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
 
-    `times_s` are seconds since departure, one for each field; 0 for a single one. `labels` are the
-    fields' times in writing, empty for a single one.
+    `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
+    times in writing, one for each field; 0 and "" for a single one.
     """
 
     weights: tuple[Mapping[int, float], ...]
-    times_s: tuple[float, ...]
-    labels: tuple[str, ...]
     valid: str
     notes: tuple[str, ...] = ()
     is_climatology: bool = False
+    times_s: tuple[float, ...] = (0.0,)
+    labels: tuple[str, ...] = ("",)
 
 
 def select_slices(contents: Contents, season: Season) -> SelectedSlices:
@@ -43,10 +48,109 @@ def select_slices(contents: Contents, season: Season) -> SelectedSlices:
     """
     if season.is_changing:
         return _all_steps(contents, season.period)
-    steps = select_steps(contents.steps, season.period, season.resolved_time_method)
-    return SelectedSlices(
-        (steps.weights,), (0.0,), ("",), steps.valid, steps.notes, steps.is_climatology
-    )
+    return select_steps(contents.steps, season.period, season.resolved_time_method)
+
+
+def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSlices:
+    """Select the steps that make up a period's field.
+
+    Raises
+    ------
+    ValueError
+        There are none; the message says which there are.
+    """
+    middle = period.begin + (period.end - period.begin) / 2
+    if steps.months:
+        return _month_of_climatology(steps, middle, method)
+    if not steps.moments:
+        note = "the file gives no time: it is assumed to be for the time asked for"
+        return SelectedSlices(({0: 1.0},), "", (note,))
+    if method == "mean":
+        return _mean(steps, period)
+    return (_linear if method == "linear" else _nearest)(steps, middle)
+
+
+def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSlices:
+    """Select the step of the moment's month, whatever the year."""
+    if method == "linear":
+        raise ValueError(
+            "it is a climatology, one field per month: leave 'time_method' out, or use 'nearest'"
+        )
+    name = calendar.month_name[moment.month]
+    if moment.month not in steps.months:
+        raise ValueError(f"it is {steps.span}, not of {name}; give a file of that month")
+    index = steps.months.index(moment.month)
+    return SelectedSlices(({index: 1.0},), f"{name} of a climatology", is_climatology=True)
+
+
+def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
+    """Select all steps in the period, with equal weights."""
+    inside = [i for i, moment in enumerate(steps.moments) if period.begin <= moment < period.end]
+    if not inside:
+        _, distance = steps.nearest(period.begin + (period.end - period.begin) / 2)
+        is_near = steps.is_near(distance)
+        other = ', or time_method = "nearest" for the one around it' if is_near else ""
+        raise ValueError(
+            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; set "
+            f"the season's 'valid' to what it has{other}"
+        )
+    first, last = inside[0], inside[-1]
+    valid = steps.labels[first]
+    if last > first:
+        valid += f"/{steps.labels[last]}"
+    weights = dict.fromkeys(inside, 1 / len(inside))
+    return SelectedSlices((weights,), valid, tuple(_sparse_notes(steps, inside, period)))
+
+
+def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> list[str]:
+    """Say that the steps do not fill the period, if so."""
+    interval = steps.interval
+    # A step stands for the time around it, or after it.
+    times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
+    largest = max(later - earlier for earlier, later in itertools.pairwise(times))
+    if largest <= _MISSING_STEP * interval:
+        return []
+    count, verb = ("one time step", "stands")
+    if len(inside) > 1:
+        count, verb = f"{len(inside)} time steps", "stand"
+    span = " to ".join(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
+    return [f"{count} ({span}) {verb} for all of {label(period.begin)} to {label(period.end)}"]
+
+
+def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:
+    """Select the nearest step, at most half an interval away."""
+    index, distance = steps.nearest(moment)
+    if not steps.is_near(distance):
+        raise ValueError(
+            f"it has {steps.span}, none within {_duration(steps.interval / 2)} of {label(moment)}; "
+            "set the season's 'valid' to what it has"
+        )
+    return SelectedSlices(({index: 1.0},), steps.labels[index])
+
+
+def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
+    """Select the two steps around a moment, with the weights of linear interpolation."""
+    after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
+    if after < len(steps.moments) and steps.moments[after] == moment:
+        return SelectedSlices(({after: 1.0},), steps.labels[after])
+    if not 0 < after < len(steps.moments):
+        raise ValueError(
+            f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
+            "season's 'valid' to a time between them"
+        )
+    earlier, later = steps.moments[after - 1], steps.moments[after]
+    if later - earlier > _MISSING_STEP * steps.interval:
+        raise ValueError(
+            f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
+        )
+    share = (moment - earlier) / (later - earlier)
+    return SelectedSlices(({after - 1: 1 - share, after: share},), label(moment))
+
+
+def _duration(time: timedelta) -> str:
+    """Write a duration: "12 hours", "15.2 days"."""
+    hours = time.total_seconds() / 3600
+    return f"{hours:.3g} hours" if hours < 48 else f"{hours / 24:.3g} days"
 
 
 def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
@@ -87,7 +191,7 @@ def _holes(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
     moments = [contents.steps.moments[i] for i in chosen]
     gaps = [later - earlier for earlier, later in itertools.pairwise(moments)]
     usual = min(sorted(gaps)[(len(gaps) - 1) // 2], contents.steps.interval)
-    holes = [i for i, gap in enumerate(gaps) if gap > MISSING_STEP * usual]
+    holes = [i for i, gap in enumerate(gaps) if gap > _MISSING_STEP * usual]
     for i in holes[:_MAX_FAULTS]:
         yield (
             f"it has no step between {label(moments[i])} and {label(moments[i + 1])}, and others "

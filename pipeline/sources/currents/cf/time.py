@@ -1,11 +1,11 @@
-"""Time steps of a file by the CF conventions, and which of them make up a period's field."""
+"""Time steps of a file by the CF conventions."""
 
 from __future__ import annotations
 
 import calendar
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -13,16 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.scenario.period import Period
-from pipeline.sources.interfaces import TimeMethod
 
 if TYPE_CHECKING:
     import xarray as xr
 
 # Time that a field stands for if it is the only one in its file.
 _SINGLE_STEP = timedelta(days=1)
-# Distance between steps, in median distances, from which one is missing between them.
-MISSING_STEP = 1.5
 # Length of a long step in median ones: a long month has 31 days, the median one 30.4.
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
@@ -74,16 +70,6 @@ class TimeSteps:
         if len(self.labels) == 1:
             return f"one time step, {self.labels[0]}"
         return f"{len(self.labels)} time steps, {self.labels[0]} to {self.labels[-1]}"
-
-
-@dataclass(frozen=True, slots=True)
-class SelectedSteps:
-    """Weights (sum 1) of the selected steps by their index, and the time that they stand for."""
-
-    weights: Mapping[int, float]
-    valid: str
-    notes: tuple[str, ...] = ()
-    is_climatology: bool = False
 
 
 def read_steps(time: xr.DataArray | None, bounds: FloatArray | None) -> TimeSteps:
@@ -204,108 +190,6 @@ def decoded_times(time: xr.DataArray, values: FloatArray, units: str) -> list[da
     if moments and max(moments).year > _MAX_YEAR:
         raise ValueError(f"{time.name} reaches the year {max(moments).year}; correct it")
     return moments
-
-
-def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:
-    """Select the steps that make up a period's field.
-
-    Raises
-    ------
-    ValueError
-        There are none; the message says which there are.
-    """
-    middle = period.begin + (period.end - period.begin) / 2
-    if steps.months:
-        return _month_of_climatology(steps, middle, method)
-    if not steps.moments:
-        note = "the file gives no time: it is assumed to be for the time asked for"
-        return SelectedSteps({0: 1.0}, "", (note,))
-    if method == "mean":
-        return _mean(steps, period)
-    return (_linear if method == "linear" else _nearest)(steps, middle)
-
-
-def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSteps:
-    """Select the step of the moment's month, whatever the year."""
-    if method == "linear":
-        raise ValueError(
-            "it is a climatology, one field per month: leave 'time_method' out, or use 'nearest'"
-        )
-    name = calendar.month_name[moment.month]
-    if moment.month not in steps.months:
-        raise ValueError(f"it is {steps.span}, not of {name}; give a file of that month")
-    index = steps.months.index(moment.month)
-    return SelectedSteps({index: 1.0}, f"{name} of a climatology", is_climatology=True)
-
-
-def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
-    """Select all steps in the period, with equal weights."""
-    inside = [i for i, moment in enumerate(steps.moments) if period.begin <= moment < period.end]
-    if not inside:
-        _, distance = steps.nearest(period.begin + (period.end - period.begin) / 2)
-        is_near = steps.is_near(distance)
-        other = ', or time_method = "nearest" for the one around it' if is_near else ""
-        raise ValueError(
-            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; set "
-            f"the season's 'valid' to what it has{other}"
-        )
-    first, last = inside[0], inside[-1]
-    valid = steps.labels[first]
-    if last > first:
-        valid += f"/{steps.labels[last]}"
-    weights = dict.fromkeys(inside, 1 / len(inside))
-    return SelectedSteps(weights, valid, tuple(_sparse_notes(steps, inside, period)))
-
-
-def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> list[str]:
-    """Say that the steps do not fill the period, if so."""
-    interval = steps.interval
-    # A step stands for the time around it, or after it.
-    times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
-    largest = max(later - earlier for earlier, later in itertools.pairwise(times))
-    if largest <= MISSING_STEP * interval:
-        return []
-    count, verb = ("one time step", "stands")
-    if len(inside) > 1:
-        count, verb = f"{len(inside)} time steps", "stand"
-    span = " to ".join(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
-    return [f"{count} ({span}) {verb} for all of {label(period.begin)} to {label(period.end)}"]
-
-
-def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSteps:
-    """Select the nearest step, at most half an interval away."""
-    index, distance = steps.nearest(moment)
-    if not steps.is_near(distance):
-        raise ValueError(
-            f"it has {steps.span}, none within {_duration(steps.interval / 2)} of {label(moment)}; "
-            "set the season's 'valid' to what it has"
-        )
-    return SelectedSteps({index: 1.0}, steps.labels[index])
-
-
-def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
-    """Select the two steps around a moment, with the weights of linear interpolation."""
-    after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
-    if after < len(steps.moments) and steps.moments[after] == moment:
-        return SelectedSteps({after: 1.0}, steps.labels[after])
-    if not 0 < after < len(steps.moments):
-        raise ValueError(
-            f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
-            "season's 'valid' to a time between them"
-        )
-    earlier, later = steps.moments[after - 1], steps.moments[after]
-    if later - earlier > MISSING_STEP * steps.interval:
-        raise ValueError(
-            f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
-        )
-    share = (moment - earlier) / (later - earlier)
-    return SelectedSteps({after - 1: 1 - share, after: share}, label(moment))
-
-
-def _duration(time: timedelta) -> str:
-    """Write a duration: "12 hours", "15.2 days"."""
-    hours = time.total_seconds() / 3600
-    return f"{hours:.3g} hours" if hours < 48 else f"{hours / 24:.3g} days"
 
 
 def _month_names(months: Sequence[int]) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
+from pipeline.sources.currents.copernicus.acceptance import AcceptedFields, Expected, accept
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
@@ -35,8 +36,7 @@ from pipeline.sources.currents.copernicus.steps import (
     select_all_steps,
     select_steps,
 )
-from pipeline.sources.interfaces import Issue
-from pipeline.sources.quality.acceptance import AcceptedFields, Expected, accept
+from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, common_bounds, widened
 
 
@@ -60,7 +60,7 @@ class _Request:
 
 
 @dataclass(frozen=True)
-class Copernicus:
+class Copernicus(CurrentSource):
     """One dataset of the service."""
 
     spec: CopernicusSpec
@@ -326,7 +326,7 @@ def _obtained(request: _Request, metadata: Mapping[str, Any]) -> SelectedSteps:
 
 
 def _asked_time(season: Season) -> str:
-    """The time that a season asks for: that of its one field, or the way from its departure on."""
+    """Spell the time that a season asks for: of its one field, or from its departure on."""
     if not season.is_changing:
         return season.valid
     ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (season.period.begin, season.period.end))

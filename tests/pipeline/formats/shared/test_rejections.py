@@ -40,7 +40,9 @@ def test_places_and_widths_are_those_of_the_sentence() -> None:
     shut = with_rejected(result, InfeasibleError("blocked at {0}", gap.mean(axis=0)), strait)
     (found,) = rejections(shut, shut.plans[0].season)
     assert json.loads(json.dumps(json_value(found))) == found
-    (place,) = found["places"]  # type: ignore[misc]
+    places = found["places"]
+    assert isinstance(places, list)
+    (place,) = places
     assert found["reason"] == f"blocked at {position_text(place['lon'], place['lat'])}"
     assert (found["class"], found["kind"], found["moments"]) == ("p1", "InfeasibleError", [])
     values = found["strait"]

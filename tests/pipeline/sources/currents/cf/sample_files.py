@@ -25,7 +25,7 @@ SEA = sea(LON, LAT)
 def read(*paths: Path, weights: dict[int, float] | None = None, box: Bounds = BOX) -> Field:
     """Read a box from files: the first step, unless weights are given."""
     contents = read_contents(find_files([str(path) for path in paths]))
-    with FieldReader(contents, find_window(contents, box)) as reader:
+    with FieldReader(contents, find_window(contents.lon, contents.lat, box)) as reader:
         return reader.field(weights or {0: 1.0})
 
 

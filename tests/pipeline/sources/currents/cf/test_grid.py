@@ -83,7 +83,7 @@ def test_a_window_has_all_nodes_inside_and_no_others(
         notes=(),
         attributes={},
     )
-    window = find_window(contents, (west, -30.0, west + wide, 30.0))
+    window = find_window(contents.lon, contents.lat, (west, -30.0, west + wide, 30.0))
     numbers = [i for run in window.columns for i in range(*run.indices(count))]
     assert len(numbers) == window.lon.size
     assert (np.diff(window.lon) > 0).all()
@@ -157,7 +157,7 @@ import dask.array, netCDF4, numcodecs, xarray, zarr
 contents = read_contents(find_files(sys.argv[1:]))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 steps = len(contents.steps.labels)
-window = find_window(contents, (116.0, 7.0, 122.0, 13.0))
+window = find_window(contents.lon, contents.lat, (116.0, 7.0, 122.0, 13.0))
 with FieldReader(contents, window) as reader:
     field = reader.field({i: 1 / steps for i in range(steps)})
 grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
@@ -256,7 +256,7 @@ def test_real_files_node_by_node(shared: Path, name: str, box: Bounds) -> None:
         assert name == "cwb"
         return
     last = len(contents.steps.labels) - 1
-    with FieldReader(contents, find_window(contents, box)) as reader:
+    with FieldReader(contents, find_window(contents.lon, contents.lat, box)) as reader:
         field = reader.field({last: 1.0})
     with netCDF4.Dataset(path) as raw:
         lon, lat = np.asarray(raw["longitude"][:]), np.asarray(raw["latitude"][:])

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.scenario.period import period
-from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps, select_steps
+from pipeline.sources.currents.cf.slices import select_steps
+from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 from pipeline.sources.interfaces import TimeMethod
 
 HOUR = timedelta(hours=1)
@@ -72,17 +73,17 @@ def test_what_is_no_time_is_refused(units: str) -> None:
 def test_the_mean_of_a_month_is_of_all_its_steps_and_no_others() -> None:
     daily = days("2023-12-30", 40)
     chosen = select_steps(daily, period("2024-01"), "mean")
-    taken = [daily.labels[i] for i in chosen.weights]
+    taken = [daily.labels[i] for i in chosen.weights[0]]
     assert taken == [f"2024-01-{day:02d}" for day in range(1, 32)]
-    assert sum(chosen.weights.values()) == pytest.approx(1)
-    assert len(set(chosen.weights.values())) == 1
+    assert sum(chosen.weights[0].values()) == pytest.approx(1)
+    assert len(set(chosen.weights[0].values())) == 1
     assert chosen.valid == "2024-01-01/2024-01-31"
     assert not chosen.notes
 
 
 def test_six_fields_five_days_apart_stand_for_their_month_without_a_note() -> None:
     chosen = select_steps(days("2024-01-03", 6, every=5), period("2024-01"), "mean")
-    assert len(chosen.weights) == 6
+    assert len(chosen.weights[0]) == 6
     assert not chosen.notes
 
 
@@ -102,7 +103,7 @@ def test_steps_that_do_not_fill_the_month_are_noted(axis: TimeSteps, text: str) 
 
 def test_a_single_field_stands_for_its_day_without_a_note() -> None:
     chosen = select_steps(days("2020-06-17", 1), period("2020-06-17"), "mean")
-    assert (dict(chosen.weights), chosen.valid, chosen.notes) == ({0: 1.0}, "2020-06-17", ())
+    assert (dict(chosen.weights[0]), chosen.valid, chosen.notes) == ({0: 1.0}, "2020-06-17", ())
 
 
 def test_a_period_without_steps_is_refused_with_the_steps_that_there_are() -> None:
@@ -128,7 +129,7 @@ def test_nearest_selects_the_nearest_step_or_none_if_it_is_too_far(
         with pytest.raises(ValueError, match=r"none within .* of 202"):
             select_steps(axis, wanted, "nearest")
         return
-    (index,) = select_steps(axis, wanted, "nearest").weights
+    (index,) = select_steps(axis, wanted, "nearest").weights[0]
     assert abs(axis.moments[index] - moment) == distance
 
 
@@ -145,8 +146,8 @@ def test_linear_reproduces_a_linear_function_of_time(hours: list[int], share: fl
             select_steps(axis, wanted, "linear")
         return
     chosen = select_steps(axis, wanted, "linear")
-    assert all(weight >= 0 for weight in chosen.weights.values())
-    found = sum(axis.moments[i].timestamp() * weight for i, weight in chosen.weights.items())
+    assert all(weight >= 0 for weight in chosen.weights[0].values())
+    found = sum(axis.moments[i].timestamp() * weight for i, weight in chosen.weights[0].items())
     assert found == pytest.approx(moment.timestamp(), abs=1)
 
 
@@ -164,7 +165,7 @@ def test_monthly_fields_labelled_with_their_first_day_stand_for_the_month() -> N
     assert axis.labels == ("2024-01", "2024-02", "2024-03", "2024-04")
     for valid, method in (("2024-03", "mean"), ("2024-03-30T12:00Z", "nearest")):
         chosen = select_steps(axis, period(valid), method)  # type: ignore[arg-type]
-        assert (dict(chosen.weights), chosen.valid, chosen.notes) == ({2: 1.0}, "2024-03", ())
+        assert (dict(chosen.weights[0]), chosen.valid, chosen.notes) == ({2: 1.0}, "2024-03", ())
 
 
 def test_bounds_give_the_period_of_a_single_field() -> None:
@@ -189,7 +190,7 @@ def test_a_climatology_gives_the_field_of_the_calendar_month(axis: TimeSteps) ->
         for valid in (f"2024-{month:02d}", f"1999-{month:02d}-28", f"2031-{month:02d}-02T05:00Z"):
             method: TimeMethod = "nearest" if "T" in valid else "mean"
             chosen = select_steps(axis, period(valid), method)
-            assert dict(chosen.weights) == {month - 1: 1.0}
+            assert dict(chosen.weights[0]) == {month - 1: 1.0}
             assert chosen.is_climatology
             assert "climatology" in chosen.valid
     with pytest.raises(ValueError, match="it is a climatology"):
@@ -203,7 +204,7 @@ def test_a_climatology_without_the_month_is_refused() -> None:
 
 def test_a_file_without_time_is_accepted_with_a_note() -> None:
     chosen = select_steps(read_steps(None, None), period("2024-07"), "mean")
-    assert dict(chosen.weights) == {0: 1.0}
+    assert dict(chosen.weights[0]) == {0: 1.0}
     assert "gives no time" in chosen.notes[0]
 
 

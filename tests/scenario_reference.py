@@ -16,7 +16,6 @@ from pydantic import BaseModel
 
 from pipeline.scenario.messages import limit_text, model_in
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
 from pipeline.scenario.toml_text import inline
 
 KEYS_FILE, SCHEMA_FILE = "scenario-keys.md", "scenario.schema.json"
@@ -66,19 +65,9 @@ def _with_inner(table: Table) -> Iterator[Table]:
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON schema of a scenario, with old keys marked as deprecated."""
-    generated = Scenario.model_json_schema()
-    models = {table.path: table.model.__name__ for table in tables()}
-    for path, names in RENAMED_KEYS.items():
-        properties = generated["$defs"][models[path]]["properties"]
-        for old, new in names.items():
-            description = f"Old name of `{new}`."
-            properties[old] = {**properties[new], "deprecated": True, "description": description}
-    for path, removed in REMOVED_KEYS.items():
-        properties = generated["$defs"][models[path]]["properties"]
-        for key, instead in removed.items():
-            properties[key] = {"deprecated": True, "description": f"Has no effect: {instead}."}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **generated}
+    """Return the JSON schema of a scenario."""
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": dialect, **Scenario.model_json_schema()}
 
 
 def schema_text() -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -19,11 +19,18 @@ from shapely.geometry import Polygon
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.model import Land
+from pipeline.sources.currents.cf.axes import coordinate_axis
+from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset, reading
+from pipeline.sources.currents.cf.grid import Window, find_window, read_window
+from pipeline.sources.currents.cf.time import decoded_times
 from pipeline.sources.quality.coverage import Bounds, around_missing, sides_beyond, widened
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import count_misplaced, dilated
 from pipeline.sources.quality.series import assess_series
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _UNITS = {"m s-1", "m/s", "m.s-1", "m s**-1", "m s^-1", "meter second-1", "metre second-1"}
 _STANDARD_NAMES = {
@@ -43,6 +50,10 @@ _MIN_NEIGHBOURS = 5
 # Largest share of open water without data, and of cells far inland with data: models leave out
 # straits and shallows.
 _MAX_MISPLACED_SHARE = 0.02
+
+
+# Dimensions of the service's files along the axes, and what is kept around the region, cells.
+_DIMS, _KEPT_CELLS = ("latitude", "longitude"), 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +107,11 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     StageError
         The file can't be read, or is not what was requested.
     """
-    import netCDF4
-
     try:
-        with netCDF4.Dataset(path) as dataset:
+        with open_dataset(path) as dataset, reading():
             faults, fields = _read(dataset, expected)
-    except (OSError, RuntimeError, KeyError, ValueError, IndexError) as error:
-        raise StageError(f"{path.name} can't be read as NetCDF: {error}") from None
+    except ValueError as error:
+        raise StageError(f"{path.name}: {error}") from None
     if fields is not None:
         mask = LandMask.from_land(land, expected.region)
         first = next(fields.at_each_time())
@@ -123,45 +132,51 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     return fields
 
 
-def _read(dataset: Any, expected: Expected) -> tuple[list[str], AcceptedFields | None]:
+def _read(dataset: xr.Dataset, expected: Expected) -> tuple[list[str], AcceptedFields | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
     wanted = {"eastward": expected.eastward, "northward": expected.northward}
-    absent = [name for name in wanted.values() if name not in dataset.variables]
-    if absent:
+    needed = (*wanted.values(), "longitude", "latitude", "time")
+    if absent := [name for name in needed if name not in dataset.variables]:
         return [f"no variable {name!r}" for name in absent], None
+    lon = coordinate_axis(dataset, "longitude", period=360.0)
+    lat = coordinate_axis(dataset, "latitude")
     faults = [
-        fault
-        for direction, name in wanted.items()
-        for fault in _variable_faults(dataset[name], direction)
+        *(
+            fault
+            for direction, name in wanted.items()
+            for fault in _variable_faults(dataset[name], direction)
+        ),
+        *_step_faults("longitude", lon, expected.cell_deg),
+        *_step_faults("latitude", lat, expected.cell_deg),
+        *_time_faults(dataset, expected),
+        *_depth_faults(dataset),
     ]
-    lon, lon_step, lon_faults = _axis(dataset, "longitude", expected.cell_deg)
-    lat, lat_step, lat_faults = _axis(dataset, "latitude", expected.cell_deg)
-    faults += lon_faults + lat_faults + _time_faults(dataset, expected)
-    faults += _depth_faults(dataset)
     if faults:
         return faults, None
-    faults, u, v = _read_fields(dataset, expected, (lat.size, lon.size))
-    # Longitudes a whole turn away are the same place.
-    west, _, east, _ = expected.region
-    lon = lon + 360 * np.round(((west + east) / 2 - lon.mean()) / 360)
-    faults += _extent_faults(lon, lat, expected)
-    ascending = (..., slice(None, None, lat_step), slice(None, None, lon_step))
-    return faults, AcceptedFields(lon, lat, u[ascending], v[ascending])
+    margin = _KEPT_CELLS * expected.cell_deg
+    window = find_window(lon, lat, widened(expected.region, margin, margin))
+    if not (window.lon.size and window.lat.size):
+        return ["it has no data in the region"], None
+    faults, u, v = _read_fields(dataset, expected, window)
+    faults += _extent_faults(window, expected)
+    return faults, AcceptedFields(window.lon, window.lat, u, v)
 
 
 def _read_fields(
-    dataset: Any, expected: Expected, shape: tuple[int, int]
+    dataset: xr.Dataset, expected: Expected, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
     """Both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
     Step by step, so that a month of hours need not fit in memory where its mean is the field.
     """
+    shape = (window.lat.size, window.lon.size)
     count = 1 if expected.weights else len(expected.labels)
     u_fields, v_fields = np.zeros((count, *shape)), np.zeros((count, *shape))
     first_gap = None
     for step, label in enumerate(expected.labels):
         u, v = (
-            _layer(dataset[name], step, shape) for name in (expected.eastward, expected.northward)
+            read_window(dataset.variables[name].isel(time=step), _DIMS, window).reshape(shape)
+            for name in (expected.eastward, expected.northward)
         )
         gap = ~np.isfinite(u)
         first_gap = gap if first_gap is None else first_gap
@@ -217,43 +232,27 @@ def largest_spike(values: FloatArray, limit_m_s: float) -> float:
     return float(np.max(spike, initial=0.0, where=is_spike))
 
 
-def _variable_faults(variable: Any, direction: str) -> list[str]:
-    """Whether a component has the right unit and standard name."""
-    faults = []
-    units = getattr(variable, "units", "")
+def _variable_faults(variable: xr.DataArray, direction: str) -> Iterator[str]:
+    """Find a component's wrong unit and standard name."""
+    units = variable.attrs.get("units", "")
     if units.strip() not in _UNITS:
-        faults.append(f"{variable.name} is in {units!r}, not m/s")
-    standard = getattr(variable, "standard_name", "")
+        yield f"{variable.name} is in {units!r}, not m/s"
+    standard = variable.attrs.get("standard_name", "")
     if standard and not any(part in standard for part in _STANDARD_NAMES[direction]):
-        faults.append(f"{variable.name} is {standard!r}, not the {direction} velocity")
-    return faults
+        yield f"{variable.name} is {standard!r}, not the {direction} velocity"
 
 
-def _axis(dataset: Any, name: str, cell_deg: float) -> tuple[FloatArray, int, list[str]]:
-    """Ascending axis, the slice step (1 or -1) that sorts its data, and its faults."""
-    values = np.ma.filled(dataset[name][:], np.nan).astype(float)
-    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        return values.ravel(), 1, [f"{name} is no axis: shape {values.shape}"]
-    order = 1 if values[-1] > values[0] else -1
-    values = values[::order]
-    steps = np.diff(values)
-    faults = []
+def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
+    """Find steps of an axis that are not of a cell's size."""
+    steps = np.abs(np.diff(axis))
     if np.abs(steps - cell_deg).max() > _STEP_TOLERANCE * cell_deg:
-        faults.append(
-            f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
-        )
-    return values, order, faults
+        yield f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
 
 
-def _time_faults(dataset: Any, expected: Expected) -> list[str]:
+def _time_faults(dataset: xr.Dataset, expected: Expected) -> list[str]:
     """Whether the time steps are exactly those requested."""
-    import netCDF4
-
-    if "time" not in dataset.variables:
-        return ["no time axis"]
-    time = dataset["time"]
-    calendar = getattr(time, "calendar", "standard")
-    stamps = np.atleast_1d(np.asarray(netCDF4.num2date(time[:], time.units, calendar)))
+    time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
+    stamps = decoded_times(time, values, time.attrs.get("units", ""))
     labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)
     if labels == expected.labels:
         return []
@@ -269,30 +268,18 @@ def _shortened(labels: tuple[str, ...]) -> str:
     return f"[{labels[0]!r} … {labels[-1]!r}] ({len(labels)})"
 
 
-def _depth_faults(dataset: Any) -> list[str]:
+def _depth_faults(dataset: xr.Dataset) -> list[str]:
     """Whether there is no more than one level, at the surface."""
-    for name in ("depth", "elevation"):
-        if name in dataset.variables:
-            levels = np.abs(np.atleast_1d(np.ma.filled(dataset[name][:], np.nan)))
-            if levels.size != 1 or not levels[0] < SURFACE_DEPTH_M:
-                return [f"its levels are {levels[:4].tolist()} m, not the surface alone"]
+    for name in {"depth", "elevation"} & dataset.variables.keys():
+        levels = np.abs(coordinate_values(dataset, name).reshape(-1))
+        if levels.size != 1 or not levels[0] < SURFACE_DEPTH_M:
+            return [f"its levels are {levels[:4].tolist()} m, not the surface alone"]
     return []
 
 
-def _layer(variable: Any, step: int, shape: tuple[int, int]) -> FloatArray:
-    """The variable (ny, nx) at a time step, NaN where masked; ValueError for another shape.
-
-    There may be a depth dimension, of one level.
-    """
-    if variable.dimensions[0] != "time" or variable.shape[-2:] != shape:
-        raise ValueError(f"{variable.name} has {variable.dimensions} of {variable.shape}")
-    values = np.ma.filled(np.ma.asarray(variable[step]).astype(float), np.nan)
-    return np.asarray(values, dtype=float).reshape(shape)
-
-
-def _extent_faults(lon: FloatArray, lat: FloatArray, expected: Expected) -> list[str]:
+def _extent_faults(window: Window, expected: Expected) -> list[str]:
     """Whether the cells cover the region."""
-    half = expected.cell_deg / 2
+    lon, lat, half = window.lon, window.lat, expected.cell_deg / 2
     grid = widened((lon[0], lat[0], lon[-1], lat[-1]), half, half)
     lacking = sides_beyond(expected.region, grid)
     return [f"it has no data {' nor '.join(lacking)}"] if lacking else []

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
-from pipeline.sources.quality.acceptance import Expected, accept, largest_spike
+from pipeline.sources.currents.copernicus.acceptance import Expected, accept, largest_spike
 from pipeline.sources.quality.field import Field
 
 REGION = shapely.box(117, 8, 120, 11)

@@ -13,8 +13,8 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
-from pipeline.scenario import catalogue, reference
-from pipeline.scenario.old_keys import REMOVED_KEYS, RENAMED_KEYS
+from pipeline.scenario import catalogue
+from tests import scenario_reference as reference
 
 TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
@@ -162,28 +162,6 @@ def test_the_schema_refuses_what_the_models_refuse(change: dict[str, Any]) -> No
 def test_the_schema_knows_the_short_forms(change: dict[str, Any]) -> None:
     schema = reference.schema()
     assert faults(as_json(MINIMAL | change), schema, schema) == []
-
-
-def test_old_keys_are_deprecated_in_the_schema() -> None:
-    schema = reference.schema()
-    text = reference.keys_text()
-    for names in RENAMED_KEYS.values():
-        for old, new in names.items():
-            (entry,) = (
-                model["properties"][old]
-                for model in schema["$defs"].values()
-                if model["properties"].get(old, {}).get("deprecated")
-            )
-            assert entry["description"] == f"Old name of `{new}`."
-            assert f"| `{new}` |" in text
-            assert f"| `{old}` |" not in text
-    for path, removed in REMOVED_KEYS.items():
-        models = {table.path: table.model.__name__ for table in reference.tables()}
-        for key in removed:
-            entry = schema["$defs"][models[path]]["properties"][key]
-            assert entry["deprecated"]
-            assert entry["description"].startswith("Has no effect: ")
-            assert f"| `{key}` |" not in text
 
 
 def test_every_key_has_a_row_with_type_default_and_example() -> None:
