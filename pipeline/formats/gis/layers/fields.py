@@ -89,3 +89,12 @@ FIELDS = {
     ),
 }
 """Column -> its field; a column has the same meaning in every layer."""
+
+_TEXT = ("season", "homotopy", "way", "name", "kind", "rule", "rejected_because")
+_WHOLE = ("rank", "trials", "collisions", "number", "sequence", "triangles", "vertices")
+TYPES: dict[str, type] = {
+    **dict.fromkeys(_TEXT, object),
+    **dict.fromkeys(_WHOLE, int),
+    "collided": bool,
+}
+"""Column -> its type, where it is not a float."""

@@ -17,7 +17,7 @@ from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.layers.all_layers import LAYERS
-from pipeline.formats.gis.layers.columns import Layer
+from pipeline.formats.gis.layers.frames import Layer
 from pipeline.formats.gis.qgis.layout import put_layouts
 from pipeline.formats.gis.qgis.map_crs import MapCrs, ReferenceSystem, lonlat_system, map_crs
 from pipeline.formats.gis.qgis.styles import style
