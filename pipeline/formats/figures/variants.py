@@ -1,4 +1,4 @@
-"""The same season planned in other ways, side by side: few and many classes, kinds of padding."""
+"""A season planned in several ways, side by side: few and many classes, kinds of padding."""
 
 from __future__ import annotations
 
