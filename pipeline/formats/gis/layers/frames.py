@@ -40,7 +40,7 @@ class Layer:
 
 
 def frame(
-    geometry: Sequence[object] | Geometries, columns: Mapping[str, Sequence[npt.ArrayLike]]
+    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[npt.ArrayLike]]
 ) -> GeoDataFrame:
     """Make the frame of a layer.
 
@@ -79,7 +79,7 @@ def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Ge
     return multi(lonlat) if areas else lonlat
 
 
-def multi(areas: Sequence[object] | Geometries) -> Geometries:
+def multi(areas: Sequence[Any] | Geometries) -> Geometries:
     """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
     multis = np.full(len(areas), shapely.MultiPolygon(), dtype=object)
     parts, index = shapely.get_parts(np.array(areas, dtype=object), return_index=True)
@@ -96,7 +96,9 @@ def _column(
     return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
 
 
-def _joined(values: Sequence[object], counts: Sequence[int], dtype: type) -> npt.NDArray[Any]:
+def _joined(
+    values: Sequence[Any] | Geometries, counts: Sequence[int], dtype: type
+) -> npt.NDArray[Any]:
     """Join arrays, or single values that are repeated as often as counted."""
     parts: list[npt.NDArray[Any]] = [
         np.broadcast_to(np.asarray(value, dtype=dtype), count)

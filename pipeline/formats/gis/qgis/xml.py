@@ -1,0 +1,83 @@
+"""QGIS's XML, filled into the templates of this folder; all that is filled in is escaped."""
+
+from __future__ import annotations
+
+import re
+import uuid
+from functools import cache
+from typing import TYPE_CHECKING
+
+from pipeline.formats.shared.text import shortened
+from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+# Maximum number of characters of a name in the list of layers.
+_MAX_TITLE_LENGTH = 60
+# Characters that a reader of XML would take for other white space.
+_WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+
+
+def rendered(template: str, **values: object) -> str:
+    """Fill in a template."""
+    return _environment().get_template(template).render(values).lstrip()
+
+
+def clean(text: str) -> str:
+    """Text that is plain text to XML, and to QGIS, which evaluates what is between [% and %]."""
+    return xml_text(text).replace("[%", "[\N{WORD JOINER}%")
+
+
+def one_line(text: str, limit: int = _MAX_TITLE_LENGTH) -> str:
+    """Clean text on one line, of at most `limit` characters."""
+    return shortened(" ".join(clean(text).split()), limit)
+
+
+def literal(text: str) -> str:
+    """Write text as a string of QGIS's expression language."""
+    parts = re.split(f"({XML_FORBIDDEN.pattern})", text)
+    terms = [
+        f"char({ord(part)})"
+        if index % 2
+        else "'" + part.replace("\\", "\\\\").replace("'", "''").replace("\n", "\\n") + "'"
+        for index, part in enumerate(parts)
+    ]
+    return " || ".join(term for term in terms if term != "''") or "''"
+
+
+@cache
+def _environment() -> Environment:
+    """Load the templates."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("pipeline.formats.gis.qgis"),
+        autoescape=True,
+        finalize=_escaped,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        clean=clean,
+        g=lambda value: f"{value:g}",
+        # Where QGIS shows HTML: no markup takes effect.
+        html=lambda text: clean(text).replace("<", "&lt;"),
+        title_line=one_line,
+        uuid=lambda name: f"{{{uuid.uuid5(uuid.NAMESPACE_URL, f'renew:{name}')}}}",
+    )
+    return environment
+
+
+def _escaped(value: object) -> Markup:
+    """Escape a value for an attribute or an element; what a macro returns is XML already."""
+    from markupsafe import Markup, escape
+
+    if isinstance(value, Markup):
+        return value
+    text = escape(xml_text(str(value)))
+    for character, reference in _WHITE_SPACE.items():
+        text = text.replace(character, Markup(reference))  # noqa: S704 - our own
+    return text
