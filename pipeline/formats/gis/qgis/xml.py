@@ -7,6 +7,7 @@ import uuid
 from functools import cache
 from typing import TYPE_CHECKING
 
+from pipeline.formats.shared.templates import environment
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 
@@ -50,17 +51,8 @@ def literal(text: str) -> str:
 @cache
 def _environment() -> Environment:
     """Load the templates."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("pipeline.formats.gis.qgis"),
-        autoescape=True,
-        finalize=_escaped,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(
+    loaded = environment("pipeline.formats.gis.qgis", finalize=_escaped)
+    loaded.filters.update(
         clean=clean,
         g=lambda value: f"{value:g}",
         # Where QGIS shows HTML: no markup takes effect.
@@ -68,7 +60,7 @@ def _environment() -> Environment:
         title_line=one_line,
         uuid=lambda name: f"{{{uuid.uuid5(uuid.NAMESPACE_URL, f'renew:{name}')}}}",
     )
-    return environment
+    return loaded
 
 
 def _escaped(value: object) -> Markup:
