@@ -7,18 +7,15 @@ import uuid
 from functools import cache
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.templates import environment
+from pipeline.formats.shared.templates import xml_environment
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from markupsafe import Markup
 
 # Maximum number of characters of a name in the list of layers.
 _MAX_TITLE_LENGTH = 60
-# Characters that a reader of XML would take for other white space.
-_WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
 def rendered(template: str, **values: object) -> str:
@@ -51,7 +48,7 @@ def literal(text: str) -> str:
 @cache
 def _environment() -> Environment:
     """Load the templates."""
-    loaded = environment("pipeline.formats.gis.qgis", finalize=_escaped)
+    loaded = xml_environment("pipeline.formats.gis.qgis")
     loaded.filters.update(
         clean=clean,
         g=lambda value: f"{value:g}",
@@ -61,15 +58,3 @@ def _environment() -> Environment:
         uuid=lambda name: f"{{{uuid.uuid5(uuid.NAMESPACE_URL, f'renew:{name}')}}}",
     )
     return loaded
-
-
-def _escaped(value: object) -> Markup:
-    """Escape a value for an attribute or an element; what a macro returns is XML already."""
-    from markupsafe import Markup, escape
-
-    if isinstance(value, Markup):
-        return value
-    text = escape(xml_text(str(value)))
-    for character, reference in _WHITE_SPACE.items():
-        text = text.replace(character, Markup(reference))  # noqa: S704 - our own
-    return text
