@@ -7,12 +7,15 @@ system works it out as `time() - ...`.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.nightly.outcome import NightOutcome
-from pipeline.storage.whole_files import write_whole
+from pipeline.storage.whole_files import whole_file
+
+if TYPE_CHECKING:
+    from prometheus_client import CollectorRegistry
 
 SUCCESSES = frozenset({0, 10})
 """Exit codes of a night that published its cycle, or had nothing to do."""
@@ -35,49 +38,49 @@ def write_metrics(path: Path, outcome: NightOutcome) -> str:
     After a night that failed, the times of the last success stay as they were. A job that left
     because another one is at work (exit code 4) has no figures: the other writes them.
     """
+    from prometheus_client import generate_latest
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        text = "".join(_families(outcome, _earlier(path)))
-        write_whole(path, text)
+        with whole_file(path) as file:
+            file.write(generate_latest(_registry(outcome, _last_success(path))))
     except OSError as error:
         return f"--metrics: can't write {path}: {error.strerror or error}"
     return ""
 
 
-def _families(outcome: NightOutcome, earlier: Mapping[str, str]) -> Iterator[str]:
-    """Yield the families of metrics: their help, their type, and a line for each value."""
-    values: dict[str, dict[str, object]] = {name: {} for name in _HELP}
+def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> CollectorRegistry:
+    """Gather the figures of a night; `earlier` has the times of the last success before it."""
+    from prometheus_client import CollectorRegistry, Gauge
+
+    times = dict(earlier)
     if outcome.exit_code in SUCCESSES:
-        values[_LAST_SUCCESS][""] = outcome.finished.timestamp()
+        times[_LAST_SUCCESS] = outcome.finished.timestamp()
         if outcome.reference_time is not None:
-            values[_FORECAST][""] = outcome.reference_time.timestamp()
-    else:
-        for name in (_LAST_SUCCESS, _FORECAST):
-            if name in earlier:
-                values[name][""] = earlier[name]
-    values["renew_nightly_last_run_timestamp_seconds"][""] = outcome.finished.timestamp()
-    values["renew_nightly_last_exit_code"][""] = outcome.exit_code
-    for stage, seconds in outcome.seconds_by_stage.items():
-        values["renew_nightly_stage_seconds"][_label("stage", stage)] = round(seconds, 3)
-    for how, number in outcome.cases_by_outcome.items():
-        values["renew_nightly_cases"][_label("outcome", how)] = number
-    for name, lines in values.items():
-        if lines:
-            yield f"# HELP {name} {_HELP[name]}\n# TYPE {name} gauge\n"
-            yield from (f"{name}{label} {value}\n" for label, value in lines.items())
+            times[_FORECAST] = outcome.reference_time.timestamp()
+    times["renew_nightly_last_run_timestamp_seconds"] = outcome.finished.timestamp()
+    single = {**times, "renew_nightly_last_exit_code": outcome.exit_code}
+    registry = CollectorRegistry()
+    for name, value in single.items():
+        Gauge(name, _HELP[name], registry=registry).set(value)
+    for name, label, values in (
+        ("renew_nightly_stage_seconds", "stage", outcome.seconds_by_stage),
+        ("renew_nightly_cases", "outcome", outcome.cases_by_outcome),
+    ):
+        gauge = Gauge(name, _HELP[name], [label], registry=registry)
+        for key, number in values.items():
+            gauge.labels(key).set(round(number, 3))
+    return registry
 
 
-def _label(name: str, value: str) -> str:
-    """A metric's label, its value escaped as the format asks."""
-    escaped = value.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")
-    return f'{{{name}="{escaped}"}}'
+def _last_success(path: Path) -> dict[str, float]:
+    """Times of the last success that an earlier file gives; none where there is no such file."""
+    from prometheus_client.parser import text_string_to_metric_families
 
-
-def _earlier(path: Path) -> dict[str, str]:
-    """Times that an earlier file gives, as it spells them; none where there is no such file."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        families = list(text_string_to_metric_families(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
         return {}
-    names = f"{_LAST_SUCCESS}|{_FORECAST}"
-    return dict(re.findall(rf"^({names}) ([0-9.e+]+)$", text, re.MULTILINE))
+    return {
+        one.name: one.samples[0].value for one in families if one.name in {_LAST_SUCCESS, _FORECAST}
+    }

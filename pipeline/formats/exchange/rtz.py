@@ -7,11 +7,11 @@ in the spelling of some names, and in how extensions are wrapped.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-
-from lxml import etree
+from typing import TypeAlias
 
 from pipeline.formats.exchange.text import (
     KNOTS_PER_M_S,
@@ -27,9 +27,11 @@ from pipeline.formats.exchange.text import (
 )
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.templates import xml_environment
 from pipeline.formats.shared.text import shortened
 from pipeline.formats.shared.unknowns import route_unknowns
-from pipeline.formats.shared.xml_text import xml_text
+
+_Attributes: TypeAlias = dict[str, str]
 
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
@@ -90,60 +92,54 @@ def write_rtz(
         raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
     points = season_waypoints(result, season)[0]
     form = VERSIONS[version]
-    root = etree.Element(f"{{{form.namespace}}}route", nsmap={None: form.namespace})
-    root.set("version", version)
-    _child(
-        root,
-        "routeInfo",
-        routeName=path.stem,
-        routeAuthor="RENEW",
-        routeStatus="planned",
-        vesselName=vessel_name(result),
-        optimizationMethod="; ".join((_METHOD, *route_unknowns(result, points.ranked.metrics))),
+    method = "; ".join((_METHOD, *route_unknowns(result, points.ranked.metrics)))
+    content = (
+        xml_environment("pipeline.formats.exchange")
+        .get_template("route.rtz.jinja")
+        .render(
+            version=version,
+            form=form,
+            info={
+                "routeName": _shortened(path.stem),
+                "routeAuthor": "RENEW",
+                "routeStatus": "planned",
+                "vesselName": vessel_name(result),
+                "optimizationMethod": _shortened(method),
+            },
+            waypoints=list(_waypoints(points)),
+            schedule=list(_schedule(points, departure)),
+            provenance=_provenance(result, points),
+            namespace=PROVENANCE,
+        )
     )
-    _add_waypoints(root, points)
-    _add_schedule(root, points, form, departure)
-    _add_provenance(root, result, points, form)
-    path.write_bytes(
-        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-    )
+    path.write_text(content.lstrip(), encoding="utf-8")
 
 
-def _add_waypoints(root: etree._Element, points: Waypoints) -> None:
-    """Add the waypoints, each but the first with the leg that leads to it."""
-    group = _child(root, "waypoints")
+def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:
+    """Yield each waypoint, its position, and the leg that leads to it; none to the first."""
     count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        waypoint = _child(
-            group,
-            "waypoint",
-            id=str(index + 1),
-            revision="0",
-            name=waypoint_name(index, count),
-            radius=_miles(points.radius_m[index]),
-        )
-        _child(
-            waypoint, "position", lat=f"{latitude:.8f}", lon=f"{wrapped_longitude(longitude):.8f}"
-        )
+        waypoint = {
+            "id": str(index + 1),
+            "revision": "0",
+            "name": waypoint_name(index, count),
+            "radius": _miles(points.radius_m[index]),
+        }
+        place = {"lat": f"{latitude:.8f}", "lon": f"{wrapped_longitude(longitude):.8f}"}
+        leg = {}
         if index:
-            elapsed = duration(points.time_s[index])
-            _child(
-                waypoint,
-                "leg",
-                starboardXTD=_miles(points.starboard_m[index - 1]),
-                portsideXTD=_miles(points.port_m[index - 1]),
-                geometryType=points.curve,
-                legInfo=leg_text(points, index - 1),
-                legNote1=f"ends {elapsed} after departure",
-            )
+            leg = {
+                "starboardXTD": _miles(points.starboard_m[index - 1]),
+                "portsideXTD": _miles(points.port_m[index - 1]),
+                "geometryType": points.curve,
+                "legInfo": leg_text(points, index - 1),
+                "legNote1": f"ends {duration(points.time_s[index])} after departure",
+            }
+        yield waypoint, place, leg
 
 
-def _add_schedule(
-    root: etree._Element, points: Waypoints, form: _Version, departure: datetime | None
-) -> None:
-    """Add each leg's speed at the waypoint that it leads to, and with a departure the times."""
-    schedule = _child(_child(root, "schedules"), "schedule", id="1", name="as planned")
-    calculated = _child(schedule, "calculated")
+def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attributes]:
+    """Yield each leg's speed at the waypoint that it leads to, and with a departure the times."""
     for index, seconds in enumerate(points.time_s):
         values = {"waypointId": str(index + 1)}
         if departure is not None:
@@ -151,16 +147,11 @@ def _add_schedule(
             values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
         if index:
             values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS_PER_M_S:.4f}"
-        _child(calculated, form.schedule_element, **values)
+        yield values
 
 
-def _add_provenance(
-    root: etree._Element, result: RunResult, points: Waypoints, form: _Version
-) -> None:
-    """Add the route's origin, what is not known of it, and the credits of its sources."""
-    parent = _child(root, "extensions")
-    if form.wraps_extensions:
-        parent = _child(parent, "extension", manufacturer="RENEW", name="provenance", version="1")
+def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
+    """The route's origin, what is not known of it, and the credits of its sources."""
     texts = {
         "title": document_title(result, points.ranked.season),
         "description": result.scenario.description,
@@ -169,23 +160,12 @@ def _add_provenance(
         "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }
-    for name, text in texts.items():
-        element = etree.SubElement(parent, f"{{{PROVENANCE}}}{name}", nsmap={"renew": PROVENANCE})
-        element.text = _storable(text)
+    return {name: _shortened(text) for name, text in texts.items()}
 
 
-def _child(parent: etree._Element, tag: str, /, **values: str) -> etree._Element:
-    """Add an element in the parent's namespace, with attributes."""
-    namespace = etree.QName(parent).namespace
-    element = etree.SubElement(parent, f"{{{namespace}}}{tag}")
-    for key, value in values.items():
-        element.set(key, _storable(value))
-    return element
-
-
-def _storable(text: str) -> str:
-    """Text that XML can hold, shortened to the maximum length."""
-    return xml_text(shortened(text, _MAX_TEXT_LENGTH))
+def _shortened(text: str) -> str:
+    """Text of at most the maximum length."""
+    return shortened(text, _MAX_TEXT_LENGTH)
 
 
 def _miles(metres: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import TEXT_PT, plot_panels, plot_title, plot_x_label
+from pipeline.formats.figures.plots import DASHES, plot_panels, plot_text, plot_title, plot_x_label
 from pipeline.formats.shared.departure_text import AS_GOOD
 from pipeline.formats.shared.text import hours, moment_text
 from pipeline.model import DepartureChoice
@@ -54,7 +54,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
         x[known], y[known], "o", color=COLOURS["best"], markersize=2.2, markeredgewidth=0, zorder=3
     )
     if has_floor:
-        axes.axhline(floor, color=COLOURS["ink"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
+        axes.axhline(floor, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
         low = floor
     begin_s, end_s = choice.good_window(AS_GOOD)
     axes.axvspan(begin_s / unit_s, end_s / unit_s, color=COLOURS["grid"], alpha=0.6, zorder=1)
@@ -63,16 +63,12 @@ def departure_figure(choice: DepartureChoice) -> Figure:
     room = _MARGIN * (max(high - low, 0.02 * high) or 1.0)
     axes.set_ylim(low - room, high + 2.5 * room)
     on_left = at > (x[0] + x[-1]) / 2
-    axes.annotate(
+    plot_text(
+        axes,
         f"leave {moment_text(choice.chosen)}: {hours(choice.least_s)}",
         (at, high + 1.4 * room),
-        xytext=(-4 if on_left else 4, 0),
-        textcoords="offset points",
-        ha="right" if on_left else "left",
-        va="center",
-        fontsize=TEXT_PT,
-        color=COLOURS["ink"],
-        zorder=4,
+        on_left=on_left,
+        boxed=False,
     )
     note = "dashed: no departure takes less, to within the paths' error" if has_floor else ""
     what = "Time under way, h (fuel in proportion)"

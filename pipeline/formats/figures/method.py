@@ -11,20 +11,10 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import lines, patch, stroke
-from pipeline.formats.figures.maps.chart_map import (
-    add_layers,
-    draw_frame,
-    draw_start_and_goal,
-    map_figure,
-)
+from pipeline.formats.figures.artists import lines, patch
+from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
 from pipeline.formats.figures.maps.island_labels import draw_island_labels
-from pipeline.formats.figures.maps.layers import (
-    land_handles,
-    land_layers,
-    line_handle,
-    no_go_layers,
-)
+from pipeline.formats.figures.maps.layers import chart_layers, haloed, land_handles, line_handle
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, fuel
@@ -47,14 +37,11 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
     ]
     figure, [(axes, sea)] = map_figure(result, handles, width_pt=width_pt)
     layers = [
-        *no_go_layers(axes, result),
-        *land_layers(axes, result),
+        *chart_layers(axes, result),
         lines(passing, COLOURS["other"], 0.5, 5),
         lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
-    add_layers(axes, layers, sea)
-    draw_start_and_goal(axes, result)
-    draw_frame(axes, result, sea)
+    draw_map(axes, sea, result, layers)
     return figure
 
 
@@ -74,8 +61,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
         layers = [
-            *no_go_layers(axes, result),
-            *land_layers(axes, result),
+            *chart_layers(axes, result),
             lines(passing, COLOURS["grid"], 0.5, 2),
             patch(
                 shapely.polygons(channel),
@@ -85,13 +71,10 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
                 zorder=3,
             ),
             lines(_edges(channel), colour, 0.7, 3.2),
-            stroke(ranked.route.path, COLOURS["halo"], 4.0, 6),
-            stroke(ranked.route.path, colour, 2.2, 7),
+            *haloed(ranked.route.path, colour),
         ]
-        add_layers(axes, layers, sea)
         draw_island_labels(axes, result)
-        draw_start_and_goal(axes, result, [ranked.route.path])
-        draw_frame(axes, result, sea)
+        draw_map(axes, sea, result, layers, [ranked.route.path])
     return figure
 
 

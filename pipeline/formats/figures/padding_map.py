@@ -21,22 +21,20 @@ from pipeline.formats.figures.artists import (
     lines,
     patch,
     point,
-    stroke,
 )
 from pipeline.formats.figures.maps.chart_map import (
     BOTTOM_PT,
     WIDTH_PT,
     Margins,
     add_layers,
-    draw_frame,
-    draw_start_and_goal,
+    draw_map,
     map_figure,
 )
 from pipeline.formats.figures.maps.layers import (
+    chart_layers,
+    haloed,
     land_handles,
-    land_layers,
     line_handle,
-    no_go_layers,
     soft_handle,
     soft_layer,
 )
@@ -48,6 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MAX_WINDOWS = 3
+# Widths of the route's halo, and of the route.
+_ROUTE_PT = (3.2, 1.8)
 _GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0
 # Half width of a window, as a factor on the padding and turns that it shows.
 _WINDOW_FACTOR = 1.4
@@ -78,15 +78,11 @@ def padding_map_figure(result: RunResult, season: str, width_pt: float | None = 
     below = side + _BAR_PT if places else 0.0
     figure, [(axes, sea)] = map_figure(result, handles, below_pt=below, width_pt=width_pt)
     layers = [
-        *no_go_layers(axes, result),
-        *land_layers(axes, result),
+        *chart_layers(axes, result),
         soft_layer(axes, best.route.soft_no_go),
-        stroke(best.route.path, COLOURS["halo"], 3.2, 6),
-        stroke(best.route.path, COLOURS["best"], 1.8, 7),
+        *haloed(best.route.path, COLOURS["best"], _ROUTE_PT),
     ]
-    add_layers(axes, layers, sea)
-    draw_start_and_goal(axes, result, [best.route.path])
-    draw_frame(axes, result, sea)
+    draw_map(axes, sea, result, layers, [best.route.path])
     map_bottom = axes.get_window_extent().y0 * POINTS_PER_INCH / figure.dpi
     for number, place in enumerate(places, start=1):
         left = first + (number - 1) * (side + _GAP_PT)
@@ -155,11 +151,9 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
     turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
-        *no_go_layers(axes, result, box),
-        *land_layers(axes, result, box),
+        *chart_layers(axes, result, box),
         soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
-        stroke(route.path, COLOURS["halo"], 3.2, 6),
-        stroke(route.path, COLOURS["best"], 1.8, 6.1),
+        *haloed(route.path, COLOURS["best"], _ROUTE_PT, zorder=6.1),
         lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
     ]
     add_layers(axes, layers, sea)

@@ -25,6 +25,7 @@ from pipeline.formats.shared.text import number, plain
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Transform
 
 _WIDTH_PT, _POINTS_PER_INCH = 374.0, 72.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
@@ -35,7 +36,7 @@ _LOG_AXIS_RATIO = 6.0
 # Minimum padding that is drawn, as a share of the least clearance.
 _MIN_PADDING_SHARE = 0.02
 _KILOMETRES_FROM_M = 2_000.0
-_DASHES = (0, (4, 3))
+DASHES = (0, (4, 3))
 # Minimum fuel, unit, and name of the unit: fuel has the units of the vessel's rate, so it may be
 # any number.
 _FUEL_UNITS = (
@@ -89,8 +90,8 @@ class _ProfilePlot:
         still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
         unit, name = fuel_unit(maximum)
-        _draw_dashed(axes, self.run, still / unit)
-        _draw_line(axes, self.run, used / unit)
+        draw_dashed(axes, self.run, still / unit)
+        draw_line(axes, self.run, used / unit)
         axes.set_ylim(0, 1.05 * maximum / unit)
         plot_title(
             axes,
@@ -107,11 +108,11 @@ class _ProfilePlot:
             speeds,
             color=COLOURS["ink"],
             linewidth=1.0,
-            linestyle=_DASHES,
+            linestyle=DASHES,
             drawstyle="steps-post",
             zorder=2,
         )
-        _draw_line(axes, self.run, self.profile.speed_m_s)
+        draw_line(axes, self.run, self.profile.speed_m_s)
         mean = self.ranked.metrics.speed_m_s
         _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
         low, high = f"{speeds.min():.2f}", f"{speeds.max():.2f}"
@@ -148,18 +149,8 @@ class _ProfilePlot:
             axes.set_ylim(0, 1.1 * high)
         floor = axes.get_ylim()[0]
         axes.fill_between(self.run, padding, floor, color=COLOURS["soft"], alpha=0.45, linewidth=0)
-        _draw_line(axes, self.run, np.maximum(clearance, floor))
-        axes.plot(
-            [self.run[least]],
-            [max(clearance[least], floor)],
-            marker="o",
-            markersize=5,
-            color=COLOURS["halo"],
-            markeredgecolor=COLOURS["best"],
-            markeredgewidth=1.6,
-            clip_on=False,
-            zorder=4,
-        )
+        draw_line(axes, self.run, np.maximum(clearance, floor))
+        mark_point(axes, self.run[least], max(clearance[least], floor), "best", (5.0, 1.6))
         least_text = kept(self.profile.clearance_m[least])
         text = f"Distance to {self.ranked.metrics.no_go_name}, {unit}: least {least_text}"
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
@@ -251,14 +242,60 @@ def plot_x_label(axes: Axes, text: str) -> None:
     axes.set_xlabel(text, fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3)
 
 
-def _draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
+def mark_point(axes: Axes, x: float, y: float, role: str, size_pt: tuple[float, float]) -> None:
+    """Mark a point of a line by a ring of a size and thickness."""
+    axes.plot(
+        [x],
+        [y],
+        marker="o",
+        markersize=size_pt[0],
+        color=COLOURS["halo"],
+        markeredgecolor=COLOURS[role],
+        markeredgewidth=size_pt[1],
+        clip_on=False,
+        zorder=4,
+    )
+
+
+def plot_text(
+    axes: Axes,
+    text: str,
+    at: tuple[float, float],
+    *,
+    on_left: bool,
+    offset_pt: tuple[float, float] = (4.0, 0.0),
+    boxed: bool = True,
+    coordinates: Transform | None = None,
+) -> None:
+    """Write text beside a place of a plot, which has its data's coordinates, or others.
+
+    It stands left or right of the place, and above it if the offset goes up.
+    """
+    box = {"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"}
+    across, up = offset_pt
+    axes.annotate(
+        text,
+        at,
+        xytext=(-across if on_left else across, up),
+        textcoords="offset points",
+        ha="right" if on_left else "left",
+        va="bottom" if up else "center",
+        fontsize=TEXT_PT,
+        color=COLOURS["ink"],
+        bbox=box if boxed else None,
+        zorder=4,
+        xycoords=coordinates or "data",
+    )
+
+
+def draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     """Draw a line of the route's own values."""
     axes.plot(x, y, color=COLOURS["best"], linewidth=1.8, solid_joinstyle="round", zorder=3)
 
 
-def _draw_dashed(axes: Axes, x: FloatArray, y: FloatArray) -> None:
+def draw_dashed(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     """Draw a line of values for comparison."""
-    axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=_DASHES, zorder=2)
+    axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
 
 
 def _set_range(axes: Axes, values: Sequence[float], min_range: float) -> None:

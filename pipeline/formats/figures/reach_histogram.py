@@ -11,9 +11,9 @@ import renew
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import (
-    TEXT_PT,
     distance_unit,
     plot_panels,
+    plot_text,
     plot_title,
     plot_x_label,
 )
@@ -36,19 +36,21 @@ _AXIS_FACTOR = 1.06
 
 def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
     """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
-    import renew
+    found = tightest_place(result, ranked)
+    if found is None:
+        return ""
+    figure = padding_figure(found, result.scene.projection.scale)
+    return page_svg(figure, identity=identity, label=label)
 
-    scene = result.scene
-    tightest = renew.tightest(
+
+def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:
+    """The place where a route leaves its turns the least room; None without padding."""
+    return renew.tightest(
         ranked.route,
-        scene.currents[ranked.season],
-        scene.vessel_in(ranked.season),
+        result.scene.currents[ranked.season],
+        result.scene.vessel_in(ranked.season),
         seed=result.scenario.planner.seed,
     )
-    if tightest is None:
-        return ""
-    figure = padding_figure(tightest, scene.projection.scale)
-    return page_svg(figure, identity=identity, label=label)
 
 
 def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
@@ -105,17 +107,10 @@ def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
         axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
     else:
         text += " \N{RIGHTWARDS ARROW}"
-    on_left = x > _TEXT_LEFT_FROM * end
-    axes.annotate(
+    plot_text(
+        axes,
         text,
         (min(x, end), height),
-        xycoords=axes.get_xaxis_transform(),
-        xytext=(-4 if on_left else 4, 0),
-        textcoords="offset points",
-        ha="right" if on_left else "left",
-        va="center",
-        fontsize=TEXT_PT,
-        color=COLOURS["ink"],
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"},
-        zorder=4,
+        on_left=x > _TEXT_LEFT_FROM * end,
+        coordinates=axes.get_xaxis_transform(),
     )

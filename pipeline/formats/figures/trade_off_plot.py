@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import TEXT_PT, fuel_unit, plot_panels, plot_title, plot_x_label
+from pipeline.formats.figures.plots import (
+    DASHES,
+    draw_line,
+    fuel_unit,
+    mark_point,
+    plot_panels,
+    plot_text,
+    plot_title,
+    plot_x_label,
+)
 from pipeline.formats.shared.text import fuel, hours, moment_text
 from pipeline.formats.shared.trade_offs import TradeOff
 
@@ -34,39 +43,24 @@ def trade_off_figure(found: TradeOff) -> Figure:
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
     scale, scale_name = fuel_unit(float(found.fuels.max()))
     x, y = found.durations_s / unit_s, found.fuels / scale
-    axes.plot(x, y, color=COLOURS["best"], linewidth=1.8, solid_joinstyle="round", zorder=3)
+    draw_line(axes, x, y)
     low, high = float(y.min()), float(y.max())
     room = _MARGIN * max(high - low, 0.02 * high)
     axes.set_ylim(max(0.0, low - room), high + room)
     deadline = found.choice.within_s / unit_s
     if deadline <= x[-1]:
-        axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=2)
+        axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
     at, chosen = found.duration_s / unit_s, found.fuel / scale
-    axes.plot(
-        [at],
-        [chosen],
-        marker="o",
-        markersize=6,
-        color=COLOURS["halo"],
-        markeredgecolor=COLOURS["other"],
-        markeredgewidth=2.0,
-        clip_on=False,
-        zorder=4,
-    )
+    mark_point(axes, at, chosen, "other", (6.0, 2.0))
     # Above and right of the falling curve there is room, unless the point is at its right end.
     on_left = at > 0.65 * x[-1] + 0.35 * x[0]
-    axes.annotate(
+    plot_text(
+        axes,
         f"{moment_text(found.moment(found.duration_s))}\n{hours(found.duration_s)}, "
         f"fuel {fuel(found.fuel)}",
         (at, chosen),
-        xytext=(-8 if on_left else 8, 8),
-        textcoords="offset points",
-        ha="right" if on_left else "left",
-        va="bottom",
-        fontsize=TEXT_PT,
-        color=COLOURS["ink"],
-        bbox={"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"},
-        zorder=4,
+        on_left=on_left,
+        offset_pt=(8.0, 8.0),
     )
     note = "dashed: deadline" if deadline <= x[-1] else ""
     plot_title(axes, f"Least fuel by arrival{scale_name}", note)

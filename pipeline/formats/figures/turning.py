@@ -17,6 +17,8 @@ from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
 from pipeline.formats.figures.maps.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.plots import DASHES, distance_unit
+from pipeline.formats.figures.reach_histogram import tightest_place
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance
 from renew.inputs.speeds_along import speeds_along
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
 _TURNS, _TRACK_POINTS = 60, 181
 _POINTS_PER_INCH = 72.0
 _HEIGHT_SHARE, _MIN_HEIGHT_PT = 0.62, 190.0
-_KILOMETRES_FROM_M = 2_000.0
 # Share of a turn by which the picture reaches beyond the turns and the edge.
 _MARGIN = 0.15
 
@@ -45,7 +46,7 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     vessel = _at_place(result, season, found)
     tracks = turn_tracks(found, vessel)[:, :: max(1, len(found.headings) // _TURNS)]
     tracks = tracks.reshape(-1, *tracks.shape[2:])
-    unit, unit_m = _unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
+    unit, unit_m = distance_unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
     # Along the edge to the right, and away from it upwards.
     along = found.edge[1] - found.edge[0]
     along = along / np.linalg.norm(along)
@@ -116,7 +117,7 @@ def reach_figure(result: RunResult, season: str, width_pt: float | None = None) 
     found = _tightest(result, ranked)
     scale, risk = result.scene.projection.scale, result.scenario.planner.risk
     reach_m = np.asarray(found.reaches, dtype=float) * scale
-    unit, unit_m = _unit(float(reach_m.max()))
+    unit, unit_m = distance_unit(float(reach_m.max()))
     figure, axes = _axes(width_pt)
     draw_reaches(axes, [("", reach_m / unit_m, COLOURS["other"])], risk)
     for value, name, colour in (
@@ -148,19 +149,14 @@ def draw_reaches(
         shares = np.arange(1, len(ordered) + 1) / len(ordered)
         axes.plot(ordered, shares, color=colour, label=label or "_reaches")
         quantiles.append(float(np.quantile(ordered, 1 - risk)))
-    axes.axhline(1 - risk, color=COLOURS["frame"], linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.axhline(1 - risk, color=COLOURS["frame"], linewidth=0.8, linestyle=DASHES)
     axes.set_ylim(0, 1.05)
     return quantiles
 
 
 def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
     """The tightest place of a route; an error where its padding is none."""
-    found = renew.tightest(
-        ranked.route,
-        result.scene.currents[ranked.season],
-        result.scene.vessel_in(ranked.season),
-        seed=result.scenario.planner.seed,
-    )
+    found = tightest_place(result, ranked)
     if found is None:
         raise NothingToDrawError(
             "no edge beside its best route is padded, so there is no tightest place at which to "
@@ -174,11 +170,6 @@ def _at_place(result: RunResult, season: str, found: renew.Tightest) -> renew.Ve
     route = result.season_routes(season)[0].route
     (speed,) = speeds_along(found.point[None], np.asarray(route.path, dtype=float), route.speeds)
     return replace(result.scene.vessel, speed=float(speed))
-
-
-def _unit(longest_m: float) -> tuple[str, float]:
-    """Unit for distances up to `longest_m`, and its length in metres."""
-    return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
 def _axes(width_pt: float | None) -> tuple[Figure, Axes]:

@@ -1,4 +1,4 @@
-"""The same season planned in other ways, side by side: few and many classes, kinds of padding."""
+"""A season planned in several ways, side by side: few and many classes, kinds of padding."""
 
 from __future__ import annotations
 
@@ -8,18 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.formats.figures.artists import SMALL_PT, drawable, stroke
-from pipeline.formats.figures.maps.chart_map import (
-    add_layers,
-    draw_frame,
-    draw_start_and_goal,
-    map_figure,
-)
+from pipeline.formats.figures.artists import SMALL_PT, drawable
+from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
 from pipeline.formats.figures.maps.layers import (
+    chart_layers,
     land_handles,
-    land_layers,
     line_handle,
-    no_go_layers,
+    route_layers,
     soft_handle,
     soft_layer,
 )
@@ -28,7 +23,6 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import clearance, distance, fuel
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -73,11 +67,11 @@ def variants_figure(
         width_pt=width_pt,
     )
     for one, (axes, sea) in zip(variants, maps, strict=True):
-        layers = _layers(axes, one.result or result, one, season, with_padding=with_padding)
-        add_layers(axes, layers, sea)
         ranked = _ranked(one, season)
-        draw_start_and_goal(axes, result, [r.route.path for r in ranked])
-        draw_frame(axes, result, sea)
+        layers = [*chart_layers(axes, one.result or result), *route_layers(ranked)]
+        if with_padding and ranked:
+            layers.append(soft_layer(axes, ranked[0].route.soft_no_go))
+        draw_map(axes, sea, result, layers, [r.route.path for r in ranked])
         if not ranked:
             _write_reason(axes, _reason(one, season))
     return figure
@@ -127,17 +121,3 @@ def _figures(variant: Variant, season: str) -> str:
     return (
         f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"
     )
-
-
-def _layers(
-    axes: Axes, result: RunResult, variant: Variant, season: str, *, with_padding: bool
-) -> list[Artist]:
-    """Land, the best route's soft no-go zone, and routes."""
-    layers = [*no_go_layers(axes, result), *land_layers(axes, result)]
-    ranked = _ranked(variant, season)
-    if with_padding and ranked:
-        layers.append(soft_layer(axes, ranked[0].route.soft_no_go))
-    for one in reversed(ranked):
-        strokes = [("halo", 4.0, 6), ("best", 2.2, 7)] if one.rank == 1 else [("other", 0.7, 5)]
-        layers += [stroke(one.route.path, COLOURS[role], width, z) for role, width, z in strokes]
-    return layers

@@ -11,18 +11,14 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 
-import numpy as np
-import shapely
-
 from pipeline.formats.gis import records
+from pipeline.formats.gis.layer_file import check_count, opened, system_errors, write_layer
 from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.gis.qgis import project
 from pipeline.formats.gis.qgis.styles import qml
 from pipeline.formats.gis.qgis.view import view
-from pipeline.formats.shared.os_errors import os_error
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import manifest
 
@@ -38,38 +34,24 @@ def write_geopackage(result: RunResult, path: Path) -> None:
     OSError
         The file can't be written, or is incomplete afterwards.
     """
-    import pyogrio
-    from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
-
     counts, columns = {}, {}
-    try:
+    with system_errors(path):
         for layer in LAYERS:
-            table = layer.table(result)
-            counts[layer.name] = len(table.geometry)
-            columns[layer.name] = ["fid", *table.columns]
-            pyogrio.raw.write(
+            frame = layer.frame(result)
+            counts[layer.name] = len(frame)
+            columns[layer.name] = ["fid", *frame.columns.drop("geometry")]
+            write_layer(
                 path,
-                shapely.to_wkb(table.geometry),
-                list(table.columns.values()),
-                np.array(list(table.columns)),
-                layer=layer.name,
-                driver="GPKG",
-                geometry_type=layer.geometry_type,
-                crs="EPSG:4326",
-                append=False,
-                dataset_options={"VERSION": "1.3"},
-                layer_options={
-                    "IDENTIFIER": layer.title,
-                    "DESCRIPTION": layer.description,
-                    "GEOMETRY_NAME": "geom",
-                    "FID": "fid",
-                },
+                frame,
+                layer.name,
+                layer.geometry_type,
+                title=layer.title,
+                description=layer.description,
             )
-        with closing(sqlite3.connect(path)) as database, database:
+        with opened(path) as database:
             _add_records(database, result, columns, path.name)
-            _check_counts(database, counts)
-    except (DataSourceError, DataLayerError, FeatureError, sqlite3.Error) as error:
-        raise os_error(path, error) from error
+            for name, count in counts.items():
+                check_count(database, name, count)
 
 
 def _add_records(
@@ -96,11 +78,3 @@ def _add_records(
     records.put_dates(database, result.created)
     packed = project.qgz(result, map_view, columns, file_name)
     records.put_project(database, PROJECT, packed, result.created)
-
-
-def _check_counts(database: sqlite3.Connection, counts: Mapping[str, int]) -> None:
-    """Count the features in the file: on a full disk GDAL may close it without an error."""
-    for name, expected in counts.items():
-        found = database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - names are our own layers
-        if found != expected:
-            raise sqlite3.DatabaseError(f"layer {name} holds {found} of {expected} features")

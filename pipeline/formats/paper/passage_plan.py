@@ -150,7 +150,7 @@ def _current_text(result: RunResult, season: str) -> str:
 
 
 def _times_text(points: Waypoints, result: RunResult) -> str:
-    """Say when she leaves and arrives by the legs, and how that differs from the planned path."""
+    """Say when the vessel leaves and arrives by the legs, and how the planned path differs."""
     planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
     season = points.ranked.season
     spec = next(one for one in result.scenario.seasons if one.name == season)

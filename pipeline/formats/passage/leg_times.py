@@ -1,10 +1,10 @@
-"""How long a vessel takes along the legs of a passage, at speeds that she can sail.
+"""How long a vessel takes along the legs of a passage, at speeds that it can sail.
 
-The planned path's times don't fit its legs. They are a little longer, and a projected drift leaves
-out what it takes to hold a course across the current: who kept those times would have to sail
-faster than the vessel can. Here she has her own speed through the water and heads into the
-cross-current. Where speeds were chosen, they change by as little as keeps the planned arrival, if
-her highest speed allows.
+The planned path's times don't fit its legs. The legs are a little longer, and a projected drift
+leaves out the speed that is lost by heading into a cross-current: to keep the planned times, the
+vessel would have to be faster than it can be. Here it has its own speed through the water and heads
+into the cross-current. Where speeds were chosen, they change by as little as keeps the planned
+arrival, if the highest speed allows.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pipeline._types import FloatArray
 from pipeline.formats.shared.legs import Steps, at_speeds_sailed, sailed
 from pipeline.formats.shared.result import RankedRoute, RunResult
 
-# Difference from the planned arrival, as a share of the time under way, that is none: a second in
-# 11 days. And the number of rounds of Newton's method in which it is reached.
+# Difference from the planned arrival that counts as none, as a share of the time under way (a
+# second in 11 days), and the number of rounds of Newton's method in which it is reached.
 _IN_TIME, _ROUNDS = 1e-6, 6
 
 
 def steps_along_legs(line: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
-    """Steps between points (n, 2) of the plane along a route's legs, as she can sail them."""
+    """Steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
     pieces, first, speeds = at_speeds_sailed(line, ranked)
 
     def at(speeds: FloatArray) -> Steps:

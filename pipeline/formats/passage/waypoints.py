@@ -119,7 +119,7 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     scene = result.scene
     line = shapely.LineString(ranked.route.path)
     areas = [area.polygon for area in scene.areas.get(ranked.season, ())]
-    # An area that the path itself crosses is open when she passes.
+    # An area that the path itself crosses is open when the vessel passes.
     kept_out = [area for area in areas if not line.intersects(area)]
     obstacles = Obstacles(scene, kept_out) if kept_out else obstacles
     pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]

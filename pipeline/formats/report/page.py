@@ -90,21 +90,15 @@ def write_report(result: RunResult, path: Path) -> None:
 
 def render(report: Report) -> str:
     """Fill in the template; everything but our own figures, scripts and styles is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
     from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
+    from pipeline.formats.shared.templates import environment
 
-    environment = Environment(
-        loader=PackageLoader("pipeline.formats.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update({name: getattr(text, name) for name in _FILTERS})
-    environment.filters.update(distance=_distance, clearance=_clearance)
-    template = environment.get_template("report.html.jinja")
+    loaded = environment("pipeline.formats.report")
+    loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
+    loaded.filters.update(distance=_distance, clearance=_clearance)
+    template = loaded.get_template("report.html.jinja")
     return template.render(
         report=report,
         **style_colours(),

@@ -10,7 +10,7 @@ SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#00666
 """Colours of seasons on a light background, in the order of the scenario's seasons."""
 
 SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#ff3399")
-"""The same on a dark background, a colour for each of `SEASON_COLOURS`."""
+"""Colours of the seasons on a dark background, one for each of `SEASON_COLOURS`."""
 
 
 def season_colour(index: int, *, on_dark: bool = False) -> str:

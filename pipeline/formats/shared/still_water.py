@@ -1,4 +1,4 @@
-"""What a way takes in still water: at the vessel's own speed, or at one speed in the same time."""
+"""Speed and fuel of a way in still water."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pipeline.model import RouteMetrics
 def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
     """Speed at which a way is sailed in still water, m/s.
 
-    Where speeds are chosen it is the one that takes the same time, if she has it: at less than the
-    least she is there before.
+    Where speeds are chosen, it is the mean speed over ground of the way as planned, kept within the
+    speeds that may be chosen.
     """
     choice = result.scene.speeds.get(metrics.season)
     if choice is None:

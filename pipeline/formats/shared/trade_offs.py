@@ -26,9 +26,9 @@ class TradeOff:
 
     Attributes
     ----------
-    season : whose it is.
-    departure, arrive_by : when she leaves, and has to be there, UTC.
-    choice : the speeds that she may choose.
+    season : the season's name.
+    departure, arrive_by : times of departure and of the latest allowed arrival, UTC.
+    choice : the speeds that may be chosen.
     durations_s : (n,) ascending, from the least that the highest speed can make.
     fuels : (n,) falling, in the planner's units.
     duration_s, fuel : of the best route.
@@ -87,7 +87,7 @@ def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
 
 
 def trade_off_text(found: TradeOff) -> tuple[str, ...]:
-    """Say in sentences how fast she is, and what more or less time is worth."""
+    """Say in sentences how fast the vessel is, and what more or less time is worth."""
     allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
     sailed = f"{found.slowest:.2f}–{found.fastest:.2f} m/s"
     how = f"Speeds through water of {sailed}, chosen from leg to leg among {allowed}, bring"
@@ -98,10 +98,10 @@ def trade_off_text(found: TradeOff) -> tuple[str, ...]:
     there = f"by {moment_text(found.arrive_by)}"
     if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
         there = (
-            f"at {moment_text(found.moment(found.duration_s))}, before she has to be, "
+            f"at {moment_text(found.moment(found.duration_s))}, before it has to be, "
             f"{moment_text(found.arrive_by)}"
         )
-    return (f"{how} her there {there}, with the least fuel.", *_worth(found))
+    return (f"{how} the vessel there {there}, with the least fuel.", *_worth(found))
 
 
 def speed_notes(result: RunResult) -> tuple[str, ...]:
@@ -126,11 +126,12 @@ def _worth(found: TradeOff) -> Iterator[str]:
     first, last = found.durations_s[[0, -1]]
     if first < (1 - _IN_TIME) * found.duration_s:
         yield (
-            f"At the highest speed she could be there at {moment_text(found.moment(first))}, for "
-            f"{percent(found.fuels[0] / found.fuel - 1)} more fuel."
+            f"At the highest speed the vessel could be there at "
+            f"{moment_text(found.moment(first))}, "
+            f"for {percent(found.fuels[0] / found.fuel - 1)} more fuel."
         )
     if last > (1 + _IN_TIME) * found.duration_s:
         yield (
-            f"Time saves fuel until {moment_text(found.moment(last))}: who arrives then needs "
+            f"More time saves fuel until {moment_text(found.moment(last))}: to arrive then takes "
             f"{percent(1 - found.fuels[-1] / found.fuel)} less."
         )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.formats.shared.os_errors import os_error
+from pipeline.formats.gis.layer_file import check_count, opened, system_errors, write_layer
 from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.publishing.changes import rows_of
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
 
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"
@@ -38,41 +40,25 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
     OSError
         The file can't be written, or is incomplete afterwards.
     """
-    import pyogrio
-    from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
-
     path.unlink(missing_ok=True)
     count = 0
-    try:
+    with system_errors(path):
         for chunk in _chunks(routes_path):
-            pyogrio.raw.write(
+            write_layer(
                 path,
-                np.array([row["geometry"] for row in chunk], dtype=object),
-                _columns(chunk),
-                np.array([*_TEXT, "rank", *_FIGURES, "arrival"]),
-                layer=LAYER,
-                driver="GPKG",
-                geometry_type="LineString",
-                crs="EPSG:4326",
+                _frame(chunk),
+                LAYER,
+                "LineString",
+                title="Routes of the night",
+                description="Of each case the best route (rank 1) and the best on each other side; "
+                "routes.parquet has all",
                 append=count > 0,
-                dataset_options={"VERSION": "1.3"},
-                layer_options={
-                    "IDENTIFIER": "Routes of the night",
-                    "DESCRIPTION": "Of each case the best route (rank 1) and the best on each other"
-                    " side; routes.parquet has all",
-                    "GEOMETRY_NAME": "geom",
-                    "FID": "fid",
-                },
             )
             count += len(chunk)
-        with closing(sqlite3.connect(path)) as database, database:
+        with opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            found = database.execute(f'SELECT count(*) FROM "{LAYER}"').fetchone()[0]  # noqa: S608 - our own name
-            if found != count:
-                raise sqlite3.DatabaseError(f"it holds {found} of {count} routes")
-    except (DataSourceError, DataLayerError, FeatureError, sqlite3.Error) as error:
-        raise os_error(path, error) from error
+            check_count(database, LAYER, count)
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
@@ -93,18 +79,19 @@ def _chunks(routes_path: Path) -> Iterator[list[Row]]:
         yield chunk
 
 
-def _columns(chunk: list[Row]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
-    """Return the columns of some rows."""
-    figures = [
-        np.array([np.nan if row[name] is None else row[name] for row in chunk], dtype=float)
-        for name in _FIGURES
-    ]
-    texts = [np.array([row[name] for row in chunk], dtype=object) for name in _TEXT]
-    arrivals = np.array(
-        [
-            np.datetime64("NaT") if row["arrival"] is None else row["arrival"].replace(tzinfo=None)
-            for row in chunk
-        ],
-        dtype="datetime64[ms]",
+def _frame(chunk: list[Row]) -> GeoDataFrame:
+    """Make a frame of some rows."""
+    import geopandas
+
+    # A GIS shows a time with its zone as its own time, and one without as the file has it: UTC.
+    arrivals = [row["arrival"] and row["arrival"].replace(tzinfo=None) for row in chunk]
+    return (
+        geopandas.GeoDataFrame(
+            chunk,
+            columns=[*_TEXT, "rank", *_FIGURES],
+            geometry=geopandas.GeoSeries.from_wkb([row["geometry"] for row in chunk]),
+            crs="EPSG:4326",
+        )
+        .assign(arrival=np.array(arrivals, dtype="datetime64[ms]"))
+        .astype({"rank": "int32", **dict.fromkeys(_FIGURES, float)})
     )
-    return [*texts, np.array([row["rank"] for row in chunk], dtype=np.int32), *figures, arrivals]

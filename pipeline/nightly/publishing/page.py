@@ -186,20 +186,9 @@ def _add_lines(part: MapPart, row: Row, chart: NightChart, earlier: EarlierRoute
 
 def _rendered(page: NightPage) -> str:
     """Fill in the template; everything but our own styles is escaped."""
-    from jinja2 import Environment, PackageLoader, PrefixLoader, StrictUndefined
+    from pipeline.formats.shared.templates import environment
 
-    environment = Environment(
-        loader=PrefixLoader(
-            {
-                "night": PackageLoader("pipeline.nightly.publishing"),
-                "report": PackageLoader("pipeline.formats.report"),
-            }
-        ),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update({"number": text.number, "distance": text.distance})
-    template = environment.get_template("night/night.html.jinja")
+    loaded = environment("pipeline.nightly.publishing", "pipeline.formats.report")
+    loaded.filters.update({"number": text.number, "distance": text.distance})
+    template = loaded.get_template("night.html.jinja")
     return template.render(page=page, **style_colours())

@@ -1,4 +1,8 @@
-"""`item.json`: a cycle as a static STAC item, for catalogues (https://stacspec.org, 1.1.0)."""
+"""`item.json`: a cycle as a static STAC item, for catalogues (https://stacspec.org, 1.1.0).
+
+Written without pystac, whose `Link` makes the relative `self` an absolute path of this machine, and
+with which it is no shorter; the tests read it with pystac, against the standard's schemas.
+"""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _FORMATS = ("%Y-%m-%dT%HZ", "%Y-%m-%dT%H%MZ")
 _UNDATED = "undated"
 # How far a forecast's reference time may lie ahead of the clock: its making, and other time zones.
 _AHEAD = timedelta(days=1)
-# The same for the last step of currents that say no reference time: the longest are of a season.
+# How far the last step of currents without a reference time may lie ahead: some are of a season.
 _STEPS_AHEAD = timedelta(days=366)
 
 

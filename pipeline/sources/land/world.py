@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import struct
 import time
 import zlib
@@ -32,6 +31,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.sources.land.polygons import meets_box, near_box
+from pipeline.storage.whole_files import UNFINISHED, whole_file
 from renew._compiled import user_cache
 
 Shoreline = Literal["Osm", "Gshhg"]
@@ -138,30 +138,23 @@ def write_cached(path: Path, wkb: bytes) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_abandoned(path.parent)
-    fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}")
     table = np.zeros(_COUNT.unpack_from(wkb, _HEADER)[0], dtype=_ENTRY)
     first = 0
-    try:
-        with fresh.open("xb") as file:
-            file.seek(_HEAD.size + table.nbytes)
-            for polygons, begins, end in _chunks(wkb):
-                ends = np.append(begins[1:], end)
-                entries = table[first : first + len(begins)]
-                entries["bounds"] = shapely.bounds(polygons)
-                entries["is_valid"] = shapely.is_valid(polygons)
-                entries["end"] = ends - (_HEADER + _COUNT.size)
-                spans = zip(begins.tolist(), ends.tolist(), strict=True)
-                entries["crc"] = [zlib.crc32(wkb[a:b]) for a, b in spans]
-                file.write(wkb[begins[0] : end])
-                first += len(begins)
-            file.seek(0)
-            content = table.tobytes()
-            file.write(_HEAD.pack(_MAGIC, len(table), zlib.crc32(content)) + content)
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        file.seek(_HEAD.size + table.nbytes)
+        for polygons, begins, end in _chunks(wkb):
+            ends = np.append(begins[1:], end)
+            entries = table[first : first + len(begins)]
+            entries["bounds"] = shapely.bounds(polygons)
+            entries["is_valid"] = shapely.is_valid(polygons)
+            entries["end"] = ends - (_HEADER + _COUNT.size)
+            spans = zip(begins.tolist(), ends.tolist(), strict=True)
+            entries["crc"] = [zlib.crc32(wkb[a:b]) for a, b in spans]
+            file.write(wkb[begins[0] : end])
+            first += len(begins)
+        file.seek(0)
+        content = table.tobytes()
+        file.write(_HEAD.pack(_MAGIC, len(table), zlib.crc32(content)) + content)
 
 
 def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
@@ -194,7 +187,7 @@ def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
 
 def _remove_abandoned(folder: Path) -> None:
     """Remove what killed processes left unfinished."""
-    for path in folder.glob("*.shoreline.*"):
+    for path in folder.glob(f"*.shoreline.*{UNFINISHED}"):
         with contextlib.suppress(OSError):
             if path.stat().st_mtime < time.time() - _ABANDONED_S:
                 path.unlink()

@@ -181,7 +181,20 @@ def add_layers(axes: Axes, layers: Sequence[Artist], sea: PathPatch) -> None:
         layer.set_clip_path(sea)
 
 
-def draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.ArrayLike] = ()) -> None:
+def draw_map(
+    axes: Axes,
+    sea: PathPatch,
+    result: RunResult,
+    layers: Sequence[Artist],
+    paths: Sequence[npt.ArrayLike] = (),
+) -> None:
+    """Draw layers, start and goal (their labels off the paths, if possible), and the frame."""
+    add_layers(axes, layers, sea)
+    _draw_start_and_goal(axes, result, paths)
+    _draw_frame(axes, result, sea)
+
+
+def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.ArrayLike]) -> None:
     """Mark start (circle) and goal (diamond), with labels that keep off the paths if possible."""
     from matplotlib.patheffects import withStroke
 
@@ -217,7 +230,7 @@ def draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.Array
         )
 
 
-def draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
+def _draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     """Draw the grid with its labels, the neatline and the scale bar."""
     from matplotlib.lines import Line2D
 

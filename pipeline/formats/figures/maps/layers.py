@@ -10,9 +10,9 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.formats.figures.artists import patch, point
+from pipeline.formats.figures.artists import patch, point, stroke
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RankedRoute, RunResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -25,7 +25,7 @@ SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 
 
-def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+def _land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> list[Artist]:
     """Land before simplification, shoals and hazards, in as much detail as can be seen.
 
     Clipped to an area if one is given.
@@ -56,7 +56,12 @@ def land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = Non
     ]
 
 
-def no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+    """Hard no-go zone, and over it land, shoals and hazards; clipped to an area if one is given."""
+    return [*_no_go_layers(axes, result, within), *_land_layers(axes, result, within)]
+
+
+def _no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> list[Artist]:
     """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
     if result.scenario.is_planar:
         return []
@@ -68,6 +73,24 @@ def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
     """A soft no-go zone, translucent."""
     visible = shapely.simplify(area, DETAIL_PT * point(axes))
     return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
+
+
+def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
+    """A season's routes: the best thick on a halo, over all others, which are thin."""
+    best = [one.route.path for one in routes if one.rank == 1]
+    others = [one.route.path for one in reversed(routes) if one.rank > 1]
+    return [
+        *(stroke(path, COLOURS["other"], 0.7, 5) for path in others),
+        *(layer for path in best for layer in haloed(path, COLOURS["best"])),
+    ]
+
+
+def haloed(
+    path: npt.ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
+) -> list[Artist]:
+    """A route as a line on a wider halo."""
+    halo, width = widths_pt
+    return [stroke(path, COLOURS["halo"], halo, 6), stroke(path, colour, width, zorder)]
 
 
 def zone_layers(result: RunResult) -> list[Artist]:

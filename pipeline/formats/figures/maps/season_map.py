@@ -8,19 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.formats.figures.artists import in_season_colour, patch, stroke
+from pipeline.formats.figures.artists import in_season_colour, patch
 from pipeline.formats.figures.maps.arrows import arrows, speed_scale
-from pipeline.formats.figures.maps.chart_map import (
-    add_layers,
-    draw_frame,
-    draw_start_and_goal,
-    map_figure,
-)
+from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
 from pipeline.formats.figures.maps.island_labels import draw_island_labels
 from pipeline.formats.figures.maps.layers import (
+    chart_layers,
     land_handles,
-    land_layers,
-    no_go_layers,
+    line_handle,
+    route_layers,
     soft_handle,
     soft_layer,
     zone_handles,
@@ -79,12 +75,10 @@ def _titles(result: RunResult, season: str) -> tuple[str, str]:
 
 def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
     """Draw currents, zones, land, routes (if it has any) and frame on a map of `map_figure`."""
-    layers = [*_area_layers(axes, result, season), *_route_layers(result, season)]
-    add_layers(axes, layers, sea)
-    paths = [ranked.route.path for ranked in result.season_routes(season)]
+    routes = result.season_routes(season)
+    layers = [*_area_layers(axes, result, season), *route_layers(routes)]
     draw_island_labels(axes, result)
-    draw_start_and_goal(axes, result, paths)
-    draw_frame(axes, result, sea)
+    draw_map(axes, sea, result, layers, [ranked.route.path for ranked in routes])
 
 
 def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
@@ -97,22 +91,9 @@ def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
             if not outline.is_empty
         ),
         *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
-        *no_go_layers(axes, result),
-        *land_layers(axes, result),
+        *chart_layers(axes, result),
         *zone_layers(result),
     ]
-
-
-def _route_layers(result: RunResult, season: str) -> list[Artist]:
-    """All routes thin, and the best thick on a halo."""
-    layers: list[Artist] = []
-    for ranked in reversed(result.season_routes(season)):
-        strokes = [("halo", 4.0, 6), ("best", 2.2, 7)] if ranked.rank == 1 else [("other", 0.7, 5)]
-        layers += [
-            stroke(ranked.route.path, COLOURS[role], width, zorder)
-            for role, width, zorder in strokes
-        ]
-    return layers
 
 
 def _best_handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
@@ -138,7 +119,7 @@ def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
 
     handles: list[Artist] = [
         *_best_handles(result, seasons),
-        Line2D([], [], color=COLOURS["other"], linewidth=0.8, label="other classes"),
+        line_handle("other", 0.8, "other classes"),
         *land_handles(result),
         soft_handle("soft no-go"),
         *zone_handles(result),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.formats.gis.layers.chart_layers import (
     chart_areas,
     coast,
@@ -17,75 +17,61 @@ from pipeline.formats.gis.layers.chart_layers import (
     islands,
     no_go,
 )
-from pipeline.formats.gis.layers.columns import (
+from pipeline.formats.gis.layers.frames import (
     ROUTE_STEP_M,
     ZONE_STEP_M,
     Layer,
-    Table,
-    concatenated,
-    integer,
-    real,
+    frame,
     route_key,
-    stack,
-    text,
     to_lonlat,
 )
 from pipeline.formats.gis.layers.passage_layers import legs, passage
 from pipeline.formats.shared.legs import legs as planned_legs
 from pipeline.formats.shared.result import RunResult
 
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.
 _MAX_TURNS = 2_000
+# Figures of a route in its row, by their names in its metrics.
+_MEASURED = (
+    *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
+    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share", "uncharted_share"),
+)
 
 
-def _routes(result: RunResult) -> Table:
+def _routes(result: RunResult) -> GeoDataFrame:
     """Routes, one line each."""
     ranked = result.routes
-    metrics = [r.metrics for r in ranked]
-    return Table(
-        to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M),
-        {
-            **route_key(ranked),
-            "homotopy": text([m.homotopy for m in metrics]),
-            "way": text([m.way for m in metrics]),
-            "fuel": real([m.fuel for m in metrics]),
-            "fuel_per_distance": real([m.fuel_per_distance for m in metrics]),
-            "length_m": real([m.length_m for m in metrics]),
-            "clearance_m": real([m.clearance_m for m in metrics]),
-            "duration_s": real([m.duration_s for m in metrics]),
-            "speed_through_water_m_s": real([m.speed_m_s for m in metrics]),
-            "optimality_gap": real([m.optimality_gap for m in metrics]),
-            "trials": integer([m.trials for m in metrics]),
-            "collisions": integer([m.collisions for m in metrics]),
-            "filled_share": real([m.filled_share for m in metrics]),
-            "uncharted_share": real([m.uncharted_share for m in metrics]),
-        },
-    )
+    measured = {name: [getattr(r.metrics, name) for r in ranked] for name in _MEASURED}
+    lines = to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M)
+    routes = frame(lines, {**route_key(ranked), **measured})
+    return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
 
 
-def _path_points(result: RunResult) -> Table:
+def _path_points(result: RunResult) -> GeoDataFrame:
     """Vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
     tables = [planned_legs(r, result) for r in ranked]
-    counts = [len(t.lonlat) for t in tables]
-    return Table(
-        shapely.points(stack([t.lonlat for t in tables])),
+    return frame(
+        [shapely.points(t.lonlat) for t in tables],
         {
-            **route_key(ranked, counts),
-            "sequence": integer(np.concatenate([[0], *(np.arange(1, n + 1) for n in counts)])[1:]),
-            "course_deg": concatenated([t.course_deg for t in tables]),
-            "leg_length_m": concatenated([t.length_m for t in tables]),
-            "time_s": concatenated([t.time_s for t in tables]),
-            "speed_over_ground_m_s": concatenated([t.speed_m_s for t in tables]),
-            "speed_through_water_m_s": concatenated([t.through_water_m_s for t in tables]),
+            **route_key(ranked),
+            "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
+            "course_deg": [t.course_deg for t in tables],
+            "leg_length_m": [t.length_m for t in tables],
+            "time_s": [t.time_s for t in tables],
+            "speed_over_ground_m_s": [t.speed_m_s for t in tables],
+            "speed_through_water_m_s": [t.through_water_m_s for t in tables],
         },
     )
 
 
-def _channels(result: RunResult) -> Table:
+def _channels(result: RunResult) -> GeoDataFrame:
     """Channels of triangles, of planned and of rejected classes."""
-    rows: list[tuple[str, int, str, str, npt.NDArray[np.float64]]] = []
+    rows: list[tuple[str, int, str, str, FloatArray]] = []
     for entry in result.plans:
         if entry.plan is None:
             continue
@@ -98,81 +84,69 @@ def _channels(result: RunResult) -> Table:
             (entry.season, 0, r.homotopy, result.rejection_reason(entry.season, r), r.channel)
             for r in entry.plan.rejected
         ]
-    outlines = [_outline(triangles) for *_, triangles in rows]
-    return Table(
+    outlines = [shapely.union_all(shapely.polygons(triangles)) for *_, triangles in rows]
+    return frame(
         to_lonlat(result, outlines, ZONE_STEP_M),
         {
-            "season": text([row[0] for row in rows]),
-            "rank": integer([row[1] for row in rows]),
-            "homotopy": text([row[2] for row in rows]),
-            "rejected_because": text([row[3] for row in rows]),
-            "triangles": integer([len(row[4]) for row in rows]),
+            "season": [row[0] for row in rows],
+            "rank": [row[1] for row in rows],
+            "homotopy": [row[2] for row in rows],
+            "rejected_because": [row[3] for row in rows],
+            "triangles": [len(row[4]) for row in rows],
         },
     )
 
 
-def _soft_no_go(result: RunResult) -> Table:
+def _soft_no_go(result: RunResult) -> GeoDataFrame:
     """Soft no-go zone of each route that has one, and the padding that it is made of."""
-    ranked = tuple(r for r in result.routes if not r.route.soft_no_go.is_empty)
+    ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
-    return Table(
+    return frame(
         to_lonlat(result, [r.route.soft_no_go for r in ranked], ZONE_STEP_M),
         {
             **route_key(ranked),
-            "homotopy": text([r.metrics.homotopy for r in ranked]),
-            "padding_min_m": real([p.min(initial=np.inf) for p in paddings]),
-            "padding_max_m": real([p.max(initial=-np.inf) for p in paddings]),
+            "homotopy": [r.metrics.homotopy for r in ranked],
+            "padding_min_m": [p.min(initial=np.inf) for p in paddings],
+            "padding_max_m": [p.max(initial=-np.inf) for p in paddings],
         },
     )
 
 
-def _currents(result: RunResult) -> Table:
+def _currents(result: RunResult) -> GeoDataFrame:
     """Current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
-    velocity = stack([v for _, v in samples])
-    u, v = velocity[:, 0], velocity[:, 1]
-    return Table(
-        shapely.points(stack([lonlat for lonlat, _ in samples])),
+    currents = frame(
+        [shapely.points(lonlat) for lonlat, _ in samples],
         {
-            "season": text(
-                [s for s, (at, _) in zip(seasons, samples, strict=True) for _ in range(len(at))]
-            ),
-            "u": real(u),
-            "v": real(v),
-            "speed": real(np.hypot(u, v)),
-            "direction": real(np.degrees(np.arctan2(u, v)) % 360),
+            "season": seasons,
+            "u": [velocity[:, 0] for _, velocity in samples],
+            "v": [velocity[:, 1] for _, velocity in samples],
         },
     )
+    currents["speed"] = np.hypot(currents.u, currents.v)
+    currents["direction"] = np.degrees(np.arctan2(currents.u, currents.v)) % 360
+    return currents
 
 
-def _contingency(result: RunResult) -> Table:
+def _contingency(result: RunResult) -> GeoDataFrame:
     """Points from which hard-over turns were simulated, and whether one met land."""
-    ranked = result.routes
+    ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
     turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
     shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
-    points = [np.asarray(t.points)[chosen] for t, chosen in zip(turns, shown, strict=True)]
-    collided = [np.asarray(t.collided)[chosen] for t, chosen in zip(turns, shown, strict=True)]
-    return Table(
-        shapely.points(result.scene.projection.to_lonlat(stack(points))),
-        {
-            **route_key(ranked, [len(p) for p in points]),
-            "collided": np.concatenate([np.empty(0, dtype=bool), *collided]),
-        },
+    chosen = list(zip(turns, shown, strict=True))
+    return frame(
+        [shapely.points(to_lonlat(np.asarray(t.points)[index])) for t, index in chosen],
+        {**route_key(ranked), "collided": [np.asarray(t.collided)[index] for t, index in chosen]},
     )
 
 
-def _shown(collided: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+def _shown(collided: BoolArray) -> IndexArray:
     """Indices of the turns to show: all that met land, and an even selection of the others."""
     harmless = np.flatnonzero(~collided)
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
-
-
-def _outline(triangles: npt.NDArray[np.float64]) -> BaseGeometry:
-    """Merge triangles (n, 3, 2) into one area."""
-    return shapely.union_all(shapely.polygons(np.asarray(triangles, dtype=float)))
 
 
 LAYERS = (

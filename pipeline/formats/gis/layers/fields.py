@@ -44,8 +44,8 @@ FIELDS = {
     "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
     "kind": Field(
         "Kind",
-        "shoal and uncharted are no-go, as hazard is; restricted and traffic may be entered, shut "
-        "not in its hours; of water with a depth: natural or dredged",
+        "No-go: shoal, uncharted, hazard. Allowed: restricted, traffic. Shut: no-go during its "
+        "hours. Depth areas: natural, dredged",
     ),
     "depth_min_m": Field(
         "Least depth (m)", "At chart datum; negative where it dries, empty where it is not charted"
@@ -61,7 +61,9 @@ FIELDS = {
         "Depth uncharted (share)",
         "Share of the length where no depth is charted; empty for a chart without depths",
     ),
-    "sequence": Field("Number", "Of the point in the route, 1 is the start; of a leg, its begin's"),
+    "sequence": Field(
+        "Number", "Of the point in the route, from 1; of a leg, that of its first point"
+    ),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
     "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),
     "time_s": Field("Time (s)", "Since departure, at true scale"),
@@ -89,3 +91,12 @@ FIELDS = {
     ),
 }
 """Column -> its field; a column has the same meaning in every layer."""
+
+_TEXT = ("season", "homotopy", "way", "name", "kind", "rule", "rejected_because")
+_WHOLE = ("rank", "trials", "collisions", "number", "sequence", "triangles", "vertices")
+TYPES: dict[str, type] = {
+    **dict.fromkeys(_TEXT, object),
+    **dict.fromkeys(_WHOLE, int),
+    "collided": bool,
+}
+"""Column -> its type, where it is not a float."""

@@ -2,66 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from pipeline._types import Geometries
 from pipeline.formats.exchange.text import waypoint_name
-from pipeline.formats.gis.layers.columns import (
-    Table,
-    concatenated,
-    integer,
-    multi,
-    route_key,
-    stack,
-    text,
-)
+from pipeline.formats.gis.layers.frames import frame, multi, route_key
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 1.0
 
 
-def passage(result: RunResult) -> Table:
+def passage(result: RunResult) -> GeoDataFrame:
     """Waypoints of the routes, each with the leg that leaves it; the goal has none."""
-    found = _waypoints(result)
-    counts = [len(points.lonlat) for points in found]
-    return Table(
-        shapely.points(stack([points.lonlat for points in found])),
-        {
-            **route_key(tuple(points.ranked for points in found), counts),
-            "sequence": _numbers(counts),
-            "name": text([waypoint_name(at, n) for n in counts for at in range(n)]),
-            "course_deg": concatenated([points.course_deg for points in found]),
-            "leg_length_m": concatenated([points.length_m for points in found]),
-            "time_s": concatenated([points.time_s for points in found]),
-            "speed_over_ground_m_s": concatenated([points.speed_m_s for points in found]),
-            "speed_through_water_m_s": concatenated([points.through_water_m_s for points in found]),
-            "turn_radius_m": concatenated([points.radius_m for points in found]),
-        },
-    )
+    return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
 
-def legs(result: RunResult) -> Table:
+def legs(result: RunResult) -> GeoDataFrame:
     """The water within each leg's cross-track limits."""
     found = _waypoints(result)
-    counts = [len(points.lonlat) - 1 for points in found]
+    frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
+    frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
-    return Table(
-        multi(areas),
+    return frame.set_geometry(multi(areas), crs=frame.crs)
+
+
+def waypoint_frame(found: Sequence[Waypoints]) -> GeoDataFrame:
+    """Waypoints of some routes, each with the leg that leaves it and its cross-track limits."""
+    counts = [len(points.lonlat) for points in found]
+    return frame(
+        [shapely.points(points.lonlat) for points in found],
         {
-            **route_key(tuple(points.ranked for points in found), counts),
-            "sequence": _numbers(counts),
-            "course_deg": concatenated([points.course_deg[:-1] for points in found]),
-            "leg_length_m": concatenated([points.length_m[:-1] for points in found]),
-            "speed_over_ground_m_s": concatenated([points.speed_m_s[:-1] for points in found]),
-            "speed_through_water_m_s": concatenated(
-                [points.through_water_m_s[:-1] for points in found]
-            ),
-            "port_m": concatenated([points.port_m[:-1] for points in found]),
-            "starboard_m": concatenated([points.starboard_m[:-1] for points in found]),
+            **route_key([points.ranked for points in found]),
+            "sequence": [np.arange(count) + 1 for count in counts],
+            "name": [[waypoint_name(at, count) for at in range(count)] for count in counts],
+            "course_deg": [points.course_deg for points in found],
+            "leg_length_m": [points.length_m for points in found],
+            "time_s": [points.time_s for points in found],
+            "speed_over_ground_m_s": [points.speed_m_s for points in found],
+            "speed_through_water_m_s": [points.through_water_m_s for points in found],
+            "turn_radius_m": [points.radius_m for points in found],
+            "port_m": [points.port_m for points in found],
+            "starboard_m": [points.starboard_m for points in found],
         },
     )
 
@@ -74,7 +65,7 @@ def _waypoints(result: RunResult) -> list[Waypoints]:
     return [points for season in seasons for points in season_waypoints(result, season)]
 
 
-def _areas(points: Waypoints, result: RunResult) -> npt.NDArray[np.object_]:
+def _areas(points: Waypoints, result: RunResult) -> Geometries:
     """Area of each leg between its limits; empty where both are 0."""
     import pyproj
 
@@ -95,8 +86,3 @@ def _areas(points: Waypoints, result: RunResult) -> npt.NDArray[np.object_]:
         for leg in range(len(begin))
     ]
     return np.asarray(shapely.make_valid(areas))
-
-
-def _numbers(counts: list[int]) -> npt.NDArray[np.int64]:
-    """1 to n for each count n, one after the other."""
-    return integer([number for count in counts for number in range(1, count + 1)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.gis.qgis.symbols import Rule, Style, colour, fill, rule_renderer
+from pipeline.formats.gis.qgis.symbols import Rule, Style, colour, fill
 
 # Least depth of an area, m at chart datum, from one limit and below another -> its tint.
 _DEPTH_TINTS = (
@@ -20,19 +20,19 @@ _DEPTH_UNKNOWN = "#d5d5d5"
 def coast_style() -> Style:
     """Draw land brown, as the report does."""
     land = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
-    return Style(rule_renderer("fill", [Rule("Land", "", [land])]))
+    return Style("fill", [Rule("Land", "", [land])])
 
 
 def no_go_style() -> Style:
     """Draw what is no-go beside the land in a lighter brown."""
     zone = fill(colour(COLOURS["nogo"]), colour(COLOURS["coast"]), 0.1, dotted=True)
-    return Style(rule_renderer("fill", [Rule("Hard no-go zone", "", [zone])]))
+    return Style("fill", [Rule("Hard no-go zone", "", [zone])])
 
 
 def hazards_style() -> Style:
     """Draw hazards so that they are seen on a map of the whole."""
     zone = fill(colour(COLOURS["hazard"], 0.5), colour(COLOURS["hazard"]), 0.3)
-    return Style(rule_renderer("fill", [Rule("Hazards", "", [zone])]))
+    return Style("fill", [Rule("Hazards", "", [zone])])
 
 
 def chart_areas_style() -> Style:
@@ -46,7 +46,7 @@ def chart_areas_style() -> Style:
         "shut": ("Shut area", fill(faint["shut"], colour(COLOURS["shut"]), 0.5)),
     }
     rules = [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in symbols.items()]
-    return Style(rule_renderer("fill", rules))
+    return Style("fill", rules)
 
 
 def depth_areas_style() -> Style:
@@ -64,7 +64,7 @@ def depth_areas_style() -> Style:
         for least, below, tint in _DEPTH_TINTS
     ]
     unknown = Rule("Depth not charted", '"depth_min_m" IS NULL', [fill(colour(_DEPTH_UNKNOWN))])
-    return Style(rule_renderer("fill", [*rules, unknown]))
+    return Style("fill", [*rules, unknown])
 
 
 def _depth_text(least: float | None, below: float | None) -> str:

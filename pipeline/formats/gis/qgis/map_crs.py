@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -17,6 +18,9 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
+
+Bounds: TypeAlias = tuple[float, float, float, float]
+"""Limits xmin, ymin, xmax, ymax."""
 
 _NAME = "Plane of the RENEW planner"
 # Margin around the chart on the map, as a share of its longer side.
@@ -51,7 +55,7 @@ class MapCrs:
 
     system: ReferenceSystem
     is_lonlat: bool
-    bounds: tuple[float, float, float, float]
+    bounds: Bounds
     convergence: str
 
 
@@ -103,7 +107,7 @@ def lonlat_system() -> ReferenceSystem:
     return ReferenceSystem(crs.to_wkt(), "EPSG:4326", crs.name)
 
 
-def _bounds(points: FloatArray) -> tuple[float, float, float, float]:
+def _bounds(points: FloatArray) -> Bounds:
     """Bounds of points (n, 2) with a margin."""
     (xmin, ymin), (xmax, ymax) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     margin = _MARGIN * max(xmax - xmin, ymax - ymin)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
-
-from lxml import etree
 
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.gis.layers.fields import FIELDS
 from pipeline.formats.gis.qgis.chart_styles import (
     chart_areas_style,
     coast_style,
@@ -22,16 +20,11 @@ from pipeline.formats.gis.qgis.symbols import (
     arrow,
     colour,
     fill,
-    labeling,
     line,
-    literal,
     marker,
-    one_line,
-    rule_renderer,
 )
 from pipeline.formats.gis.qgis.view import SeasonView, View
-
-Element = Any  # lxml has no types
+from pipeline.formats.gis.qgis.xml import literal, one_line, rendered
 
 # Colour of a turn that met land; no other feature has it.
 _COLLISION_COLOUR = "#d50000"
@@ -54,14 +47,7 @@ def style(layer: str, view: View) -> Style:
 
 def qml(layer: str, view: View, columns: Iterable[str]) -> str:
     """Write a layer's style as a QML document."""
-    root = etree.Element("qgis", version="3.22", styleCategories="AllStyleCategories")
-    style(layer, view).put(root, columns)
-    text: str = etree.tostring(
-        root,
-        encoding="unicode",
-        doctype="<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>",
-    )
-    return text
+    return rendered("layer.qml.jinja", style=style(layer, view), columns=columns, fields=FIELDS)
 
 
 def _routes(view: View) -> Style:
@@ -91,8 +77,7 @@ def _routes(view: View) -> Style:
         )
         for season in view.seasons
     ]
-    renderer = rule_renderer("line", _by_season(view, rules, all_on=True), levels=True)
-    return Style(renderer, labeling(labels))
+    return Style("line", _by_season(view, rules, all_on=True), labels, levels=True)
 
 
 def _passage(view: View) -> Style:
@@ -120,7 +105,7 @@ def _passage(view: View) -> Style:
             labels.append(Label('"name"', ends, _INK, 10))
     course = f"\"name\" || ': ' || lpad(round(\"course_deg\") % 360, 3, '0') || {literal('°')}"
     labels.append(Label(course, f"{_BEST} AND NOT ({_AT_GOAL})", _INK, 8, finer_than=closer))
-    return Style(rule_renderer("marker", _by_season(view, rules), levels=True), labeling(labels))
+    return Style("marker", _by_season(view, rules), labels, levels=True)
 
 
 def _legs(view: View) -> Style:
@@ -133,7 +118,7 @@ def _legs(view: View) -> Style:
             Rule("Of the other classes", _OTHER, [fill(inside, edge, 0.1)], on=False),
         ]
 
-    return Style(rule_renderer("fill", _by_season(view, rules)))
+    return Style("fill", _by_season(view, rules))
 
 
 def _path_points(view: View) -> Style:
@@ -147,7 +132,7 @@ def _path_points(view: View) -> Style:
             Rule("Of the other classes", _OTHER, [faint], on=False),
         ]
 
-    return Style(rule_renderer("marker", _by_season(view, rules)))
+    return Style("marker", _by_season(view, rules))
 
 
 def _channels(view: View) -> Style:
@@ -162,7 +147,7 @@ def _channels(view: View) -> Style:
             Rule("Rejected", '"rank" = 0', [fill(none, faint, 0.3, dotted=True)], on=False),
         ]
 
-    return Style(rule_renderer("fill", _by_season(view, rules)))
+    return Style("fill", _by_season(view, rules))
 
 
 def _islands(view: View) -> Style:
@@ -171,7 +156,7 @@ def _islands(view: View) -> Style:
     none = marker("circle", colour(COLOURS["halo"], 0.0), colour(COLOURS["halo"], 0.0), 0.4)
     name = 'if(coalesce("name", \'\') = \'\', to_string("number"), "name")'
     labels = [Label(name, "", _INK, 9)]
-    return Style(rule_renderer("marker", [Rule("Islands", "", [none])]), labeling(labels))
+    return Style("marker", [Rule("Islands", "", [none])], labels)
 
 
 def _soft_no_go(view: View) -> Style:
@@ -185,7 +170,7 @@ def _soft_no_go(view: View) -> Style:
             Rule("Of the other classes", _OTHER, [fill(grey)], on=False),
         ]
 
-    return Style(rule_renderer("fill", _by_season(view, rules)), opacity=_SOFT_OPACITY)
+    return Style("fill", _by_season(view, rules), opacity=_SOFT_OPACITY)
 
 
 def _currents(view: View) -> Style:
@@ -217,7 +202,7 @@ def _currents(view: View) -> Style:
             )
         return drawn
 
-    return Style(rule_renderer("marker", _by_season(view, rules)))
+    return Style("marker", _by_season(view, rules))
 
 
 def _thinned(season: SeasonView, full_scale: float) -> str:
@@ -248,7 +233,7 @@ def _contingency(view: View) -> Style:
             Rule("Met a no-go area", '"collided"', [cross]),
         ]
 
-    return Style(rule_renderer("marker", _by_season(view, rules)))
+    return Style("marker", _by_season(view, rules))
 
 
 def _by_season(

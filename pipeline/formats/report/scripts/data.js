@@ -14,7 +14,7 @@ function readLine(moves, stepM, place = (y, x) => [y, x]) {
   return places;
 }
 
-/** The same as Leaflet's own objects: a coast has too many places to create each of them twice. */
+/** Read a ring as Leaflet's own objects: a coast has too many places to create each of them twice. */
 function readRing(moves, stepM) {
   return readLine(moves, stepM, (y, x) => new L.LatLng(y, x));
 }

@@ -55,19 +55,19 @@ def test_it_is_a_feature_collection_without_a_crs(any_run: RunResult, tmp_path: 
 
 def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
-    table = next(layer for layer in LAYERS if layer.name == "routes").table(any_run)
-    rows = np.flatnonzero(table.columns["season"] == season)
+    frame = next(layer for layer in LAYERS if layer.name == "routes").frame(any_run)
+    rows = frame[frame.season == season]
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "route")
     assert len(features) == len(rows) > 0
-    for feature, row in zip(features, rows, strict=True):
-        for name, column in table.columns.items():
-            value, expected = feature["properties"][name], column[row]
+    for feature, (_, row) in zip(features, rows.iterrows(), strict=True):
+        for name, expected in row.drop("geometry").items():
+            value = feature["properties"][name]
             if isinstance(expected, float) and not math.isfinite(expected):
                 assert value is None
             else:
                 assert value == expected
         ours = shapely.get_coordinates(shapely.geometry.shape(feature["geometry"]))
-        theirs = shapely.get_coordinates(table.geometry[row])
+        theirs = shapely.get_coordinates(row.geometry)
         if feature["geometry"]["type"] == "LineString":
             assert ours == pytest.approx(theirs, abs=1e-7)
 

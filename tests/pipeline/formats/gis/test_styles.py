@@ -24,9 +24,11 @@ from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
 from pipeline.formats.gis.qgis.map_crs import map_crs
 from pipeline.formats.gis.qgis.styles import style
-from pipeline.formats.gis.qgis.symbols import clean, literal
+from pipeline.formats.gis.qgis.symbols import Rule, Style
 from pipeline.formats.gis.qgis.view import view
+from pipeline.formats.gis.qgis.xml import clean, literal, rendered
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.xml_text import xml_text
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east
@@ -248,6 +250,15 @@ def test_clean_text_is_xml_and_no_expression(text: str) -> None:
     assert len(element.text) == len(text) + text.count("[%")
 
 
+@given(st.text())
+def test_what_is_filled_in_is_read_as_it_was_also_in_attributes(text: str) -> None:
+    """White space too, which XML would fold; what XML forbids is replaced."""
+    rules = [Rule("any", text)]
+    content = rendered("layer.qml.jinja", style=Style("line", rules), columns=[], fields={})
+    rule = etree.fromstring(content.encode()).find(".//rule")
+    assert (rule.get("filter") or "") == xml_text(text)
+
+
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"])))
 def test_a_literal_is_one_expression_of_quoted_texts_and_characters(text: str) -> None:
     """Read it by the rules of QGIS's lexer: quotes are doubled, backslashes escape."""
@@ -363,8 +374,11 @@ def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> 
         replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in coarse.seasons
     )
     dense = replace(coarse, seasons=seasons)
-    plain = [rule.get("filter") for rule in leaves(style("currents", coarse).renderer)]
-    thinned = [rule.get("filter") for rule in leaves(style("currents", dense).renderer)]
+    plain, thinned = (
+        [rule.condition for group in style("currents", one).rules for rule in group.children]
+        for one in (coarse, dense)
+    )
+    assert len(plain) == len(thinned) > 1
     assert not any("@map_scale" in condition for condition in plain)
     assert all("@map_scale" in condition for condition in thinned)
 

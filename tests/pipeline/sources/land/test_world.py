@@ -139,7 +139,7 @@ def test_without_a_home_or_a_folder_a_note_says_so(
 
 def test_what_killed_processes_left_is_removed(cache: Path) -> None:
     cache.parent.mkdir(parents=True)
-    old, new = (cache.with_name(f"{cache.name}.{name}") for name in ("old", "new"))
+    old, new = (cache.with_name(f".{cache.name}.{name}.tmp") for name in ("old", "new"))
     for path in (old, new):
         path.touch()
     os.utime(old, (0, 0))

@@ -1,0 +1,68 @@
+"""Layers of a GeoPackage file, written by geopandas and counted afterwards."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.formats.shared.os_errors import os_error
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+def write_layer(
+    path: Path,
+    frame: GeoDataFrame,
+    layer: str,
+    geometry_type: str,
+    *,
+    title: str,
+    description: str,
+    append: bool = False,
+) -> None:
+    """Write a frame as a new layer, or append it to one."""
+    frame.to_file(
+        path,
+        layer=layer,
+        driver="GPKG",
+        engine="pyogrio",
+        index=False,
+        mode="a" if append else "w",
+        geometry_type=geometry_type,
+        dataset_options={"VERSION": "1.3"},
+        layer_options={
+            "IDENTIFIER": title,
+            "DESCRIPTION": description,
+            "GEOMETRY_NAME": "geom",
+            "FID": "fid",
+        },
+    )
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open the file as a database, and commit what the block changes."""
+    with closing(sqlite3.connect(path)) as database, database:
+        yield database
+
+
+def check_count(database: sqlite3.Connection, layer: str, expected: int) -> None:
+    """Count the features of a layer: on a full disk GDAL may close a file without an error."""
+    found = database.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]  # noqa: S608 - names are our own layers
+    if found != expected:
+        raise sqlite3.DatabaseError(f"layer {layer} holds {found} of {expected} features")
+
+
+@contextmanager
+def system_errors(path: Path) -> Iterator[None]:
+    """Turn errors of GDAL and SQLite into an OSError."""
+    from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
+
+    try:
+        yield
+    except (DataSourceError, DataLayerError, FeatureError, sqlite3.Error) as error:
+        raise os_error(path, error) from error

@@ -1,0 +1,107 @@
+"""Layers as data frames of geopandas, in lon/lat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from pipeline._types import Geometries
+from pipeline.formats.gis.layers.fields import TYPES
+from pipeline.formats.shared.result import RankedRoute, RunResult
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+ROUTE_STEP_M = 2_000.0
+"""Maximum length, true metres, of a segment of a route.
+
+A straight line of the plane departs from the straight line in degrees by s²/8R·tan(latitude): by
+0.1 m at 10 degrees, 0.2 m at 70.
+"""
+
+ZONE_STEP_M = 10_000.0
+"""Maximum length, true metres, of a segment of a zone's edge, no more accurate than the chart."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of the file: name, title and description for readers, and its content."""
+
+    name: str
+    title: str
+    description: str
+    geometry_type: str
+    frame: Callable[[RunResult], GeoDataFrame]
+
+
+def frame(
+    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[npt.ArrayLike]]
+) -> GeoDataFrame:
+    """Make the frame of a layer.
+
+    Parameters
+    ----------
+    geometry
+        A geometry for each feature, or an array of geometries for each route or season.
+    columns
+        For each of these a value, or an array with a value for each of its geometries. Numbers
+        that are not finite become NaN, which is written as NULL.
+    """
+    import geopandas
+
+    counts = [np.size(part) for part in geometry]
+    return geopandas.GeoDataFrame(
+        {name: _column(values, counts, TYPES.get(name, float)) for name, values in columns.items()},
+        geometry=_joined(geometry, counts, object),
+        crs="EPSG:4326",
+    )
+
+
+def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[npt.ArrayLike]]:
+    """Columns that tell routes apart."""
+    return {"season": [one.season for one in ranked], "rank": [one.rank for one in ranked]}
+
+
+def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Geometries:
+    """Transform planar geometries to lon/lat, with segments of at most `step_m` true metres.
+
+    Areas become MultiPolygons.
+    """
+    array = np.empty(len(geometries), dtype=object)
+    array[:] = geometries
+    lonlat = result.scene.projection.geometry_to_lonlat(array, densify_m=step_m)
+    areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
+    return multi(lonlat) if areas else lonlat
+
+
+def multi(areas: Sequence[Any] | Geometries) -> Geometries:
+    """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
+    multis = np.full(len(areas), shapely.MultiPolygon(), dtype=object)
+    parts, index = shapely.get_parts(np.array(areas, dtype=object), return_index=True)
+    polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    shapely.multipolygons(parts[polygons], indices=index[polygons], out=multis)
+    return multis
+
+
+def _column(
+    values: Sequence[npt.ArrayLike], counts: Sequence[int], dtype: type
+) -> npt.NDArray[Any]:
+    """Join a column's values of all parts."""
+    column = _joined(values, counts, dtype)
+    return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
+
+
+def _joined(
+    values: Sequence[Any] | Geometries, counts: Sequence[int], dtype: type
+) -> npt.NDArray[Any]:
+    """Join arrays, or single values that are repeated as often as counted."""
+    parts: list[npt.NDArray[Any]] = [
+        np.broadcast_to(np.asarray(value, dtype=dtype), count)
+        for value, count in zip(values, counts, strict=True)
+    ]
+    return np.concatenate([np.empty(0, dtype=dtype), *parts])

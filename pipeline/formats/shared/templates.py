@@ -1,0 +1,51 @@
+"""Jinja's templates, set up alike for the report, the night's page and all XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
+
+from pipeline.formats.shared.xml_text import xml_text
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+# Characters in an attribute that a reader of XML would take for other white space.
+_WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+
+
+def environment(*packages: str, finalize: Callable[[object], object] | None = None) -> Environment:
+    """Load the templates of some packages; all that is filled in is escaped, and has to be there.
+
+    A template that several packages have is that of the first.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=ChoiceLoader([PackageLoader(package) for package in packages]),
+        autoescape=True,
+        finalize=finalize,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+@cache
+def xml_environment(package: str) -> Environment:
+    """Load a package's templates of XML, for any text: what XML forbids is replaced."""
+    return environment(package, finalize=_escaped)
+
+
+def _escaped(value: object) -> Markup:
+    """Escape a value for an attribute or an element; what a macro returns is XML already."""
+    from markupsafe import Markup, escape
+
+    if isinstance(value, Markup):
+        return value
+    text = escape(xml_text(str(value)))
+    for character, reference in _WHITE_SPACE.items():
+        text = text.replace(character, Markup(reference))  # noqa: S704 - our own
+    return text
