@@ -70,8 +70,8 @@ from renew.bounds.interpolation_error import deviation_radius
 from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
-from renew.inputs.voyage import Voyage
-from renew.kernels.current_table import Table, next_slice, node_velocity, table_of
+from renew.kernels.current_table import CurrentTable, next_slice, node_velocity, table_of
+from renew.voyage.voyage import Voyage
 
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
 # the time and make it 1.5 %. Small eddies need more: with as few the gap is 7 % there.
@@ -111,7 +111,7 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     the current changes, and is as strong as the vessel in places, that may fail: then a part after
     a via point takes no less than the straight way with the strongest current behind.
     """
-    if voyage.has_price and voyage.current_change > 0:
+    if voyage.has_price and voyage.waters.current_change > 0:
         voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
     time, vessel = 0.0, voyage.vessel
     knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
@@ -157,7 +157,7 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
     slices = len(voyage.current.slice_times)
-    fewest = _CELLS_AT_CHOICE if voyage.has_price and voyage.current_change > 0 else _CELLS
+    fewest = _CELLS_AT_CHOICE if voyage.has_price and voyage.waters.current_change > 0 else _CELLS
     wanted = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else fewest
     cells = max(fewest, min(max(wanted, least_cells), _MAX_NODES // slices))
     step = min(math.sqrt(wide * high / cells), wide / _MIN_CELLS, high / _MIN_CELLS)
@@ -190,7 +190,7 @@ def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> Fl
     return np.stack([begin, end])
 
 
-def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> Table:
+def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> CurrentTable:
     """A current at nodes x (nx,), y (ny,), in slices."""
     nodes, times = np.stack(np.meshgrid(x, y), axis=-1), current.slice_times
     slices = [current.velocity(nodes, time) for time in times.tolist()]

@@ -19,7 +19,7 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.kernels.current_table import Table, node_velocity
+from renew.kernels.current_table import CurrentTable, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 TOLERANCE = 1e-4
@@ -41,7 +41,7 @@ class TravelGrid(NamedTuple):
 
     x: FloatArray  # (nx,)
     y: FloatArray  # (ny,)
-    current: Table  # slices of the nodes' velocities
+    current: CurrentTable  # slices of the nodes' velocities
     departure: float  # s, on the table's clock: travel times count from it
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell

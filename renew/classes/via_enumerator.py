@@ -16,7 +16,7 @@ from renew._types import FloatArray
 from renew.classes.channel import Channel, Transition
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage
 
 _Looking: TypeAlias = Callable[[int, ClassEnumerator], list[Channel]]
 
@@ -41,12 +41,12 @@ class ViaEnumerator:
         """As of :class:`ClassEnumerator`."""
         return any(part.has_many_triangles for part in self.parts)
 
-    def told_apart_by(self, rays: Rays) -> ViaEnumerator:
-        """The same, for the classes that other rays tell apart."""
-        return replace(self, parts=tuple(part.told_apart_by(rays) for part in self.parts))
+    def by_rays(self, rays: Rays) -> ViaEnumerator:
+        """Return the enumerator of the classes that other rays tell apart."""
+        return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
     def leaving(self, voyage: Voyage) -> ViaEnumerator:
-        """Return the same for a voyage with another departure."""
+        """Return the enumerator of a voyage with another departure."""
         return replace(self, voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
@@ -61,7 +61,7 @@ class ViaEnumerator:
         )
 
     def _combined(self, count: int, look: _Looking) -> list[Channel]:
-        """The best combinations of channels of the parts; each part begins as the best may."""
+        """The `count` best combinations; each part departs at the earliest arrival before it."""
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
             voyage = self.voyage.part(at, self.voyage.departure + combined[0][0])
@@ -72,11 +72,11 @@ class ViaEnumerator:
             ]
             found.sort(key=lambda one: one[0])
             pairs = [
-                (before + time, (*stages, channel))
-                for i, (before, stages) in enumerate(combined)
+                (before + time, (*parts, channel))
+                for i, (before, parts) in enumerate(combined)
                 for time, channel in found[: count // (i + 1)]
             ]
             if not pairs:
                 return []
             combined = sorted(pairs, key=lambda one: one[0])[:count]
-        return [Channel.joined(stages, self.voyage.via) for _, stages in combined]
+        return [Channel.joined(parts, self.voyage.via) for _, parts in combined]

@@ -11,7 +11,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, largest_speed, table_of, velocities
+from renew.kernels.current_table import CurrentTable, largest_speed, table_of, velocities
 
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
@@ -33,7 +33,7 @@ _RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 
 def tabulated(
     field: Callable[[FloatArray], FloatArray], bounds: tuple[float, float, float, float]
-) -> Table:
+) -> CurrentTable:
     """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
     return _made(field, bounds).table
 
@@ -41,7 +41,7 @@ def tabulated(
 class _Made(NamedTuple):
     """A table, and the number of cells a side at whose nodes the field was asked; cubic between."""
 
-    table: Table
+    table: CurrentTable
     cells_asked: int
 
 
@@ -93,7 +93,7 @@ def tabulated_in_time(
     times: FloatArray,
     bounds: tuple[float, float, float, float],
     period: float = math.inf,
-) -> Table:
+) -> CurrentTable:
     """Table of a changing field, with a slice for each of some times (nt,), s.
 
     It is as fine as the finest of a few of its slices needs to be, if memory allows that.
@@ -136,7 +136,7 @@ def _mesh(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
-def _error_at_random(field: Callable[[FloatArray], FloatArray], table: Table) -> float:
+def _error_at_random(field: Callable[[FloatArray], FloatArray], table: CurrentTable) -> float:
     """Largest difference (m/s) between a field and its table at some points at random."""
     low, high = (table.x[0], table.y[0]), (table.x[-1], table.y[-1])
     points = np.random.default_rng(0).uniform(low, high, (_RANDOM_POINTS, 2))

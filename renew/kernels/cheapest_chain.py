@@ -21,7 +21,7 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
-from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
+from renew.kernels.current_table import CurrentTable, Site, site_of, velocity, velocity_there
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import TOO_STRONG, leg_time_from
 
@@ -102,7 +102,7 @@ def cheapest_chain(
     times: FloatArray,
     speeds: FloatArray,
     tries: int,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> Chain:
     """Chain of least cost.
@@ -154,7 +154,7 @@ def _traced(
     speeds: FloatArray,
     tries: int,
     cost: FloatArray,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> Chain:
     """The chain to which V (r, m, q) leads."""
@@ -199,7 +199,7 @@ def _best_speed(
     tries: int,
     halvings: int,
     ahead: _Ahead,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> tuple[float, float, float]:
     """Least cost over a leg and from its end on, its speed (m/s), and the time (s) over it.

@@ -19,8 +19,8 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import (
     Bend,
+    CurrentTable,
     Site,
-    Table,
     bend_near,
     site_of,
     velocity,
@@ -61,7 +61,7 @@ class Clock(NamedTuple):
 class Stream(NamedTuple):
     """A current, what a vessel makes in it, and its clock."""
 
-    table: Table
+    table: CurrentTable
     polar: Polar
     clock: Clock
 
@@ -86,7 +86,7 @@ def leg_time_from(
     v: float,
     end: Site,
     begin: float,
-    table: Table,
+    table: CurrentTable,
     polar: Polar,
     step: float,
 ) -> float:

@@ -82,8 +82,8 @@ _AS_COMPLEX = np.array([1, 1j])
 
 def check_straits(corridor: Corridor) -> None:
     """Refuse a corridor that V blocks; InfeasibleError names the strait."""
-    for stage, _ in corridor.stages(_midline(corridor)):
-        stage.open_sections(_COARSE_SPACING * length_of(_midline(stage)), _COARSE_ANGLE)
+    for part, _ in corridor.parts(_midline(corridor)):
+        part.open_sections(_COARSE_SPACING * length_of(_midline(part)), _COARSE_ANGLE)
 
 
 def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
@@ -94,7 +94,7 @@ def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
     has_small_eddies = corridor.voyage.table.has_small_eddies
     passes = _WIDE_IN_EDDIES if has_small_eddies else _WIDE
     return corridor.chained(
-        lambda stage, piece: _refined(stage, piece, passes), corridor.voyage.cut(first)
+        lambda part, piece: _refined(part, piece, passes), corridor.voyage.cut(first)
     )
 
 
@@ -126,7 +126,7 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
     near, or V takes a via point.
     """
     for at, point in enumerate(corridor.voyage.via):
-        beside = corridor.by_stage[at : at + 2]
+        beside = corridor.by_part[at : at + 2]
         needed = max(padded.around(point).padding.max(initial=0.0) for padded in beside)
         if needed > 0:
             raise InfeasibleError(
@@ -134,10 +134,10 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
                 "the vessel can't turn away; move it further off",
                 point,
             )
-    return corridor.chained(_refined_stage, corridor.voyage.cut(rough))
+    return corridor.chained(_refined_part, corridor.voyage.cut(rough))
 
 
-def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
+def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
     """The same without via points."""
     has_small_eddies = corridor.voyage.table.has_small_eddies
     *wider, narrowest = _NARROW_IN_EDDIES if has_small_eddies else _NARROW

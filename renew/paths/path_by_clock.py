@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from renew._types import FloatArray
-from renew.inputs.voyage import shares
 from renew.kernels.capsules import capsules_near
 from renew.kernels.cheapest_chain import legs_between
 from renew.kernels.ground_speed import sailing_at
@@ -23,6 +22,7 @@ from renew.paths.least_fuel_path import BEND, MIN_SPACING, length_of, thinned
 from renew.paths.refinement import Water, points_beside, with_transversals, without_detours
 from renew.paths.speed_profile import SpeedProfile
 from renew.paths.timed_way import TimedWay
+from renew.voyage.voyage import shares
 
 
 class _Pass(NamedTuple):

@@ -17,7 +17,7 @@ from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, Segment, leg_is_clear
-from renew.kernels.current_table import Table, velocity
+from renew.kernels.current_table import CurrentTable, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
@@ -43,7 +43,7 @@ class _Water(NamedTuple):
     `exempt` (2, c) is as :attr:`Corridor.exempt`; paths are begun at `departure`, s.
     """
 
-    table: Table
+    table: CurrentTable
     departure: float
     polar: Polar
     capsules: Capsules

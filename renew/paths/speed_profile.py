@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from renew._types import FloatArray, IntArray
-from renew.inputs.fuel import WITHIN, Pieces, ground_speed
-from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import chosen_speeds
+from renew.voyage.fuel import WITHIN, Pieces, ground_speed
+from renew.voyage.voyage import Voyage
 
 # Ratio of the highest to the lowest speed that are sailed as one leg: dearer by under 0.05 %.
 _SAME_SPEED = 1.04

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from renew._types import FloatArray
-from renew.inputs.fuel import passage
-from renew.inputs.voyage import Voyage
 from renew.paths.speed_profile import SpeedProfile, alike_legs
 from renew.paths.timed_way import TimedWay
+from renew.voyage.fuel import passage
+from renew.voyage.voyage import Voyage
 
 # Rounds in which the deadline by the current's table is set, so that that by the current itself is
 # met, and the share of the time under way by which the vessel may come earlier.

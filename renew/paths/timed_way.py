@@ -17,11 +17,11 @@ from scipy.optimize import minimize
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.inputs.voyage import Voyage
 from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain
 from renew.kernels.fuel_by_speed import Sailed, sailed, slopes
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
+from renew.voyage.voyage import Voyage
 
 # Number of rows into which a way is cut at least and at most, and the number of steps of the clock
 # between two of them.

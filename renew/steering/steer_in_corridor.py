@@ -12,13 +12,13 @@ import shapely
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
-from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
 from renew.steering.sharp_corners import crowding, sharp_corners
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
+from renew.voyage.voyage import Voyage
 
 # Multiples of the radius that can be steered at a corner by which discs are drawn: the current
 # changes on the way round. Those for several corners are larger from the start.
@@ -182,8 +182,8 @@ def steer_as_drawn(
     InfeasibleError where they are not, or where either leaves the corridor.
     """
     voyage = corridor.voyage
-    for stage, piece in corridor.stages(path):
-        clear = stage.legs_clear(piece)
+    for part, piece in corridor.parts(path):
+        clear = part.legs_clear(piece)
         if not clear.all():
             raise InfeasibleError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]

@@ -1,6 +1,6 @@
 """Whether a vessel meets an area while that is shut: on her way, or in a turn that she begins.
 
-She may be early or late, as padding assumes (:mod:`renew.padding.passage_windows`), and a full turn
+She may be early or late, as padding assumes (:mod:`renew.turns.passage_windows`), and a full turn
 may carry her as far as :class:`renew.turns.reach_bound.TurnReach` says, for as long as it lasts.
 That is an upper bound on where she can be, so that a path which passes is safe.
 """
@@ -12,8 +12,8 @@ import shapely
 
 from renew._types import FloatArray
 from renew.inputs.shut_area import ShutArea
-from renew.inputs.voyage import Voyage
 from renew.turns.reach_bound import TurnReach
+from renew.voyage.voyage import Voyage
 
 # Distance between the points at which a path is looked at, as a share of v/ω, and their largest
 # number.

@@ -19,7 +19,7 @@ from pipeline.formats.figures.maps.chart_map import WIDTH_PT
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance
-from renew.inputs.speeds_along import speeds_along
+from renew.voyage.fuel import speeds_along
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

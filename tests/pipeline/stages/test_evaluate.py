@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyproj
@@ -17,8 +18,8 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.outcome import Outcome
 from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
-from renew.inputs.fuel import passage_times
 from renew.turns.reach_bound import TurnReach
+from renew.voyage.fuel import passage_times
 from tests.pipeline.formats import small_run
 from tests.true_scale import clearance_m
 
@@ -131,7 +132,7 @@ def test_a_route_over_land_is_detected(
     scene, island, plan = planned
     assert plan.plan is not None
     middle = scene.projection.to_plane((118.9, 10.0))
-    straight = {
+    straight: dict[str, Any] = {
         "path": np.array([scene.start, middle, scene.goal]),
         "speeds": np.full(2, scene.vessel.speed),
         "times": np.array([0.0, 1.0, 2.0]),
