@@ -5,8 +5,6 @@ would fall behind them. So a few small plans, of a second each once all is compi
 option and every kind of current.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Iterator

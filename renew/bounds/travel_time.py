@@ -9,8 +9,6 @@ u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bou
 it solved again with the slowness of some cells lowered.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from typing import NamedTuple
@@ -106,7 +104,7 @@ def _passage(
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
     # A current that is off by up to the deviation helps at most as a faster vessel would; one that
-    # chooses her speed may not want to be faster, but takes as much of a following current.
+    # chooses its speed may not want to be faster, but takes as much of a following current.
     following = deviation if polar.least < polar.speed else 0.0
     speed, crab, least, price, exponent, scale, still, _ = polar
     faster = speed + deviation - following

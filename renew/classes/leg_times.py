@@ -4,8 +4,6 @@ Whether a leg leads on to one of the k best paths is judged by the least time; i
 that is the time itself.
 """
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Water whose current is as strong as the vessel: no-go for it, though no land lies there."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator

@@ -1,7 +1,5 @@
 """How closely the nodes of a roadmap stand, and the water in which a path is looked at closer."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

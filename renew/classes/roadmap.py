@@ -6,8 +6,6 @@ passing edges only; it is followed from triangle to triangle, so that a search k
 is in.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import NamedTuple

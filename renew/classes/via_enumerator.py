@@ -1,9 +1,9 @@
 """The k best classes of a voyage through via points: combinations of the classes of its parts.
 
-A part begins when the one before it ends. Who is at a via point earlier is at the next one no later
-(FIFO), so the best way to each via point is a part of the best way of all, and the k best
-combinations are found part by part: of two lists in ascending order the i-th with the j-th can be
-among the k least sums only where i x j <= k, counted from 1.
+A part begins when the one before it ends. An earlier arrival at a via point means no later arrival
+at the next one (FIFO), so the best way to each via point is a part of the best way of all, and the
+k best combinations are found part by part: of two lists in ascending order the i-th with the j-th
+can be among the k least sums only where i x j <= k, counted from 1.
 """
 
 from __future__ import annotations

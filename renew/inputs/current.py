@@ -5,8 +5,6 @@ shape in m/s along the plane's axes. Fields that change with time are in
 :mod:`renew.inputs.varying_current`.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """How a voyage is planned: the options of a plan, with their defaults and ranges."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from typing import Literal, TypeAlias, TypeGuard, get_args
 

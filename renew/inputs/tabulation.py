@@ -1,7 +1,5 @@
 """Tables of currents, as fine as the current needs them to be."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -51,7 +49,7 @@ def _made(
     *,
     trust_cubics: bool = True,
 ) -> _Made:
-    """Make the same; cubics are trusted once they meet the field in the middles of all cells."""
+    """Make the table; cubics are trusted once they meet the field in the middles of all cells."""
     cells, last, cells_asked = _MIN_CELLS, math.inf, 0
     x, y = _axes(bounds, cells)
     uv = for_kernels(field(_mesh(x, y)))
@@ -165,7 +163,7 @@ def halved(uv: FloatArray) -> FloatArray:
 
 @kernel
 def _middles(uv: FloatArray) -> FloatArray:
-    """The same (n - 1, m - 1, 2) in the middles of the cells alone."""
+    """Velocities (n - 1, m - 1, 2) in the middles of the cells, by these cubics."""
     rows, columns = uv.shape[:2]
     between, middles = np.empty((rows, columns - 1, 2)), np.empty((rows - 1, columns - 1, 2))
     for row in range(rows):

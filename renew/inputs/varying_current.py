@@ -3,8 +3,6 @@
 Times are seconds on the field's own clock, on which a plan's departure and arrivals stand, too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

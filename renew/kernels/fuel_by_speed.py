@@ -7,8 +7,6 @@ arrival at its end costs, its slope is k v^(k-1) d + (vᵏ + μ) ∂d/∂v, and 
 beginning costs μ + (vᵏ + μ) ∂d/∂t.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

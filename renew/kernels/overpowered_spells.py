@@ -4,8 +4,6 @@ Between two slices the velocity is linear in time, and so its square is a parabo
 than the level is one interval between two roots.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

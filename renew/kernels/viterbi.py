@@ -7,8 +7,6 @@ that begins one later does not end it earlier (FIFO; Orda & Rom, 1990): then the
 earliest arrival.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -90,7 +88,7 @@ def leg_time_from(
     polar: Polar,
     step: float,
 ) -> float:
-    """The same from the current where and when it begins, and the site of its end.
+    """Time (s) over a leg from the current where and when it begins, and the site of its end.
 
     In a current that changes its pieces are no longer than a step (m).
     """

@@ -48,7 +48,7 @@ class Corridor:
     by_part: tuple[PaddedEdges, ...] = ()
 
     def with_padding(self, parts: Sequence[PaddedEdges]) -> Corridor:
-        """The same with other padding: of the whole, or of the parts if there are via points."""
+        """Return it with other padding: of the whole, or of its parts if there are via points."""
         if not len(self.voyage.via):
             return replace(self, padded=parts[0])
         return replace(self, padded=PaddedEdges.joined(parts), by_part=tuple(parts))
@@ -59,7 +59,7 @@ class Corridor:
         return self.by_part or (self.padded,)
 
     def part(self, at: int, voyage: Voyage) -> Corridor:
-        """The same for a part of the voyage."""
+        """The corridor of a part of the voyage."""
         channel = self.channel.parts[at]
         return replace(self, voyage=voyage, channel=channel, padded=self.by_part[at], by_part=())
 

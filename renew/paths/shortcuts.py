@@ -4,8 +4,6 @@ A shortcut keeps to the chain's class: it crosses the rays of the islands (see
 :mod:`renew.classes.h_signature`) as the part of the chain that it replaces.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

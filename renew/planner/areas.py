@@ -8,8 +8,6 @@ happens; but the vessel never waits, and of all paths through an area only the l
 each class is known.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

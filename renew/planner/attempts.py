@@ -1,7 +1,5 @@
 """Ways to find the least-fuel path of a class that can be steered: the best first."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Class by class, in order, until there are as many routes as were asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial

@@ -6,8 +6,6 @@ in time all the way. Each class's path and speeds are then improved together
 hours at which the vessel passes at these speeds.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Sequence

@@ -23,8 +23,6 @@ padded for the hours of passage, so that a later departure may find more room; t
 arrival of all later ones counts.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,6 @@
 At a departure a class is planned completely only if it can still be the best.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

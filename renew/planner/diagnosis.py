@@ -1,7 +1,5 @@
 """Why no class can be sailed, and what would leave a route: less padding, or more risk."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

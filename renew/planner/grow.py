@@ -4,8 +4,6 @@ The padding of a class is first set for its channel. A path that bulges out of i
 perturbed current, may need more: the edges concerned grow, and the class is planned again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias, TypeVar

@@ -1,7 +1,5 @@
 """The paper's choice of a class: by the harmonic mean of the fuel of its sampled paths."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from renew._types import FloatArray

@@ -4,8 +4,6 @@ The arrival rises with the departure, mostly as fast as that: the next guess is 
 would do if it did so exactly, kept inside what is known to be in time and what is not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -66,7 +64,7 @@ def too_late_error(
     remedies = [Text("allow that time"), *_earlier(voyage, path, first.duration, arrive_by)]
     remedies += _faster(voyage, path, arrive_by, faster)
     return ArrivalError(
-        "arrive_by = {0} can't be made: who leaves at {1} is there at {2} at the earliest. Either "
+        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest. Either "
         "{3}",
         Moment(arrive_by),
         Moment(voyage.departure),

@@ -1,13 +1,13 @@
-"""Where and when the current shuts the way of a class for a while: nobody waits for it to open.
+"""Where and when the current shuts the way of a class for a while: no vessel waits for it to open.
 
 Water is shut while its current is nearly as strong as the vessel is fast, or stronger, whichever
-way it flows. Where that is so for a while only, who comes later may be the first through, and the
-search, in which nobody waits, gives the best *without waiting*.
+way it flows. Where that is so for a while only, a vessel that comes later may be the first through,
+and the search, in which none waits, gives the best *without waiting*.
 
-What counts for a class are the places on its way, and at each the time from when she comes there
-early to when she goes on late. Along a route times are its own. Along the rough way by which a
-class was found she is taken to wait where she comes while it is shut, until it opens: so the hours
-of a class that fails are those at which she would come to the place where it does.
+What counts for a class are the places on its way, and at each the time from the vessel's earliest
+arrival there to its latest departure. A route has its own times. Along the rough path by which a
+class was found the vessel is taken to wait wherever it comes while the water is shut, until that
+opens: so the hours of a class that fails are those at which it would come to the place of failure.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from renew.kernels.viterbi import TOO_STRONG, slowness
 from renew.results.route import OverpoweredHours
 from renew.voyage.voyage import Voyage, shares
 
-# Number of pieces into which a way is cut at least.
+# Number of pieces into which a path is cut at least.
 _PIECES = 400
 # Number of places that a reason names.
 _MAX_NAMED = 3
@@ -37,7 +37,7 @@ _Error = TypeVar("_Error", bound=InfeasibleError)
 
 
 class _Spell(NamedTuple):
-    """Number of a point on a way, and from when until when (s) the current shuts it."""
+    """Number of a point on a path, and from when until when (s) the current shuts it."""
 
     at: int
     begin: float
@@ -48,15 +48,15 @@ def hours_along(
     path: FloatArray, times: FloatArray, voyage: Voyage
 ) -> tuple[OverpoweredHours, ...]:
     """Hours at which the current shuts water on a path (n, 2) passed at times (n,), s."""
-    way = _Way.of(path, voyage)
-    passed = np.interp(shares(way.points), shares(path), times)
-    return way.stretches(way.passed_at(passed))
+    points = _PathPoints.of(path, voyage)
+    passed = np.interp(shares(points.points), shares(path), times)
+    return points.stretches(points.passed_at(passed))
 
 
 def hours_of(channel: Channel, voyage: Voyage) -> tuple[OverpoweredHours, ...]:
-    """Hours at which the current shuts water on the rough way of a class."""
-    way = _Way.of(channel.rough_path(voyage.start, voyage.goal), voyage)
-    return way.stretches(way.waiting()) if way.is_shut.any() else ()
+    """Hours at which the current shuts water on the rough path of a class."""
+    points = _PathPoints.of(channel.rough_path(voyage.start, voyage.goal), voyage)
+    return points.stretches(points.waiting()) if points.is_shut.any() else ()
 
 
 def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
@@ -70,15 +70,15 @@ def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
     return longer
 
 
-class _Way(NamedTuple):
-    """Points (n, 2) of a way, and which of them (n,) the current ever shuts."""
+class _PathPoints(NamedTuple):
+    """Points (n, 2) on a path, and which of them (n,) the current ever shuts."""
 
     points: FloatArray
     is_shut: BoolArray
     voyage: Voyage
 
     @classmethod
-    def of(cls, path: FloatArray, voyage: Voyage) -> _Way:
+    def of(cls, path: FloatArray, voyage: Voyage) -> _PathPoints:
         """A path (n, 2) with more points."""
         table, count = voyage.table, len(voyage.table.times)
         if table.is_steady or table.strongest < _level(voyage):
@@ -92,14 +92,14 @@ class _Way(NamedTuple):
         return cls(points, strongest >= _level(voyage), voyage)
 
     def passed_at(self, times: FloatArray) -> Iterator[_Spell]:
-        """Spells that shut a point while she may be there, if she passes them at times (n,), s."""
+        """Spells that shut a point while the vessel may be there; it passes at times (n,), s."""
         early, late = self.voyage.early_and_late(times)
         for at in np.flatnonzero(self.is_shut).tolist():
             for begin, end in self._spells(at, early[at], late[at]):
                 yield _Spell(at, begin, end)
 
     def waiting(self) -> Iterator[_Spell]:
-        """The same if she waits wherever she comes while it is shut, until it opens."""
+        """Spells that the vessel meets if it waits wherever the water is shut, until that opens."""
         voyage, now = self.voyage, self.voyage.departure
         legs = np.diff(self.points, axis=0)
         lengths = np.linalg.norm(legs, axis=1)

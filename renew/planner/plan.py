@@ -1,7 +1,5 @@
 """The whole method in the paper's order: triangulate, classes, padding, best path, verify."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

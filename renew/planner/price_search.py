@@ -7,8 +7,6 @@ That is the next price, until it stays. It is found for the best class at first,
 class by itself, since each has its own.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

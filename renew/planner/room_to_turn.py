@@ -1,7 +1,5 @@
 """Room to turn in: padding where a path can't be steered, and the path planned again around it."""
 
-from __future__ import annotations
-
 import contextlib
 
 import numpy as np

@@ -4,8 +4,6 @@ The published figures are of smoothed paths. So each chain is smoothed before it
 counts in the harmonic mean: as they are drawn, hardly any can be steered.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 

@@ -12,8 +12,6 @@ v; so it never falls as v rises. Beside that, hard-over turns are flown at the v
 each leg is sailed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

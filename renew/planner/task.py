@@ -1,7 +1,5 @@
 """What a plan is asked for, and the planners of classes that its parts share."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """A plan as HTML for a notebook: an inline SVG map and a table, without a plotting library."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape

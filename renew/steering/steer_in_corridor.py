@@ -1,7 +1,5 @@
 """A corridor's path made steerable without leaving the corridor."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterator
@@ -42,7 +40,7 @@ _MISS = 0.02
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.005
-# The same from which it is also thinned in places.
+# Ratio of its fuel from which a path is also thinned in places.
 _DEAR = 1.01
 
 
@@ -50,7 +48,7 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
     Corners whose rounding would cut into V, or has no room, are rounded on the outside, and so is
-    one at a via point, which the vessel passes on her arc; the result keeps to the channel and out
+    one at a via point, which the vessel passes on its arc; the result keeps to the channel and out
     of V. Where that can't be, InfeasibleError says why.
     """
     voyage = corridor.voyage
@@ -78,7 +76,7 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 
 
 def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
-    """The same for a path (n, 2) that can't be steered otherwise, thinned more where it can't.
+    """Path and trajectory of a path that can't be steered otherwise: thinned more where it can't.
 
     Among small eddies some curves of a least-fuel path follow each other too closely to be steered,
     while most of it can be, and would lose fuel if all of it were thinned as much as they need.

@@ -1,7 +1,5 @@
 """From a path to a trajectory that a vessel can steer: corners as arcs, headings, times."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

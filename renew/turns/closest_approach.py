@@ -1,7 +1,5 @@
 """Where a route comes nearest to land, and how far hard-over turns reach there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

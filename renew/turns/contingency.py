@@ -6,8 +6,6 @@ of the field's spread over the water that the turn sweeps. A turn that touches t
 zone L is a collision.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Protocol

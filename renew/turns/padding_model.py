@@ -6,8 +6,6 @@ headings φ ± Δφ about the direction of travel. Where the current changes, me
 taken over the window of time in which the vessel may be in the triangle.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
@@ -71,7 +69,7 @@ class PaddingModel:
         self._triangulation, self._current, self._vessel = triangulation, current, vessel
         self._options = options
         self._edges = triangulation.constrained_edges
-        # The same draws for every triangle: its figures depend on itself alone.
+        # One set of draws for every triangle: its figures depend on itself alone.
         self.sampler = TurnSampler.for_risk(options.seed, options.risk)
         # All windows of a steady current are alike.
         steps = np.diff(current.slice_times)

@@ -1,7 +1,5 @@
 """Windows of time in which a vessel may be where it passes: the padding holds in all of each."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

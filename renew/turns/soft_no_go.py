@@ -43,14 +43,14 @@ class PaddedEdges:
         )
 
     def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
-        """The same, with the padding of some constrained edges larger by `by` metres each."""
+        """Return them with the padding of some constrained edges larger by `by` metres each."""
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
         return PaddedEdges(self.start, self.end, self.padding + extra, self.edge)
 
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
-        """The same, with the parts of edges within reach (m) of places (n, 2) padded more.
+        """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
 
         By how much more is said for each place, (n,) metres.
         """

@@ -10,8 +10,6 @@ through zero at θ = ψ + arccos(-c·n / v), the one maximum inside the turn; at
 c·n 2π/ω. A turn to starboard is the mirror image.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

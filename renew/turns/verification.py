@@ -4,8 +4,6 @@ It tests samples, and proves nothing: a proof is behind the bound on fuel alone
 (:mod:`renew.bounds`).
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

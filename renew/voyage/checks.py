@@ -1,7 +1,5 @@
 """Voyages that can't be made, refused before anything is planned."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence
@@ -94,7 +92,7 @@ def check_pace(voyage: Voyage) -> None:
 
 def check_current_at_endpoints(voyage: Voyage) -> None:
     """Refuse a departure at which the current is as strong as the vessel where it has to be."""
-    # In a current that changes nobody knows yet when the vessel comes to the goal.
+    # In a current that changes it is not known yet when the vessel comes to the goal.
     names = ["start", *(f"via[{at}]" for at in range(len(voyage.via))), "goal"]
     ends = list(zip(names, voyage.stops, strict=True))
     ends = ends if voyage.current.is_steady else ends[:1]

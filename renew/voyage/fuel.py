@@ -292,12 +292,12 @@ def _settled(
             return np.append(0.0, np.cumsum(lasts)), False
         moved = middle - last_middle
         if at_round:
-            # Rounding has no slope, and one so steep can't be right: she would not come later.
+            # Ignore slopes from rounding, and clip steep ones: a later start gives a later arrival.
             far = np.abs(moved) > _FAR * since[-1]
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
         found = _chained(middle, lasts, slope)
         if not (np.diff(found) >= 0).all():
-            # Where the current nearly stops her slopes may be anything: plainly summed up, then.
+            # Where the current nearly stops the vessel slopes may be anything: take the plain sum.
             return np.append(0.0, np.cumsum(lasts)), False
         change = np.abs(found - since).max()
         since = found

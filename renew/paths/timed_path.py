@@ -7,8 +7,6 @@ Optimization, 2006, 17.3): its multiplier is the price of time at the end. All o
 current's table.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 
@@ -23,7 +21,7 @@ from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.voyage.voyage import Voyage
 
-# Number of rows into which a way is cut at least and at most, and the number of steps of the clock
+# Number of rows into which a path is cut at least and at most, and the number of steps of the clock
 # between two of them.
 _ROWS, _MAX_ROWS, _STEPS_A_ROW = 96, 400, 3.0
 # Number of times at which the least fuel is known in a row, and of speeds tried on each leg.
@@ -35,13 +33,13 @@ _LATE = 3.0
 # Rounds in which the multiplier is looked for, how much lateness its first change allows, and how
 # much the last one does, as shares of the time under way.
 _ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
-# Cost, as a multiple of a way's usual one, of speeds at which no way can be made.
+# Cost, as a multiple of a path's usual one, of speeds at which no way can be made.
 _NO_WAY = 1e3
 # Number of constant speeds that are tried, and of halvings between two of them.
 _CONSTANT, _HALVINGS = 24, 30
 
 
-class TimedWay:
+class TimedPath:
     """A path cut into rows, or, `as_it_is`, with its own points as rows. Fuel is that over α.
 
     `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each two of them.
@@ -112,9 +110,9 @@ class TimedWay:
 
     @cached_property
     def last_arrival(self) -> float:
-        """Time (s) after which no way of least fuel arrives, with all the time there is.
+        """Time (s) after which no voyage of least fuel arrives, with all the time there is.
 
-        Who is longer under way burns more at the lowest speed than one that is known.
+        A longer voyage burns more even at the lowest speed than one that is known.
         """
         voyage = self._voyage
         burnt = voyage.choice.least**voyage.vessel.fuel_exponent
@@ -138,7 +136,7 @@ class TimedWay:
         speeds: FloatArray,
         deadline: float,
     ) -> Chain:
-        """The same over points (r + 1, m, 2) in each row, where legs (r, m, m) are clear.
+        """Least fuel over points (r + 1, m, 2) in each row, where legs (r, m, m) are clear.
 
         It is known at `times` (r + 1, q), s, with `speeds` (r, 2), m/s, from and to which each leg
         may be sailed.
