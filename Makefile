@@ -66,7 +66,7 @@ test-new-examples: $(READY)  ## all property tests with new examples; SEED=... d
 
 # What exercises the kernels and the planner; less what plans several times for something else (pickling, printing, seeds,
 # triangulators), so that it ends within minutes.
-NO_COMPILER := $(addprefix tests/renew/,kernels classes inputs turns padding/test_padding_model.py test_planner.py)
+NO_COMPILER := $(addprefix tests/renew/,kernels classes inputs voyage turns test_planner.py) --ignore=tests/renew/turns/test_padding_monte_carlo.py
 
 test-no-compiler: $(READY)  ## the kernels' and the planner's quick tests, interpreted: Numba switched off
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(NO_COMPILER) \

@@ -24,7 +24,7 @@ from experiments.kernels.water import PaddedWater
 from experiments.referee.equal_padding import equal_padding
 from experiments.referee.referee import Judgement, judged
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage
 
 Water = Literal["bare", "padded"]
 

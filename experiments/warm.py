@@ -19,7 +19,7 @@ from experiments.baselines.isochrone import isochrone
 from experiments.kernels.dubins import dubins_clear, dubins_motions
 from experiments.kernels.leg_time import LegTimes, leg_time
 from experiments.kernels.water import PaddedWater, leg_clear
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 from renew.warming import REHEARSALS, rehearse
 
 
@@ -37,7 +37,7 @@ def _warm() -> None:
     for _, current, _ in REHEARSALS[:3]:
         if isinstance(current, renew.CurrentField):
             leg_time(2.0, 2.0, 30.0, 30.0, LegTimes.of(chart, current, vessel))
-            voyage = Voyage(chart, current, vessel, start, goal, "projected")
+            voyage = Voyage(Waters(chart, current), vessel, start, goal, "projected")
             for planner in (isochrone, energy_graph):
                 planner(Task(voyage, water, Budget()))
     # What jobs import: they need not do it again.

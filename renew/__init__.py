@@ -17,14 +17,16 @@ from renew.errors import (
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.fuel import fuel
+from renew.inputs.options import PlanOptions
 from renew.inputs.shut_area import ShutArea
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
-from renew.planner import plan, plan_departures
-from renew.route import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
+from renew.planner.plan import plan, plan_departures
+from renew.results.plan import Departures, Plan, Rejected, TradeOff
+from renew.results.route import OverpoweredHours, Route
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
+from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"
 """Also in pyproject.toml, CITATION.cff and the tag; tests/test_versions.py compares them."""
@@ -43,6 +45,7 @@ __all__ = [
     "OverpoweredHours",
     "ParameterError",
     "Plan",
+    "PlanOptions",
     "PlanningError",
     "Rejected",
     "Route",

@@ -64,7 +64,7 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
 
 
 def small_kernel(function: FunctionT) -> FunctionT:
-    """The same, put into the kernels that call it.
+    """A kernel that is put into the kernels that call it.
 
     For lookups that are made millions of times: a call that takes arrays counts the references to
     each of them, which takes longer than the lookup.

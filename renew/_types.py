@@ -1,7 +1,5 @@
 """Array aliases used all through the planner."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -5,8 +5,6 @@ would fall behind them. So a few small plans, of a second each once all is compi
 option and every kind of current.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Iterator
@@ -18,13 +16,13 @@ from shapely import Polygon, box
 from renew.errors import UnreachableError
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.fuel import fuel
 from renew.inputs.varying_current import SwingingGyre
 from renew.inputs.vessel import Vessel
-from renew.planner import plan
-from renew.route import Route
+from renew.planner.plan import plan
+from renew.results.route import Route
 from renew.turns.closest_approach import tightest
 from renew.turns.contingency import contingency
+from renew.voyage.fuel import fuel
 
 _SIDE = 100.0
 _EXTENT = box(0.0, 0.0, _SIDE, _SIDE)

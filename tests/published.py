@@ -14,7 +14,7 @@ from typing import Any
 from shapely import Polygon, box
 
 import renew
-from renew.inputs.arguments import Padding
+from renew.inputs.options import Padding
 from tests.strategies import PAPER_VESSEL, single_gyre
 
 Point = tuple[float, float]

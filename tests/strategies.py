@@ -11,8 +11,8 @@ from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.fuel import Drift
-from renew.inputs.voyage import Voyage
+from renew.inputs.options import Drift
+from renew.voyage.voyage import Voyage, Waters
 
 SIZE = 200.0
 """Side of the random scenes (m)."""
@@ -86,8 +86,8 @@ def voyage_on(
     drift: Drift = "projected",
 ) -> Voyage:
     """Return a voyage of the paper's vessel; in still water, if no current is given."""
-    still = renew.UniformCurrent(0.0, 0.0)
-    return Voyage(chart, current or still, PAPER_VESSEL, np.array(start), np.array(goal), drift)
+    waters = Waters(chart, current or renew.UniformCurrent(0.0, 0.0))
+    return Voyage(waters, PAPER_VESSEL, np.array(start), np.array(goal), drift)
 
 
 seeds = st.integers(0, 10_000)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import renew
 from experiments.kernels.water import PaddedWater
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage
 
 
 class NoPathError(renew.PlanningError):

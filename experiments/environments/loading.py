@@ -24,7 +24,7 @@ from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from pipeline.storage.store import Store
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 
 FOLDER = Path(__file__).resolve().parents[1] / "catalog"
 """Folder of the environments' files."""
@@ -51,7 +51,8 @@ class Environment:
         """The voyage of a case, m and m/s."""
         scene = self.result.scene
         current = scene.currents[case.season]
-        return Voyage(scene.chart, current, scene.vessel, scene.start, scene.goal, "projected")
+        waters = Waters(scene.chart, current)
+        return Voyage(waters, scene.vessel, scene.start, scene.goal, "projected")
 
     def options(self, case: Case) -> dict[str, object]:
         """Options of `renew.plan` for a case."""

@@ -15,7 +15,7 @@ from experiments.tables.tables import Results
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.turning import draw_reaches
 from renew._types import FloatArray
-from renew.padding.turn_reach import turn_reach
+from renew.turns.turn_reach import turn_reach
 
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 

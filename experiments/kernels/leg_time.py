@@ -13,7 +13,7 @@ import numpy as np
 import renew
 from experiments.kernels.compiled import compiled
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, velocity
+from renew.kernels.current_table import CurrentTable, velocity
 
 # Gauss-Legendre nodes and weights of a piece of a leg, and the largest number of pieces along the
 # longer side of the chart.
@@ -24,7 +24,7 @@ _PIECES = 64
 class LegTimes(NamedTuple):
     """The current as a table, the vessel's speed (m/s), and the longest piece of a leg (m)."""
 
-    table: Table
+    table: CurrentTable
     speed: float
     piece: float
 

@@ -6,22 +6,20 @@ of ours have to leave alone.
 
 from __future__ import annotations
 
-import inspect
 from typing import TypeAlias
 
 import numpy as np
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
-from renew.padding.reach_quantile import TurnSampler
-from renew.padding.turn_reach import normals_away
-from renew.search.problem import Problem
+from renew.planner.problem import Problem
+from renew.turns.reach_quantile import TurnSampler
+from renew.turns.turn_reach import normals_away
+from renew.voyage.voyage import Voyage
 
 Paddings: TypeAlias = dict[tuple[float, ...], float]
 
-_DEFAULTS = inspect.signature(renew.plan).parameters
-_RISK, _SEED = _DEFAULTS["risk"].default, _DEFAULTS["seed"].default
+_RISK, _SEED = renew.PlanOptions.risk, renew.PlanOptions.seed
 
 
 def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> FloatArray:
@@ -44,14 +42,14 @@ def least_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
     By the planner's rule, in the triangle at the edge, from one of its passing edges' midpoints to
     the other's. An edge at the end of a bay, which nothing passes, has none.
     """
-    triangulation = Problem(voyage, "auto", "fuel").triangulation
+    triangulation = Problem(voyage, renew.PlanOptions(distinct_by="auto")).triangulation
     triangle, _ = np.nonzero(triangulation.hazardous)
     is_passed = (triangulation.neighbours[triangle] >= 0).sum(axis=1) == 2
     triangle, edges = triangle[is_passed], triangulation.constrained_edges[is_passed]
     row, corner = np.nonzero(triangulation.neighbours[triangle] >= 0)
     passing = triangulation.edge_vertices(triangle[row], corner)
     enter, leave = triangulation.vertices[passing].mean(axis=1).reshape(-1, 2, 2).swapaxes(0, 1)
-    statistics = voyage.quick_current.statistics(triangulation.corners[triangle])
+    statistics = voyage.waters.quick_current.statistics(triangulation.corners[triangle])
     normals = normals_away(edges, (enter + leave) / 2)
     sampler, rows = TurnSampler.for_risk(_SEED, _RISK), np.arange(len(edges))
     needed = np.full(len(edges), np.inf)

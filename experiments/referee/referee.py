@@ -11,9 +11,9 @@ import shapely
 import renew
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
-from renew.inputs.voyage import Voyage
 from renew.steering.trajectory import steer
 from renew.turns.contingency import contingency, fly_turns, stations
+from renew.voyage.voyage import Voyage
 
 # Ends of a path may be off the voyage's by this share of its length: rounding.
 _OFF = 1e-6

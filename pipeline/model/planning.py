@@ -115,7 +115,7 @@ class Scene:
 
     def pieces(self, path: FloatArray) -> list[FloatArray]:
         """Pieces (n, 2) of a path between the via points."""
-        from renew.inputs.voyage import cut_at
+        from renew.voyage.voyage import cut_at
 
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
 

@@ -16,7 +16,8 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.model import ClockWorth, Current, Scene, SeasonPlan, SpeedChoice
 from pipeline.scenario.model import PlannerOptions
-from renew.inputs.fuel import Drift, passage
+from renew.inputs.options import Drift
+from renew.voyage.fuel import passage
 
 # Number of classes that the other plans look into: only their best route is used.
 _CLASSES = 4
@@ -79,7 +80,7 @@ def _sailed(
             vessel,
             scene.start,
             scene.goal,
-            **{**asked.model_dump(), "clearance": options.clearance or 0.0},
+            options=asked.plan_options(),
             **scene.itinerary(name),
             **scene.pace(name, season.arrive_by_s),
         )

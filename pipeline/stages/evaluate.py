@@ -28,7 +28,7 @@ from pipeline.model import (
 from pipeline.stages.plan import MIN_LATENESS_S
 from pipeline.stages.second_shoreline import SecondShoreline
 from pipeline.stages.speed_choices import true_duration_s
-from renew.inputs.fuel import Drift
+from renew.inputs.options import Drift
 from renew.turns.reach_bound import TurnReach
 
 # Spacing of the points at which turns begin: at least this many metres of the plane, as published,

@@ -58,7 +58,7 @@ def _least_fuel(
             replace(vessel, turn_rate=_ON_THE_SPOT * vessel.turn_rate),
             scene.start,
             scene.goal,
-            **asked.model_dump(),
+            options=asked.plan_options(),
             **scene.itinerary(season.season),
             **scene.pace(season.season, season.arrive_by_s),
         )

@@ -28,9 +28,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             scene.vessel_in(season),
             scene.start,
             scene.goal,
-            # A run chooses the clearance for a chart before; a plane's is 0 where it is left out.
-            **{**options.model_dump(), "clearance": options.clearance or 0.0},
-            min_lateness=MIN_LATENESS_S,
+            options=options.plan_options(min_lateness=MIN_LATENESS_S),
             **scene.itinerary(season),
             **scene.pace(season, arrive_by_s),
         )

@@ -21,7 +21,6 @@ from pipeline.geo.coast.narrow_gaps import narrow_gaps
 from pipeline.model import Scene, SeasonPlan, ShutStrait, Simplified
 from pipeline.scenario.model import PlannerOptions
 from renew.errors import Strait
-from renew.padding.policy import PaddingPolicy
 
 # Least size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01
@@ -41,11 +40,8 @@ def shut_straits(
     best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
     if scene.is_planar or not best:
         return ()
-    policy = PaddingPolicy(
-        options.padding, options.clearance or 0.0, options.risk, options.seed, options.risk_at
-    )
     radius = max(scene.vessel_in(plan.season).turning_radius for plan in plans)
-    padding = policy.likely_width(radius)
+    padding = options.plan_options().likely_width(radius)
     finder = _StraitFinder(scene, simplified, padding)
     found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
     return tuple(sorted(found, key=lambda strait: -strait.width_m))

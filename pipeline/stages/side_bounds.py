@@ -21,8 +21,7 @@ from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError
 from renew.inputs.current import as_field
-from renew.inputs.speed_choice import NO_CHOICE, SpeedChoice
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
 # Number of lines from the island, in all directions, of which the shortest that will do is taken.
 _DIRECTIONS = 72
@@ -69,8 +68,10 @@ def _bound(
     water = shapely.difference(scene.chart.open_water, strip)
     try:
         voyage = Voyage(
-            renew.Chart(extent, [shapely.difference(extent, water)]),
-            as_field(scene.currents[plan.season]),
+            Waters(
+                renew.Chart(extent, [shapely.difference(extent, water)]),
+                as_field(scene.currents[plan.season]),
+            ),
             scene.vessel_in(plan.season),
             scene.start,
             scene.goal,

@@ -43,18 +43,16 @@ suggest, so the bound holds for fields that the grid resolves (a cell is under 1
 extent's side). Of a current that changes r is the largest of all its slices; where it is not linear
 between them, what second differences in time suggest is added.
 
-Where the vessel chooses her speed v, and has to be there by a deadline D, let λ be a price of time.
+Where the vessel chooses its speed v, and has to arrive by a deadline D, let λ be a price of time.
 (1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
 below, and no route that arrives by D needs less fuel than φ(goal) - φ(start) - λ (D - t₀), whatever
 λ >= 0 (weak duality). It is taken at the λ of the best route found. In a current that changes φ
-does not tell when she comes where: (1) is asked, in each cell, of the currents of all hours at
+does not tell when the vessel is where: (1) is asked, in each cell, of the currents of all hours at
 which a vessel may be there that has left at t₀ and arrives by D, as fast as v and the strongest
 current together. That is looser, and a little less than the price at the route's end is better.
 
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
-
-from __future__ import annotations
 
 import itertools
 import math
@@ -70,8 +68,8 @@ from renew.bounds.interpolation_error import deviation_radius
 from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
-from renew.inputs.voyage import Voyage
-from renew.kernels.current_table import Table, next_slice, node_velocity, table_of
+from renew.kernels.current_table import CurrentTable, next_slice, node_velocity, table_of
+from renew.voyage.voyage import Voyage
 
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
 # the time and make it 1.5 %. Small eddies need more: with as few the gap is 7 % there.
@@ -107,11 +105,11 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     narrow land matters, a coarse one lets the front through.
 
     With via points the bounds of the parts add up. Each holds for a part begun no earlier than the
-    bounds before it say, as whoever is later at its start is no earlier at its end (FIFO). Where
+    bounds before it say, as a later start brings no earlier end (FIFO). Where
     the current changes, and is as strong as the vessel in places, that may fail: then a part after
     a via point takes no less than the straight way with the strongest current behind.
     """
-    if voyage.has_price and voyage.current_change > 0:
+    if voyage.has_price and voyage.waters.current_change > 0:
         voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
     time, vessel = 0.0, voyage.vessel
     knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
@@ -157,7 +155,7 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
     slices = len(voyage.current.slice_times)
-    fewest = _CELLS_AT_CHOICE if voyage.has_price and voyage.current_change > 0 else _CELLS
+    fewest = _CELLS_AT_CHOICE if voyage.has_price and voyage.waters.current_change > 0 else _CELLS
     wanted = _CELLS_IN_EDDIES if voyage.table.has_small_eddies else fewest
     cells = max(fewest, min(max(wanted, least_cells), _MAX_NODES // slices))
     step = min(math.sqrt(wide * high / cells), wide / _MIN_CELLS, high / _MIN_CELLS)
@@ -173,7 +171,7 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
 def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
     """From when until when (2, ny - 1, nx - 1), s, a vessel may be in each cell that is in time.
 
-    She goes no faster than at her highest speed with the strongest current (m/s) behind. Where the
+    It goes no faster than at its highest speed with the strongest current (m/s) behind. Where the
     end comes before the beginning no way leads there.
     """
     west, south = np.meshgrid(x[:-1], y[:-1])
@@ -190,7 +188,7 @@ def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> Fl
     return np.stack([begin, end])
 
 
-def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> Table:
+def _sampled(current: CurrentField, x: FloatArray, y: FloatArray) -> CurrentTable:
     """A current at nodes x (nx,), y (ny,), in slices."""
     nodes, times = np.stack(np.meshgrid(x, y), axis=-1), current.slice_times
     slices = [current.velocity(nodes, time) for time in times.tolist()]

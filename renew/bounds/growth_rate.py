@@ -1,6 +1,6 @@
 """By how much a function of the place can grow a second on a vessel's way, at most: λ of a bound.
 
-Where the vessel chooses her speed v, a second costs (vᵏ + μ) over the polar's scale
+Where the vessel chooses its speed v, a second costs (vᵏ + μ) over the polar's scale
 (:mod:`renew.kernels.ground_speed`), and λ is the largest growth for that cost:
 
 - crab: over T the growth is at most v |p| + p·c; over v the ratio is largest where a vessel that
@@ -8,8 +8,6 @@ Where the vessel chooses her speed v, a second costs (vᵏ + μ) over the polar'
 - projected: the largest growth over T is convex in v, and so lies below its chords. [v₁, v₂] is cut
   into a few pieces, on each of which the chord takes its place.
 """
-
-from __future__ import annotations
 
 import math
 

@@ -7,8 +7,6 @@ them: second derivatives of the gyre's sines, slopes of the bilinear cells. Any 
 by its values alone, and gets an estimate.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 

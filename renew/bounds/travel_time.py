@@ -9,8 +9,6 @@ u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bou
 it solved again with the slowness of some cells lowered.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from typing import NamedTuple
@@ -19,7 +17,7 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.kernels.current_table import Table, node_velocity
+from renew.kernels.current_table import CurrentTable, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 TOLERANCE = 1e-4
@@ -41,7 +39,7 @@ class TravelGrid(NamedTuple):
 
     x: FloatArray  # (nx,)
     y: FloatArray  # (ny,)
-    current: Table  # slices of the nodes' velocities
+    current: CurrentTable  # slices of the nodes' velocities
     departure: float  # s, on the table's clock: travel times count from it
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
@@ -106,7 +104,7 @@ def _passage(
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
     # A current that is off by up to the deviation helps at most as a faster vessel would; one that
-    # chooses her speed may not want to be faster, but takes as much of a following current.
+    # chooses its speed may not want to be faster, but takes as much of a following current.
     following = deviation if polar.least < polar.speed else 0.0
     speed, crab, least, price, exponent, scale, still, _ = polar
     faster = speed + deviation - following

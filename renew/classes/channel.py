@@ -34,7 +34,7 @@ class Channel:
     left, right : (n - 1, 2) ends of the passing edges in metres, as seen when sailing along.
     word : the homotopy class's h-signature.
     found_by : rough path of the class, if a search found it by one; it may leave the row.
-    stages : the channels from one via point to the next, where there are any.
+    parts : the channels from one via point to the next, where there are any.
     """
 
     triangles: IntArray
@@ -42,23 +42,23 @@ class Channel:
     right: FloatArray
     word: Word
     found_by: RoughPath | None = None
-    stages: tuple[Channel, ...] = ()
+    parts: tuple[Channel, ...] = ()
 
     @classmethod
-    def joined(cls, stages: Sequence[Channel], via: FloatArray) -> Channel:
-        """Channel through via points (s - 1, 2), m, of the stages (s,) between them.
+    def joined(cls, parts: Sequence[Channel], via: FloatArray) -> Channel:
+        """Channel through via points (s - 1, 2), m, of the parts (s,) between them.
 
         In the triangle of a via point the row has a passing edge of no length there.
         """
-        left, right = [stages[0].left], [stages[0].right]
-        word = stages[0].word
-        for point, stage in zip(via, stages[1:], strict=True):
-            left += [point[None], stage.left]
-            right += [point[None], stage.right]
-            word = (*word, VIA, *stage.word)
-        paths = [stage.found_by for stage in stages if stage.found_by is not None]
+        left, right = [parts[0].left], [parts[0].right]
+        word = parts[0].word
+        for point, part in zip(via, parts[1:], strict=True):
+            left += [point[None], part.left]
+            right += [point[None], part.right]
+            word = (*word, VIA, *part.word)
+        paths = [part.found_by for part in parts if part.found_by is not None]
         return cls(
-            np.concatenate([stage.triangles for stage in stages]),
+            np.concatenate([part.triangles for part in parts]),
             np.concatenate(left),
             np.concatenate(right),
             word,
@@ -66,7 +66,7 @@ class Channel:
                 np.concatenate([paths[0].points, *(path.points[1:] for path in paths[1:])]),
                 np.concatenate([path.triangles for path in paths]),
             ),
-            tuple(stages),
+            tuple(parts),
         )
 
     @classmethod
@@ -93,6 +93,6 @@ class Channel:
         """Start, the passing edges' midpoints, goal: shape (n + 1, 2)."""
         return np.vstack([start, (self.left + self.right) / 2, goal])
 
-    def way(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+    def rough_path(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         """The rough path by which the class was found, or the midline: shape (n, 2)."""
         return self.midline(start, goal) if self.found_by is None else self.found_by.points

@@ -5,8 +5,6 @@ words are spelled by a few islands only: the largest of those that lie on the wa
 takes for k classes by passing each on either side. The largest one counts, however small it is.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -12,7 +12,6 @@ enumerator gives the next channel of that class.
 
 from __future__ import annotations
 
-import copy
 import itertools
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -30,17 +29,17 @@ from renew.classes.resolution import Resolution, Tube, closer_look, resolution_f
 from renew.classes.roadmap import Roadmap, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
-from renew.inputs.arguments import Order
-from renew.inputs.voyage import Voyage
+from renew.inputs.options import Order
 from renew.kernels.current_table import STILL_WATER
 from renew.kernels.viterbi import Stream
+from renew.voyage.voyage import Voyage
 
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
 _MAX_STEPS = 1_000_000
 # Size of an island by which paths differ that are looked at closer, in cells.
 _WIDE = 2.0
-# The same for the depth-first search, which looks at triangles one by one.
+# Largest number of steps of the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
 
 
@@ -56,79 +55,72 @@ class _Roads:
     @cached_property
     def everywhere(self) -> Roadmap:
         """Nodes over the whole water, and legs."""
-        return self._roadmap(self._resolution)
+        return self._roadmap(self.voyage, resolution_for(self.voyage, self.triangulation))
 
     @cached_property
     def time_to_go(self) -> FloatArray:
-        """Least time (n,) in s from each node to the goal."""
+        """Least time (n,) in s from each node to the goal, whatever the departure."""
         return np.asarray(time_to_go(self.everywhere))
 
-    def leaving(self, voyage: Voyage) -> _Roads:
-        """Return the same roads for another departure: their least times hold at any time."""
-        other = replace(self, voyage=voyage)
-        other.__dict__.update(everywhere=self.everywhere, time_to_go=self.time_to_go)
-        return other
-
-    def beside(self, paths: Sequence[FloatArray]) -> tuple[Roadmap, float]:
+    def beside(self, paths: Sequence[FloatArray], voyage: Voyage) -> tuple[Roadmap, float]:
         """Nodes beside paths (n, 2), closer together, and a cell's size (m)."""
-        resolution, tube = closer_look(paths, self.voyage, self._resolution)
-        return self._roadmap(resolution, tube), tube.cell
+        whole = resolution_for(voyage, self.triangulation)
+        resolution, tube = closer_look(paths, voyage, whole)
+        return self._roadmap(voyage, resolution, tube), tube.cell
 
-    @property
-    def stream(self) -> Stream:
+    def stream(self, voyage: Voyage) -> Stream:
         """The current by which legs are timed. Order "length" takes the water as still."""
-        voyage = self.voyage
         table = voyage.table if self.order == "fuel" else STILL_WATER
         return Stream(table, voyage.polar, voyage.clock)
 
-    @property
-    def _resolution(self) -> Resolution:
-        return resolution_for(self.voyage, self.triangulation)
-
-    def _roadmap(self, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
+    def _roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
         """Nodes over the water, or in a tube."""
         return roadmap(
-            self.voyage,
+            voyage,
             self.triangulation,
-            self.stream.table,
+            self.stream(voyage).table,
             clearance=self.clearance,
             resolution=resolution,
             tube=tube,
         )
 
 
+@dataclass(frozen=True, eq=False)
 class ClassEnumerator:
     """Gives channels from start to goal, no two of the same class.
 
     Passing edges are only crossed where that is `clearance` m from the land at their ends. Order
-    "length" takes the water as still.
-
-    Raises
-    ------
-    UnreachableError
-        No row of triangles joins start and goal.
+    "length" takes the water as still. The roadmaps are those of the first departure.
     """
 
-    def __init__(
-        self,
+    _voyage: Voyage
+    _triangulation: Triangulation
+    _rays: Rays
+    _roads: _Roads
+
+    @classmethod
+    def of(
+        cls,
         voyage: Voyage,
         triangulation: Triangulation,
         rays: Rays,
         order: Order,
         *,
         clearance: float = 0.0,
-    ) -> None:
-        self._voyage, self._triangulation, self._rays = voyage, triangulation, rays
-        self._roads = _Roads(voyage, triangulation, order, clearance)
-        self._first = triangulation.locate(voyage.start)
-        self._last = triangulation.locate(voyage.goal)
-        if not is_connected(triangulation, self._first, self._last):
+    ) -> ClassEnumerator:
+        """Enumerate the classes that rays tell apart.
+
+        UnreachableError where no row of triangles joins start and goal.
+        """
+        first, last = triangulation.locate(voyage.start), triangulation.locate(voyage.goal)
+        if not is_connected(triangulation, first, last):
             raise UnreachableError(
                 "no water joins {0} and {1}: the no-go zone separates them. Widen the extent, join "
                 "fewer islands, or move one of the two",
                 voyage.start,
                 voyage.goal,
             )
+        return cls(voyage, triangulation, rays, _Roads(voyage, triangulation, order, clearance))
 
     @property
     def sees_all(self) -> bool:
@@ -141,17 +133,13 @@ class ClassEnumerator:
         """Whether there are too many to count the classes: the first may not hold the best one."""
         return len(self._triangulation.triangles) > MAX_FLOODED
 
-    def told_apart_by(self, rays: Rays) -> ClassEnumerator:
-        """The same, for the classes that other rays tell apart."""
-        other = copy.copy(self)
-        other._rays = rays  # noqa: SLF001 - its own kind
-        return other
+    def by_rays(self, rays: Rays) -> ClassEnumerator:
+        """Return the enumerator of the classes that other rays tell apart."""
+        return replace(self, _rays=rays)
 
     def leaving(self, voyage: Voyage) -> ClassEnumerator:
-        """Return the same for a voyage with another departure; the roadmap is shared."""
-        other = copy.copy(self)
-        other._voyage, other._roads = voyage, self._roads.leaving(voyage)  # noqa: SLF001
-        return other
+        """Return the enumerator of a voyage with another departure; the roadmap is shared."""
+        return replace(self, _voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
         """The first `count` channels, except those that make a blocked transition."""
@@ -166,7 +154,7 @@ class ClassEnumerator:
         They differ by islands that are wider than a cell: of many islets between them each takes
         the best sides.
         """
-        graph, cell = self._roads.beside(paths)
+        graph, cell = self._roads.beside(paths, self._voyage)
         wide = self._rays.only(self._rays.size >= _WIDE * cell)
         return self._quickest(graph, np.asarray(time_to_go(graph)), wide, count)
 
@@ -183,7 +171,7 @@ class ClassEnumerator:
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
         task = Task(graph, columns, self._excluded(blocked))
-        rows, paths = k_best_paths(task, to_go, self._roads.stream, count, _MAX_STEPS)
+        rows, paths = k_best_paths(task, to_go, self._roads.stream(self._voyage), count, _MAX_STEPS)
         return [
             self._channel(row, RoughPath(graph.points[nodes], triangles_crossed(graph, nodes)))
             for row, nodes in zip(rows, paths, strict=True)
@@ -197,13 +185,13 @@ class ClassEnumerator:
 
     def _depth_first(self, blocked: frozenset[Transition]) -> Iterator[Channel]:
         """Simple paths of the dual graph as a depth-first search meets them (the paper's order)."""
-        if self._first == self._last:  # networkx yields nothing then
-            yield self._channel(np.array([self._first]))
+        stops = self._voyage.start, self._voyage.goal
+        first, last = map(self._triangulation.locate, stops)
+        if first == last:  # networkx yields nothing then
+            yield self._channel(np.array([first]))
             return
         seen: set[Word] = set()
-        for row in simple_paths(
-            self._triangulation, self._first, self._last, _MAX_DEPTH_FIRST_STEPS
-        ):
+        for row in simple_paths(self._triangulation, first, last, _MAX_DEPTH_FIRST_STEPS):
             channel = self._channel(np.array(row))
             if channel.word not in seen and blocked.isdisjoint(channel.transitions):
                 seen.add(channel.word)

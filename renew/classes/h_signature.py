@@ -75,7 +75,7 @@ class Rays:
         )
 
     def of_word(self, word: Word) -> Word:
-        """The word, by these rays alone, of paths that have a word by more of them."""
+        """Reduce a word to the letters of these rays."""
         reduced: list[int] = []
         known = set(self.island.tolist())
         for letter in word:

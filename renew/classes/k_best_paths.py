@@ -7,8 +7,6 @@ classes: these reach the goal by the same way on. So at most k words live at any
 islands there are.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 

@@ -4,8 +4,6 @@ Whether a leg leads on to one of the k best paths is judged by the least time; i
 that is the time itself.
 """
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 
@@ -14,10 +12,10 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray
 from renew.kernels.capsules import Segment
-from renew.kernels.current_table import Table, velocities, velocity
+from renew.kernels.current_table import CurrentTable, velocities, velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
-Extremes: TypeAlias = tuple[Table, Table, bool]
+Extremes: TypeAlias = tuple[CurrentTable, CurrentTable, bool]
 """Tables of the least and of the largest velocity along x and y at any time; whether they agree."""
 
 # Most columns or rows of the current's table that a leg crosses where Simpson's rule is used once:
@@ -29,7 +27,7 @@ _MIN_SPEED = 0.1
 
 
 @kernel
-def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
+def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) -> float:
     """Time (s) along a leg that is begun at a time, by Simpson's rule."""
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.hypot(dx, dy)
@@ -48,7 +46,7 @@ def time_along(leg: Segment, begin: float, table: Table, polar: Polar) -> float:
 
 
 @small_kernel
-def _panels(leg: Segment, table: Table) -> int:
+def _panels(leg: Segment, table: CurrentTable) -> int:
     """Number of parts of a leg to each of which Simpson's rule is applied."""
     columns = abs(leg.bx - leg.ax) * (len(table.x) - 1) / (table.x[-1] - table.x[0])
     rows = abs(leg.by - leg.ay) * (len(table.y) - 1) / (table.y[-1] - table.y[0])

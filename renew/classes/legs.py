@@ -1,7 +1,5 @@
 """Straight legs between points, followed from triangle to triangle and timed."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

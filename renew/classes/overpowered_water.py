@@ -1,15 +1,13 @@
 """Water whose current is as strong as the vessel: no-go for it, though no land lies there."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
 from renew.kernels.current_table import weakest_and_strongest
+from renew.voyage.voyage import Voyage
 
 # Tolerance, as a share of a cell, by which its outline is simplified.
 _TOLERANCE = 0.1

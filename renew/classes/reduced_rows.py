@@ -5,8 +5,6 @@ back through the edge by which it entered a triangle shortens it, so that paths 
 into each other have the same row.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, TypeVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How closely the nodes of a roadmap stand, and the water in which a path is looked at closer."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +11,7 @@ from scipy.spatial import cKDTree
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.classes.triangulation import Triangulation
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage
 
 # Number of cells in still water, in small eddies, for each triangle, and at most; and that from
 # which legs lead in more directions. In between, cells for each node of a table that would just do.

@@ -6,8 +6,6 @@ passing edges only; it is followed from triangle to triangle, so that a search k
 is in.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import NamedTuple
@@ -21,8 +19,8 @@ from renew.classes.dual_graph import on_some_way
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.resolution import Resolution, Tube
 from renew.classes.triangulation import Triangulation
-from renew.inputs.voyage import Voyage
-from renew.kernels.current_table import Table
+from renew.kernels.current_table import CurrentTable
+from renew.voyage.voyage import Voyage
 
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
@@ -58,7 +56,7 @@ class Roadmap(NamedTuple):
 def roadmap(
     voyage: Voyage,
     triangulation: Triangulation,
-    table: Table,
+    table: CurrentTable,
     *,
     clearance: float,
     resolution: Resolution,

@@ -7,8 +7,6 @@ Both give the same triangles, in another order, wherever the constrained Delauna
 unique: where no four vertices lie on one circle.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec

@@ -1,9 +1,9 @@
 """The k best classes of a voyage through via points: combinations of the classes of its parts.
 
-A part begins when the one before it ends. Who is at a via point earlier is at the next one no later
-(FIFO), so the best way to each via point is a part of the best way of all, and the k best
-combinations are found part by part: of two lists in ascending order the i-th with the j-th can be
-among the k least sums only where i x j <= k, counted from 1.
+A part begins when the one before it ends. An earlier arrival at a via point means no later arrival
+at the next one (FIFO), so the best way to each via point is a part of the best way of all, and the
+k best combinations are found part by part: of two lists in ascending order the i-th with the j-th
+can be among the k least sums only where i x j <= k, counted from 1.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from renew._types import FloatArray
 from renew.classes.channel import Channel, Transition
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage
 
 _Looking: TypeAlias = Callable[[int, ClassEnumerator], list[Channel]]
 
@@ -42,12 +42,12 @@ class ViaEnumerator:
         """As of :class:`ClassEnumerator`."""
         return any(part.has_many_triangles for part in self.parts)
 
-    def told_apart_by(self, rays: Rays) -> ViaEnumerator:
-        """The same, for the classes that other rays tell apart."""
-        return replace(self, parts=tuple(part.told_apart_by(rays) for part in self.parts))
+    def by_rays(self, rays: Rays) -> ViaEnumerator:
+        """Return the enumerator of the classes that other rays tell apart."""
+        return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
     def leaving(self, voyage: Voyage) -> ViaEnumerator:
-        """Return the same for a voyage with another departure."""
+        """Return the enumerator of a voyage with another departure."""
         return replace(self, voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
@@ -62,7 +62,7 @@ class ViaEnumerator:
         )
 
     def _combined(self, count: int, look: _Looking) -> list[Channel]:
-        """The best combinations of channels of the parts; each part begins as the best may."""
+        """The `count` best combinations; each part departs at the earliest arrival before it."""
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
             earliest = combined[0][0]
@@ -76,11 +76,11 @@ class ViaEnumerator:
             ]
             found.sort(key=lambda one: one[0])
             pairs = [
-                (before + time, (*stages, channel))
-                for i, (before, stages) in enumerate(combined)
+                (before + time, (*parts, channel))
+                for i, (before, parts) in enumerate(combined)
                 for time, channel in found[: count // (i + 1)]
             ]
             if not pairs:
                 return []
             combined = sorted(pairs, key=lambda one: one[0])[:count]
-        return [Channel.joined(stages, self.voyage.via) for _, stages in combined]
+        return [Channel.joined(parts, self.voyage.via) for _, parts in combined]

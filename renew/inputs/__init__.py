@@ -1,1 +1,1 @@
-"""What a plan is given: chart, current, vessel, fuel law (Eq. 4), and the check of arguments."""
+"""What a plan is given: chart, current, vessel, areas, options, and the check of arguments."""

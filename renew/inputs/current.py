@@ -5,8 +5,6 @@ shape in m/s along the plane's axes. Fields that change with time are in
 :mod:`renew.inputs.varying_current`.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -21,7 +19,7 @@ from renew.errors import ParameterError
 from renew.inputs.figures import as_floats, is_number, shown
 from renew.inputs.tabulation import tabulated
 from renew.kernels.angles import wrapped
-from renew.kernels.current_table import Table, table_of, velocities
+from renew.kernels.current_table import CurrentTable, table_of, velocities
 
 # Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread
 # are taken: 36 points, vertices included. The single gyre's paddings are 2.8 % wider by them, in
@@ -89,7 +87,7 @@ class CurrentField(ABC):
         """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here that of its table."""
         return self.table(bounds).strongest
 
-    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+    def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field inside (xmin, ymin, xmax, ymax) as nodes for compiled code."""
         return tabulated(self, bounds)
 
@@ -263,7 +261,7 @@ class GyreCurrent(CurrentField):
 class TabulatedCurrent(CurrentField):
     """A current by its table, for a field that is slow to evaluate."""
 
-    nodes: Table
+    nodes: CurrentTable
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) by bilinear interpolation at points (..., 2)."""
@@ -285,7 +283,7 @@ class TabulatedCurrent(CurrentField):
         """Time (s) after which the slices begin again; infinite if they don't."""
         return self.nodes.period
 
-    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+    def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """Its own nodes, all of them."""
         del bounds
         return self.nodes

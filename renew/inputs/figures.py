@@ -1,7 +1,5 @@
 """Figures and objects as callers give them: refused where they aren't what they should be."""
 
-from __future__ import annotations
-
 import math
 import reprlib
 from typing import TypeGuard

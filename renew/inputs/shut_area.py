@@ -1,7 +1,5 @@
 """Areas of the user's that may not be entered: always, or for some hours."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ class ShutArea:
     polygon : Polygon or MultiPolygon
         The area (m).
     begin, end : float
-        Times (s) from which and until which nobody may be in it.
+        Times (s) from which and until which no vessel may be in it.
     name : str
         What messages call it.
 

@@ -1,7 +1,5 @@
 """Tables of currents, as fine as the current needs them to be."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -11,7 +9,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, largest_speed, table_of, velocities
+from renew.kernels.current_table import CurrentTable, largest_speed, table_of, velocities
 
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
@@ -33,7 +31,7 @@ _RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 
 def tabulated(
     field: Callable[[FloatArray], FloatArray], bounds: tuple[float, float, float, float]
-) -> Table:
+) -> CurrentTable:
     """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
     return _made(field, bounds).table
 
@@ -41,7 +39,7 @@ def tabulated(
 class _Made(NamedTuple):
     """A table, and the number of cells a side at whose nodes the field was asked; cubic between."""
 
-    table: Table
+    table: CurrentTable
     cells_asked: int
 
 
@@ -51,7 +49,7 @@ def _made(
     *,
     trust_cubics: bool = True,
 ) -> _Made:
-    """Make the same; cubics are trusted once they meet the field in the middles of all cells."""
+    """Make the table; cubics are trusted once they meet the field in the middles of all cells."""
     cells, last, cells_asked = _MIN_CELLS, math.inf, 0
     x, y = _axes(bounds, cells)
     uv = for_kernels(field(_mesh(x, y)))
@@ -93,7 +91,7 @@ def tabulated_in_time(
     times: FloatArray,
     bounds: tuple[float, float, float, float],
     period: float = math.inf,
-) -> Table:
+) -> CurrentTable:
     """Table of a changing field, with a slice for each of some times (nt,), s.
 
     It is as fine as the finest of a few of its slices needs to be, if memory allows that.
@@ -136,7 +134,7 @@ def _mesh(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
-def _error_at_random(field: Callable[[FloatArray], FloatArray], table: Table) -> float:
+def _error_at_random(field: Callable[[FloatArray], FloatArray], table: CurrentTable) -> float:
     """Largest difference (m/s) between a field and its table at some points at random."""
     low, high = (table.x[0], table.y[0]), (table.x[-1], table.y[-1])
     points = np.random.default_rng(0).uniform(low, high, (_RANDOM_POINTS, 2))
@@ -165,7 +163,7 @@ def halved(uv: FloatArray) -> FloatArray:
 
 @kernel
 def _middles(uv: FloatArray) -> FloatArray:
-    """The same (n - 1, m - 1, 2) in the middles of the cells alone."""
+    """Velocities (n - 1, m - 1, 2) in the middles of the cells, by these cubics."""
     rows, columns = uv.shape[:2]
     between, middles = np.empty((rows, columns - 1, 2)), np.empty((rows - 1, columns - 1, 2))
     for row in range(rows):

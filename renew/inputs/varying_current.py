@@ -3,8 +3,6 @@
 Times are seconds on the field's own clock, on which a plan's departure and arrivals stand, too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,7 +23,7 @@ from renew.inputs.current import (
 )
 from renew.inputs.figures import as_floats, shown
 from renew.inputs.tabulation import tabulated_in_time
-from renew.kernels.current_table import Table, table_of
+from renew.kernels.current_table import CurrentTable, table_of
 
 VaryingFunction: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 """Velocity (..., 2) m/s at points (..., 2) m and times (...) s."""
@@ -100,14 +98,14 @@ class VaryingCurrent(CurrentField):
         """The steady fields between which it changes linearly; none if it is a function."""
         return self._slices
 
-    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+    def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field as nodes, a slice for each time."""
         if self._slices and all(one is self._slices[0] for one in self._slices):
             return self._slices[0].table(bounds)
         return self._nodes or tabulated_in_time(self.velocity, self._times, bounds)
 
     @cached_property
-    def _nodes(self) -> Table | None:
+    def _nodes(self) -> CurrentTable | None:
         """All slices as one table, where each is a table of the same nodes."""
         nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
         if len(nodes) != self._times.size or not all(_same_axes(nodes[0], one) for one in nodes):
@@ -182,7 +180,7 @@ class SwingingGyre(CurrentField):
             return np.zeros(1)
         return np.linspace(0.0, self.period, _SLICES_A_PERIOD + 1)
 
-    def table(self, bounds: tuple[float, float, float, float]) -> Table:
+    def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field as nodes, over one period."""
         return tabulated_in_time(self.velocity, self.slice_times, bounds, self.period)
 
@@ -204,6 +202,6 @@ def _faults(times: FloatArray) -> list[str]:
     ]
 
 
-def _same_axes(one: Table, other: Table) -> bool:
+def _same_axes(one: CurrentTable, other: CurrentTable) -> bool:
     """Whether two tables have the same nodes."""
     return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)

@@ -1,7 +1,5 @@
 """The vessel: what its hull, rudder and engine can do."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

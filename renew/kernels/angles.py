@@ -1,7 +1,5 @@
 """Angles."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeVar
 

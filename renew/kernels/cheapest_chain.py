@@ -1,8 +1,8 @@
 """The cheapest chain through rows of points, with a speed for each leg, in a current that changes.
 
-Who chooses her speeds in such a current may have burnt more or less when she comes to a point, and
-what is best from there on depends on when she does. So a state is a point and a time. With a rate
-vᵏ, the least cost from there on obeys
+A vessel that chooses its speeds in such a current may have burnt more or less when it comes to a
+point, and what is best from there on depends on when it does. So a state is a point and a time.
+With a rate vᵏ, the least cost from there on obeys
 
     V(x, t) = min over the points y of the next row, and speeds v, of  vᵏ τ + V(y, t + τ),
 
@@ -10,8 +10,6 @@ where τ is the time over the leg x -> y, begun at t and sailed at v. At the goa
 deadline, and each second after it costs a price that no speed is worth paying. V is known at some
 times in each row, and linear between them (a semi-Lagrangian scheme: Falcone & Ferretti, 2013).
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -21,7 +19,7 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
-from renew.kernels.current_table import Site, Table, site_of, velocity, velocity_there
+from renew.kernels.current_table import CurrentTable, Site, site_of, velocity, velocity_there
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import TOO_STRONG, leg_time_from
 
@@ -31,9 +29,9 @@ _HALVINGS, _FINAL_HALVINGS = 1, 12
 
 
 class Errand(NamedTuple):
-    """What a vessel has to do, and what it costs her.
+    """What a vessel has to do, and what that costs.
 
-    Her highest speed is `most` (m/s), she burns vᵏ a second, k being the `exponent`, looks at the
+    Its highest speed is `most` (m/s), it burns vᵏ a second, k being the `exponent`, looks at the
     clock each `step` (m), and has to be at the goal by the `deadline` (s): each second after it
     costs `late_price`.
     """
@@ -102,7 +100,7 @@ def cheapest_chain(
     times: FloatArray,
     speeds: FloatArray,
     tries: int,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> Chain:
     """Chain of least cost.
@@ -154,7 +152,7 @@ def _traced(
     speeds: FloatArray,
     tries: int,
     cost: FloatArray,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> Chain:
     """The chain to which V (r, m, q) leads."""
@@ -199,7 +197,7 @@ def _best_speed(
     tries: int,
     halvings: int,
     ahead: _Ahead,
-    table: Table,
+    table: CurrentTable,
     errand: Errand,
 ) -> tuple[float, float, float]:
     """Least cost over a leg and from its end on, its speed (m/s), and the time (s) over it.

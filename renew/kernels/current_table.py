@@ -27,7 +27,7 @@ _EVER = 1e200
 _EVEN = 1e-12
 
 
-class Table(NamedTuple):
+class CurrentTable(NamedTuple):
     """Ascending nodes x (nx,), y (ny,) in metres and velocities uv (nt, ny, nx, 2) there in m/s.
 
     The slices stand at ascending `times` (nt,), in seconds on the field's clock; before the first
@@ -72,7 +72,7 @@ class Table(NamedTuple):
         """Whether the table reproduces the field to within _TOLERANCE."""
         return self.error <= _TOLERANCE * self.strongest
 
-    def extremes(self) -> tuple[Table, Table, bool]:
+    def extremes(self) -> tuple[CurrentTable, CurrentTable, bool]:
         """Steady tables of the least and the largest velocity along x and y; whether they agree."""
         if self.is_steady:
             return self, self, True
@@ -87,14 +87,14 @@ def table_of(
     error: float = 0.0,
     times: FloatArray | None = None,
     period: float = math.inf,
-) -> Table:
-    """Table of nodes and velocities, (ny, nx, 2) or (nt, ny, nx, 2); see :class:`Table`."""
+) -> CurrentTable:
+    """Table of nodes and velocities, (ny, nx, 2) or (nt, ny, nx, 2); see :class:`CurrentTable`."""
     times = np.zeros(1) if times is None else times
     x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
     slices = uv.reshape(len(times), len(y), len(x), 2)
     per_x, per_y, per_second = map(_density, (x, y, times))
     strongest = largest_speed(slices)
-    return Table(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
+    return CurrentTable(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
 
 
 @kernel
@@ -107,7 +107,7 @@ def largest_speed(uv: FloatArray) -> float:
 
 
 @kernel
-def weakest_and_strongest(table: Table) -> tuple[FloatArray, FloatArray]:
+def weakest_and_strongest(table: CurrentTable) -> tuple[FloatArray, FloatArray]:
     """The least and the largest speed (m/s) of the current at each node (ny, nx), of all slices."""
     shape = table.uv.shape[1:3]
     least, largest = np.full(shape, np.inf), np.zeros(shape)
@@ -122,7 +122,7 @@ def weakest_and_strongest(table: Table) -> tuple[FloatArray, FloatArray]:
 
 
 @kernel
-def changes(table: Table) -> FloatArray:
+def changes(table: CurrentTable) -> FloatArray:
     """The most by which the current at any node changes in a second, m/s², from slice to slice."""
     most = np.zeros(max(1, len(table.times) - 1))
     for k in range(len(table.times) - 1):
@@ -162,7 +162,7 @@ class Site(NamedTuple):
 
 
 @small_kernel
-def site_of(table: Table, px: float, py: float) -> Site:
+def site_of(table: CurrentTable, px: float, py: float) -> Site:
     """Site of a point; one outside the table has the nearest place on its edge."""
     column, along_x = _cell(table.x, table.per_x, px)
     row, along_y = _cell(table.y, table.per_y, py)
@@ -170,7 +170,7 @@ def site_of(table: Table, px: float, py: float) -> Site:
 
 
 @small_kernel
-def velocity_there(table: Table, site: Site, time: float) -> tuple[float, float]:
+def velocity_there(table: CurrentTable, site: Site, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a site at some time (s)."""
     at, share = _slice(table, time)
     u, v = _in_slice(table.uv, at, site)
@@ -200,7 +200,7 @@ class Bend(NamedTuple):
 
 
 @small_kernel
-def bend_near(table: Table, site: Site, time: float) -> Bend:
+def bend_near(table: CurrentTable, site: Site, time: float) -> Bend:
     """The current at a site around the slice that is nearest to a time (s)."""
     times, last, repeats = table.times, len(table.times) - 1, table.period < math.inf
     at, share = _slice(table, time)
@@ -224,7 +224,7 @@ def bend_near(table: Table, site: Site, time: float) -> Bend:
 
 
 @small_kernel
-def node_velocity(table: Table, row: int, column: int, time: float) -> tuple[float, float]:
+def node_velocity(table: CurrentTable, row: int, column: int, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a node at some time (s)."""
     at, share = _slice(table, time)
     u, v = table.uv[at, row, column]
@@ -236,7 +236,7 @@ def node_velocity(table: Table, row: int, column: int, time: float) -> tuple[flo
 
 
 @kernel
-def next_slice(table: Table, time: float) -> float:
+def next_slice(table: CurrentTable, time: float) -> float:
     """Time (s) of the first slice after a time; infinite where there is none."""
     times = table.times
     last = len(times) - 1
@@ -260,7 +260,7 @@ def next_slice(table: Table, time: float) -> float:
 
 
 @small_kernel
-def _slice(table: Table, time: float) -> tuple[int, float]:
+def _slice(table: CurrentTable, time: float) -> tuple[int, float]:
     """Slice before a time, and how far it lies between that and the next, in [0, 1)."""
     times = table.times
     last = len(times) - 1
@@ -292,7 +292,7 @@ def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
 
 
 @small_kernel
-def velocity(table: Table, px: float, py: float, time: float) -> tuple[float, float]:
+def velocity(table: CurrentTable, px: float, py: float, time: float) -> tuple[float, float]:
     """Velocity (m/s) at a point and time, held constant outside the table."""
     return velocity_there(table, site_of(table, px, py), time)
 
@@ -311,7 +311,7 @@ def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
 
 
 @kernel
-def velocities(table: Table, points: FloatArray, times: FloatArray) -> FloatArray:
+def velocities(table: CurrentTable, points: FloatArray, times: FloatArray) -> FloatArray:
     """Velocities (n, 2) at points (n, 2) and times (n,)."""
     result = np.empty(points.shape)
     for k in range(len(points)):

@@ -7,8 +7,6 @@ arrival at its end costs, its slope is k v^(k-1) d + (vᵏ + μ) ∂d/∂v, and 
 beginning costs μ + (vᵏ + μ) ∂d/∂t.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +15,7 @@ from renew._compiled import kernel
 from renew._types import FloatArray
 from renew.kernels.capsules import Segment
 from renew.kernels.cheapest_chain import Errand
-from renew.kernels.current_table import Table, site_of, velocity_there
+from renew.kernels.current_table import CurrentTable, site_of, velocity_there
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import leg_time_from
 
@@ -39,7 +37,7 @@ class Sailed(NamedTuple):
 
 @kernel
 def sailed(
-    path: FloatArray, speeds: FloatArray, departure: float, table: Table, errand: Errand
+    path: FloatArray, speeds: FloatArray, departure: float, table: CurrentTable, errand: Errand
 ) -> Sailed:
     """Sail a path (n, 2) at speeds (n - 1,) through water, m/s, from a departure (s) on."""
     legs = len(path) - 1
@@ -65,7 +63,7 @@ def sailed(
 
 @kernel
 def _leg_time(
-    path: FloatArray, k: int, begin: float, speed: float, table: Table, errand: Errand
+    path: FloatArray, k: int, begin: float, speed: float, table: CurrentTable, errand: Errand
 ) -> float:
     """Time (s) over the k-th leg of a path (n, 2), begun at a time and sailed at a speed (m/s)."""
     (ax, ay), (bx, by) = path[k], path[k + 1]

@@ -1,14 +1,12 @@
 """Speed over ground along a course in a current: the denominator of Eq. 4, in both drift models.
 
-Where the vessel may choose her speed through water v, and time has a price of μ for each second, a
-way takes the least of (vᵏ + μ) / g a metre, g being the speed over ground. That has the form of a
-slowness: with its inverse in the place of g all that looks for the quickest way looks for the
-cheapest one. With a the current along the course, x that across it (none in the projected model)
+Where the vessel may choose its speed through water v, and time has a price of μ for each second, a
+metre costs the least of (vᵏ + μ) / g, g being the speed over ground. That has the form of a
+slowness: with its inverse in the place of g every search for the quickest path finds the cheapest
+one. With a the current along the course, x that across it (none in the projected model)
 and W = √(v² - x²), g is a + W and (W² + x²)^(k/2) is convex in W for k >= 1; so the cost has one
 minimum, where k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is W = -a + √(a² + x² + μ).
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -26,10 +24,10 @@ class Polar(NamedTuple):
     """What the vessel makes on every course: `speed` through water (m/s), by which drift model.
 
     `crab` is True for the exact model, in which the vessel heads into the cross-current, and False
-    for the projected one, as published. Where she chooses her speed, `least` is below `speed`: then
-    `price` is that of a second, μ, beside vᵏ, with k the `exponent`, and what she "makes" is
+    for the projected one, as published. Where it chooses its speed, `least` is below `speed`: then
+    `price` is that of a second, μ, beside vᵏ, with k the `exponent`, and what it "makes" is
     `scale` m/s over the least (vᵏ + μ) / g. Without limits `still` would be best in still water.
-    Who sails below her highest speed may cross currents up to that: it is `no_go` then (m/s).
+    A vessel that sails below its highest speed may cross currents up to that: `no_go` then (m/s).
     """
 
     speed: float
@@ -49,9 +47,9 @@ def sailing_at(speed: float, crab: bool, most: float) -> Polar:
 
 
 def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: float) -> Polar:
-    """Polar of a vessel that chooses her speed from `least` to `speed`, where a second costs μ.
+    """Polar of a vessel that chooses its speed from `least` to `speed`, where a second costs μ.
 
-    Its scale is such that in still water she makes `speed`, as if she had no choice.
+    Its scale is such that in still water it makes `speed`, as if it had no choice.
     """
     best = (price / (exponent - 1)) ** (1 / exponent) if exponent > 1 else speed
     polar = Polar(speed, crab, least, price, exponent, 1.0, min(best, speed))
@@ -188,7 +186,7 @@ def _at_choice(
 def _chosen_speeds(
     velocity: FloatArray, tangent: FloatArray, polar: Polar
 ) -> tuple[FloatArray, FloatArray]:
-    """The same for (n, 2) of each, where the vessel has a choice."""
+    """Speeds (n,) through water and over ground, m/s, where the vessel has a choice."""
     speed, made = np.empty(len(velocity)), np.empty(len(velocity))
     for i in range(len(velocity)):
         (u, v), (tx, ty) = velocity[i], tangent[i]

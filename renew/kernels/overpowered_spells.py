@@ -4,18 +4,16 @@ Between two slices the velocity is linear in time, and so its square is a parabo
 than the level is one interval between two roots.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from renew._types import FloatArray
-from renew.kernels.current_table import Table, velocities
+from renew.kernels.current_table import CurrentTable, velocities
 
 
 def overpowered_spells(
-    table: Table, place: FloatArray, level: float, begin: float, end: float
+    table: CurrentTable, place: FloatArray, level: float, begin: float, end: float
 ) -> FloatArray:
     """Spells (n, 2), s, ascending, at which the current at a place (2,) is `level` m/s or more.
 

@@ -3,8 +3,6 @@
 A least-fuel path may bulge out of its channel, so its own row of triangles is not the channel's.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

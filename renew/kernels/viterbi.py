@@ -7,8 +7,6 @@ that begins one later does not end it earlier (FIFO; Orda & Rom, 1990): then the
 earliest arrival.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -19,8 +17,8 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import (
     Bend,
+    CurrentTable,
     Site,
-    Table,
     bend_near,
     site_of,
     velocity,
@@ -61,7 +59,7 @@ class Clock(NamedTuple):
 class Stream(NamedTuple):
     """A current, what a vessel makes in it, and its clock."""
 
-    table: Table
+    table: CurrentTable
     polar: Polar
     clock: Clock
 
@@ -86,11 +84,11 @@ def leg_time_from(
     v: float,
     end: Site,
     begin: float,
-    table: Table,
+    table: CurrentTable,
     polar: Polar,
     step: float,
 ) -> float:
-    """The same from the current where and when it begins, and the site of its end.
+    """Time (s) over a leg from the current where and when it begins, and the site of its end.
 
     In a current that changes its pieces are no longer than a step (m).
     """

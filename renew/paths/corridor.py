@@ -11,13 +11,13 @@ import numpy as np
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.channel import Channel, RoughPath
 from renew.errors import InfeasibleError, Strait
-from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
-from renew.padding.soft_no_go import PaddedEdges
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
+from renew.turns.soft_no_go import PaddedEdges
+from renew.voyage.voyage import Voyage
 
 # Slack beyond V, as a share of v/ω (1.6 cm for the paper's vessel), that a path keeps while it is
 # planned: so points closer than that to the line past them can be dropped, and corners be rounded,
@@ -34,7 +34,7 @@ class Corridor:
     `triangles` (t,) are their indices and `corners` (t, 3, 2) their corners; `open_outline`
     (w, 2, 2) are the outer edges among theirs that are no hazard: water too far off, or the end of
     the chart. Paths are planned in the voyage's table of the current, by the drift model of
-    `polar`. With via points `by_stage` has the padding on the way to each of them, and to the goal;
+    `polar`. With via points `by_part` has the padding on the way to each of them, and to the goal;
     `padded` then holds all their edges, each with its least padding.
     """
 
@@ -45,28 +45,28 @@ class Corridor:
     corners: FloatArray
     open_outline: FloatArray
     padded: PaddedEdges
-    by_stage: tuple[PaddedEdges, ...] = ()
+    by_part: tuple[PaddedEdges, ...] = ()
 
     def with_padding(self, parts: Sequence[PaddedEdges]) -> Corridor:
-        """The same with other padding: of the whole, or of the stages if there are via points."""
+        """Return it with other padding: of the whole, or of its parts if there are via points."""
         if not len(self.voyage.via):
             return replace(self, padded=parts[0])
-        return replace(self, padded=PaddedEdges.joined(parts), by_stage=tuple(parts))
+        return replace(self, padded=PaddedEdges.joined(parts), by_part=tuple(parts))
 
     @property
     def paddings(self) -> tuple[PaddedEdges, ...]:
-        """Padding of each stage, or of the whole where there is one."""
-        return self.by_stage or (self.padded,)
+        """Padding of each part, or of the whole where there is one."""
+        return self.by_part or (self.padded,)
 
-    def stage(self, at: int, voyage: Voyage) -> Corridor:
-        """The same for a part of the voyage."""
-        channel = self.channel.stages[at]
-        return replace(self, voyage=voyage, channel=channel, padded=self.by_stage[at], by_stage=())
+    def part(self, at: int, voyage: Voyage) -> Corridor:
+        """The corridor of a part of the voyage."""
+        channel = self.channel.parts[at]
+        return replace(self, voyage=voyage, channel=channel, padded=self.by_part[at], by_part=())
 
-    def stages(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
+    def parts(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
         """The part of the voyage to each via point, and to the goal, with its piece of a path."""
         for at, (part, piece) in enumerate(self.voyage.parts(path)):
-            yield (self.stage(at, part) if len(self.voyage.via) else self), piece
+            yield (self.part(at, part) if len(self.voyage.via) else self), piece
 
     def chained(
         self,
@@ -78,9 +78,9 @@ class Corridor:
             return plan(self, pieces[0])
         departure, paths = self.voyage.departure, list[FloatArray]()
         for at, piece in enumerate(pieces):
-            stage = self.stage(at, self.voyage.part(at, departure))
-            paths.append(plan(stage, piece))
-            departure = float(stage.voyage.reading_times(paths[-1])[-1])
+            part = self.part(at, self.voyage.part(at, departure))
+            paths.append(plan(part, piece))
+            departure = float(part.voyage.reading_times(paths[-1])[-1])
         return np.concatenate([paths[0], *(path[1:] for path in paths[1:])])
 
     @property
@@ -128,12 +128,12 @@ class Corridor:
 
     def channel_along(self, path: FloatArray) -> Channel:
         """The channel, as if it had been found by a path (n, 2)."""
-        stages = tuple(
-            replace(stage.channel, found_by=stage.crossed_by(piece))
-            for stage, piece in self.stages(path)
+        parts = tuple(
+            replace(part.channel, found_by=part.crossed_by(piece))
+            for part, piece in self.parts(path)
             if len(self.voyage.via)
         )
-        return replace(self.channel, found_by=self.crossed_by(path), stages=stages)
+        return replace(self.channel, found_by=self.crossed_by(path), parts=parts)
 
     def crossed_by(self, path: FloatArray) -> RoughPath:
         """A path (n, 2) with the triangles that it crosses."""

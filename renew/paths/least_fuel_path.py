@@ -7,8 +7,6 @@ channel: the least-fuel path of a class may leave its row of triangles across op
 back. Before the last of them Newton's method moves all points at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -32,7 +30,7 @@ from renew.paths.refinement import (
 # Sections of the first part: spacing as a share of the midline, angle in a fan (rad), points on
 # each. Few sections with many points let its legs take almost any course.
 _COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
-# The same where legs that long find no way round a corner of V, or cross overpowered water.
+# Spacing and angle where legs that long can't round a corner of V, or cross overpowered water.
 _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
 # Angle (rad) from which a turn counts as a bend: the legs beside it are halved from pass to pass,
 # until their transversals stand closer than this share of v/ω.
@@ -67,7 +65,7 @@ _NARROW = (
     *_NARROWING[2:4],
     _NARROWING[5],
 )
-# The same where eddies are small: a wide window holds several, between which the first path was
+# Passes where eddies are small: a wide window holds several, between which the first path was
 # chosen already; and the path bends more often.
 _WIDE_IN_EDDIES = (_WIDE[2]._replace(spacing=_CLOSE, points=13),)
 _NARROW_IN_EDDIES = (
@@ -82,8 +80,8 @@ _AS_COMPLEX = np.array([1, 1j])
 
 def check_straits(corridor: Corridor) -> None:
     """Refuse a corridor that V blocks; InfeasibleError names the strait."""
-    for stage, _ in corridor.stages(_midline(corridor)):
-        stage.open_sections(_COARSE_SPACING * length_of(_midline(stage)), _COARSE_ANGLE)
+    for part, _ in corridor.parts(_midline(corridor)):
+        part.open_sections(_COARSE_SPACING * length_of(_midline(part)), _COARSE_ANGLE)
 
 
 def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
@@ -94,7 +92,7 @@ def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
     has_small_eddies = corridor.voyage.table.has_small_eddies
     passes = _WIDE_IN_EDDIES if has_small_eddies else _WIDE
     return corridor.chained(
-        lambda stage, piece: _refined(stage, piece, passes), corridor.voyage.cut(first)
+        lambda part, piece: _refined(part, piece, passes), corridor.voyage.cut(first)
     )
 
 
@@ -109,7 +107,7 @@ def path_through_sections(corridor: Corridor) -> FloatArray:
 
 
 def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:
-    """The same without via points, from the channel's midline (n, 2)."""
+    """Rough path (n, 2) of a corridor without via points, from its channel's midline (n, 2)."""
     length = length_of(middle)
     try:
         return _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
@@ -126,7 +124,7 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
     near, or V takes a via point.
     """
     for at, point in enumerate(corridor.voyage.via):
-        beside = corridor.by_stage[at : at + 2]
+        beside = corridor.by_part[at : at + 2]
         needed = max(padded.around(point).padding.max(initial=0.0) for padded in beside)
         if needed > 0:
             raise InfeasibleError(
@@ -134,11 +132,11 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
                 "the vessel can't turn away; move it further off",
                 point,
             )
-    return corridor.chained(_refined_stage, corridor.voyage.cut(rough))
+    return corridor.chained(_refined_part, corridor.voyage.cut(rough))
 
 
-def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
-    """The same without via points."""
+def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
+    """Least-fuel path (n, 2) of a corridor without via points, near a rough one."""
     has_small_eddies = corridor.voyage.table.has_small_eddies
     *wider, narrowest = _NARROW_IN_EDDIES if has_small_eddies else _NARROW
     path = _straightened(corridor, _refined(corridor, rough, wider))
@@ -146,7 +144,7 @@ def _refined_stage(corridor: Corridor, rough: FloatArray) -> FloatArray:
     path = _refined(corridor, path, [narrowest])
     if not corridor.legs_clear(path).all():
         raise InfeasibleError("its path lies in V, and no path clear of V is near")
-    return thinned(corridor, path)
+    return simplified(corridor, path)
 
 
 def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> FloatArray:
@@ -207,11 +205,11 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
     return np.asarray(points[np.arange(len(points)), chain])
 
 
-def thinned(corridor: Corridor, path: FloatArray) -> FloatArray:
+def simplified(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Drop points that a nearly straight path does not need, where the legs past them avoid V."""
     tolerance = SLACK * corridor.voyage.vessel.turning_radius
-    thinned = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance))
-    kept = np.flatnonzero(np.isin(path @ _AS_COMPLEX, thinned @ _AS_COMPLEX))
+    left = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance))
+    kept = np.flatnonzero(np.isin(path @ _AS_COMPLEX, left @ _AS_COMPLEX))
     keep = np.zeros(len(path), dtype=bool)
     keep[kept] = True
     for leg in np.flatnonzero(~corridor.legs_clear(path[kept])):

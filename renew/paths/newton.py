@@ -7,8 +7,6 @@ that system moves long stretches as easily as single points (a damped Newton met
 Wright, Numerical Optimization, 2006, ch. 3 and 10.3).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -104,8 +102,8 @@ def _quadratic(
 ) -> _Quadratic:
     """Derivatives by differences, with the times (n,), s, at which each leg is begun.
 
-    A leg's weight is by how much later she arrives for each second that she ends it later; 1 where
-    the current is steady.
+    A leg's weight is by how much later the voyage ends for each second by which the leg does; 1
+    where the current is steady.
     """
     gradient, diagonal, beside = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path))
     steps = _steps(path)
@@ -152,7 +150,7 @@ def _steps(path: FloatArray) -> FloatArray:
 
 
 class _Place(NamedTuple):
-    """Where a point is (m), the table's cell there, and the current when she passes (m/s)."""
+    """Where a point is (m), the table's cell there, and the current on passing it (m/s)."""
 
     x: float
     y: float

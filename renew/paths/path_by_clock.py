@@ -5,24 +5,22 @@ but over places and times together: windows narrow in both. What is least is fue
 is kept; the way round land is that of the path given, or one near it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from renew._types import FloatArray
-from renew.inputs.voyage import shares
 from renew.kernels.capsules import capsules_near
 from renew.kernels.cheapest_chain import legs_between
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import BEND, MIN_SPACING, length_of, thinned
+from renew.paths.least_fuel_path import BEND, MIN_SPACING, length_of, simplified
 from renew.paths.refinement import Water, points_beside, with_transversals, without_detours
 from renew.paths.speed_profile import SpeedProfile
-from renew.paths.timed_way import TimedWay
+from renew.paths.timed_path import TimedPath
+from renew.voyage.voyage import shares
 
 
 class _Pass(NamedTuple):
@@ -69,7 +67,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
         near = capsules_near(water.capsules, path, one.window * length)
         beside, exempt = water.near(near).capsules, corridor.exempt[:, near].copy()
         points = points_beside(path, one.window * length, one.points, beside)
-        way = TimedWay(path, voyage, as_it_is=True)
+        way = TimedPath(path, voyage, as_it_is=True)
         if not way.can_be_made:
             continue
         passed = np.interp(shares(path), *schedule)
@@ -87,7 +85,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
         path = without_detours(path, 2 * one.spacing * length, water.near(near))
         if chain.cost < least:
             best, least = path, chain.cost
-    return thinned(corridor, best)
+    return simplified(corridor, best)
 
 
 def _times(

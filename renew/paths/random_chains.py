@@ -1,7 +1,5 @@
 """The paper's random chains: one random point on the free part of each passing edge."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ A shortcut keeps to the chain's class: it crosses the rays of the islands (see
 :mod:`renew.classes.h_signature`) as the part of the chain that it replaces.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -17,7 +15,7 @@ from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, Segment, leg_is_clear
-from renew.kernels.current_table import Table, velocity
+from renew.kernels.current_table import CurrentTable, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
@@ -43,7 +41,7 @@ class _Water(NamedTuple):
     `exempt` (2, c) is as :attr:`Corridor.exempt`; paths are begun at `departure`, s.
     """
 
-    table: Table
+    table: CurrentTable
     departure: float
     polar: Polar
     capsules: Capsules

@@ -9,8 +9,6 @@ The least-fuel speed changes from place to place: the path is cut into legs in w
 little, and each leg gets the mean of its speeds, at a price at which these meet the deadline.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from renew._types import FloatArray, IntArray
-from renew.inputs.fuel import WITHIN, Pieces, ground_speed
-from renew.inputs.voyage import Voyage
 from renew.kernels.ground_speed import chosen_speeds
+from renew.voyage.fuel import WITHIN, Pieces, ground_speed
+from renew.voyage.voyage import Voyage
 
 # Ratio of the highest to the lowest speed that are sailed as one leg: dearer by under 0.05 %.
 _SAME_SPEED = 1.04
@@ -55,7 +53,7 @@ def speed_profile(path: FloatArray, voyage: Voyage) -> SpeedProfile:
 
     Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
     """
-    way = _Way(path, voyage)
+    way = _SteadyPath(path, voyage)
     at_most = way.profile(np.full(len(path) - 1, voyage.vessel.speed), way.own_legs)
     if at_most.arrival > voyage.deadline:
         return at_most._replace(fuel=math.inf)
@@ -78,7 +76,7 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
 
     From the highest speed all the way to where time is free.
     """
-    way = _Way(path, voyage)
+    way = _SteadyPath(path, voyage)
     if not voyage.has_choice:
         only = way.profile(np.full(len(path) - 1, voyage.vessel.speed), way.own_legs)
         return only.times[-1:], np.array([only.fuel])
@@ -106,7 +104,7 @@ def alike_legs(low: FloatArray, high: FloatArray, own: IntArray) -> IntArray:
     return leg
 
 
-class _Way:
+class _SteadyPath:
     """A path in a steady current, cut into pieces with a few nodes each."""
 
     def __init__(self, path: FloatArray, voyage: Voyage) -> None:

@@ -1,13 +1,11 @@
 """Speeds along a given path that need least fuel to be at its end in time, as the current changes.
 
 In a steady current time has one price all the way (:mod:`renew.paths.speed_profile`). In one that
-changes it is worth more here and less there, since who comes later meets another current; it may
+changes it is worth more here and less there, since a later passage meets another current; it may
 pay to be slow and let a tide turn, or to make haste for it. The speeds are those of
-:mod:`renew.paths.timed_way`; then neighbouring legs whose speeds differ little become one, and the
+:mod:`renew.paths.timed_path`; then neighbouring legs whose speeds differ little become one, and the
 speeds of these are improved once more, until the deadline is met by the current itself.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -15,10 +13,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from renew._types import FloatArray
-from renew.inputs.fuel import passage
-from renew.inputs.voyage import Voyage
 from renew.paths.speed_profile import SpeedProfile, alike_legs
-from renew.paths.timed_way import TimedWay
+from renew.paths.timed_path import TimedPath
+from renew.voyage.fuel import passage
+from renew.voyage.voyage import Voyage
 
 # Rounds in which the deadline by the current's table is set, so that that by the current itself is
 # met, and the share of the time under way by which the vessel may come earlier.
@@ -33,7 +31,7 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
 
     Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
     """
-    way = TimedWay(path, voyage)
+    way = TimedPath(path, voyage)
     most = np.full(len(path) - 1, voyage.vessel.speed)
     fastest = _flown(path, most, voyage)
     if not (math.isfinite(fastest.arrival) and fastest.arrival <= voyage.deadline):
@@ -71,7 +69,7 @@ def constant_speed(path: FloatArray, voyage: Voyage) -> float:
     """
     deadline = voyage.deadline
     for _ in range(_CLOCK_ROUNDS):
-        speed = TimedWay(path, voyage.due(deadline)).constant[0]
+        speed = TimedPath(path, voyage.due(deadline)).constant[0]
         late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
         if not late > 0 or speed == voyage.vessel.speed:
             break
@@ -85,7 +83,7 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
 
     From the highest speed all the way to where more time saves no more.
     """
-    way, vessel = TimedWay(path, voyage), voyage.vessel
+    way, vessel = TimedPath(path, voyage), voyage.vessel
     if not way.can_be_made:
         flown = _flown(path, np.full(len(path) - 1, vessel.speed), voyage)
         return np.array([flown.arrival]), np.array([flown.fuel])

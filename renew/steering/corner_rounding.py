@@ -6,8 +6,6 @@ the path is drawn taut around the discs: it leaves the earlier leg before the co
 through it on an arc, and meets the later leg behind it, always on the far side of the zone.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

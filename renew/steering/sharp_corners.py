@@ -1,7 +1,5 @@
 """Which corners of a path are rounded on their outer side, and which give way to those."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

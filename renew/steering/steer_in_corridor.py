@@ -1,7 +1,5 @@
 """A corridor's path made steerable without leaving the corridor."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterator
@@ -12,13 +10,13 @@ import shapely
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
-from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
 from renew.steering.sharp_corners import crowding, sharp_corners
 from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
+from renew.voyage.voyage import Voyage
 
 # Multiples of the radius that can be steered at a corner by which discs are drawn: the current
 # changes on the way round. Those for several corners are larger from the start.
@@ -42,7 +40,7 @@ _MISS = 0.02
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.005
-# The same from which it is also thinned in places.
+# Ratio of its fuel from which a path is also thinned in places.
 _DEAR = 1.01
 
 
@@ -50,7 +48,7 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
     Corners whose rounding would cut into V, or has no room, are rounded on the outside, and so is
-    one at a via point, which the vessel passes on her arc; the result keeps to the channel and out
+    one at a via point, which the vessel passes on its arc; the result keeps to the channel and out
     of V. Where that can't be, InfeasibleError says why.
     """
     voyage = corridor.voyage
@@ -78,7 +76,7 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 
 
 def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
-    """The same for a path (n, 2) that can't be steered otherwise, thinned more where it can't.
+    """Path and trajectory of a path that can't be steered otherwise: thinned more where it can't.
 
     Among small eddies some curves of a least-fuel path follow each other too closely to be steered,
     while most of it can be, and would lose fuel if all of it were thinned as much as they need.
@@ -182,8 +180,8 @@ def steer_as_drawn(
     InfeasibleError where they are not, or where either leaves the corridor.
     """
     voyage = corridor.voyage
-    for stage, piece in corridor.stages(path):
-        clear = stage.legs_clear(piece)
+    for part, piece in corridor.parts(path):
+        clear = part.legs_clear(piece)
         if not clear.all():
             raise InfeasibleError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]

@@ -1,7 +1,5 @@
 """From a path to a trajectory that a vessel can steer: corners as arcs, headings, times."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -11,13 +9,12 @@ from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
 from renew.inputs.current import CurrentField
-from renew.inputs.fuel import reading_times, times_under_way
-from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
-from renew.inputs.voyage import shares
 from renew.kernels.angles import wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
 from renew.steering.turning_radius import corner_radius, course_changes
+from renew.voyage.fuel import reading_times, speeds_along, times_under_way
+from renew.voyage.voyage import shares
 
 # Angle (rad) between the points of an arc: chords leave it by 0.02 % of the radius.
 _ARC_STEP = math.radians(2)

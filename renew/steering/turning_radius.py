@@ -5,8 +5,6 @@ effective turning radius (paper, kinematic check). A corner between legs of leng
 turns by δ can be rounded with that radius when r' tan(δ/2) <= min(a, b) / 2.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -91,7 +89,7 @@ def corner_radius(
 def _corner_radius(
     path: FloatArray, velocity: FloatArray, speeds: FloatArray, turn_rate: float
 ) -> FloatArray:
-    """The same radii (n - 2,) from the current (n - 2, 2) at the corners."""
+    """Radii (n - 2,), m, from the current (n - 2, 2) at the corners."""
     radius = np.zeros(len(velocity))
     for k in range(len(velocity)):
         u, v = velocity[k]

@@ -1,1 +1,1 @@
-"""Hard-over turns: contingency simulation, verification of a route, closest approach."""
+"""Hard-over turns: their reach and the padding against it, simulation, verification."""

@@ -1,7 +1,5 @@
 """Where a route comes nearest to land, and how far hard-over turns reach there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,9 +11,9 @@ from renew.inputs.arguments import check_seed
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.figures import check_kind
 from renew.inputs.vessel import Vessel
-from renew.padding.reach_quantile import TurnSampler
-from renew.padding.turn_reach import normals_away
-from renew.route import Route
+from renew.results.route import Route
+from renew.turns.reach_quantile import TurnSampler
+from renew.turns.turn_reach import normals_away
 
 # Number of draws: enough for a smooth picture.
 _DRAWS = 4096

@@ -6,8 +6,6 @@ of the field's spread over the water that the turn sweeps. A turn that touches t
 zone L is a collision.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -28,12 +26,18 @@ from renew.inputs.current import (
     sample_statistics,
 )
 from renew.inputs.figures import is_finite, shown
-from renew.inputs.fuel import Drift, as_path, ground_speed, reading_times, speeds_by_leg
-from renew.inputs.punctuality import early_and_late
-from renew.inputs.speeds_along import speeds_along
+from renew.inputs.options import Drift
 from renew.inputs.vessel import Vessel
-from renew.kernels.current_table import Table, velocity
+from renew.kernels.current_table import CurrentTable, velocity
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from renew.voyage.fuel import (
+    as_path,
+    ground_speed,
+    reading_times,
+    speeds_along,
+    speeds_by_leg,
+)
+from renew.voyage.voyage import early_and_late
 
 # Number of headings of a full turn, one every 10 degrees: by the midpoint rule the track is within
 # 0.1 % of the radius.
@@ -266,7 +270,7 @@ def _flown_by_table(
     heading: FloatArray,
     speed_change: FloatArray,
     direction_change: FloatArray,
-    table: Table,
+    table: CurrentTable,
     speeds: FloatArray,
     turn_rate: float,
     steps: int,

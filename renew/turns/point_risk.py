@@ -15,13 +15,13 @@ import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.current import CurrentStatistics
-from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import nearest_on_segments
-from renew.padding.passage_windows import passage_windows
-from renew.padding.reach_quantile import TurnSampler
-from renew.padding.soft_no_go import PaddedEdges
 from renew.turns.contingency import stations
+from renew.turns.passage_windows import passage_windows
+from renew.turns.reach_quantile import TurnSampler
+from renew.turns.soft_no_go import PaddedEdges
 from renew.turns.verification import in_soft_endpoints
+from renew.voyage.voyage import Voyage
 
 # Distance between stations (share of v/ω), and the largest number of stations.
 _SPACING, _MAX_STATIONS = 0.6, 1_000_000
@@ -112,7 +112,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
     within = np.tile([np.inf, -np.inf], (len(met), 1))
     np.minimum.at(within[:, 0], back, windows[found, 0])
     np.maximum.at(within[:, 1], back, windows[found, 1])
-    current = voyage.quick_current.statistics(corners[met], within)
+    current = voyage.waters.quick_current.statistics(corners[met], within)
     current = CurrentStatistics(*(of[back] for of in current))
     return _Stations(points[found], course[found], current)
 

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 
 from renew._types import FloatArray
 from renew.inputs.vessel import Vessel
-from renew.kernels.current_table import Table, weakest_and_strongest
+from renew.kernels.current_table import CurrentTable, weakest_and_strongest
 
 MAX_DEVIATIONS = 2.0
 """Standard deviations by which the currents that turns are flown in differ at most from the field:
@@ -25,7 +25,7 @@ class TurnReach:
     furthest: FloatArray
 
     @classmethod
-    def of(cls, table: Table, vessel: Vessel) -> TurnReach:
+    def of(cls, table: CurrentTable, vessel: Vessel) -> TurnReach:
         """Bounds from the strongest current that a turn can meet, at any time.
 
         A turn is 2 v/ω wide in still water, and is carried by the drift of one period. Speeds

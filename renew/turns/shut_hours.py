@@ -1,19 +1,17 @@
-"""Whether a vessel meets an area while that is shut: on her way, or in a turn that she begins.
+"""Whether a vessel meets an area while that is shut: on its way, or in a turn that it begins.
 
-She may be early or late, as padding assumes (:mod:`renew.padding.passage_windows`), and a full turn
-may carry her as far as :class:`renew.turns.reach_bound.TurnReach` says, for as long as it lasts.
-That is an upper bound on where she can be, so that a path which passes is safe.
+It may be early or late, as padding assumes (:mod:`renew.turns.passage_windows`), and a full turn
+may carry it as far as :class:`renew.turns.reach_bound.TurnReach` says, for as long as it lasts.
+That is an upper bound on where it can be, so that a path which passes is safe.
 """
-
-from __future__ import annotations
 
 import numpy as np
 import shapely
 
 from renew._types import FloatArray
 from renew.inputs.shut_area import ShutArea
-from renew.inputs.voyage import Voyage
 from renew.turns.reach_bound import TurnReach
+from renew.voyage.voyage import Voyage
 
 # Distance between the points at which a path is looked at, as a share of v/ω, and their largest
 # number.
@@ -29,7 +27,7 @@ def meeting(
 ) -> tuple[FloatArray, float, float] | None:
     """Where (2,), from when and until when (s) a vessel may be in an area that is shut; or None.
 
-    She passes the points of a line (n, 2) at times (n,), s, and turns there as far as `reach` m.
+    It passes the points of a line (n, 2) at times (n,), s, and turns there as far as `reach` m.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     spacing = max(_SPACING * voyage.vessel.turning_radius, length / _MAX_POINTS)
@@ -37,7 +35,7 @@ def meeting(
     early, late = voyage.early_and_late(passed)[0], voyage.early_and_late(passed)[1]
     far = reach(points) if isinstance(reach, TurnReach) else np.full(len(points), reach)
     is_near = shapely.distance(shapely.points(points), area.polygon) <= far + spacing
-    # From the point before to the one behind: between the points she may be in it as well.
+    # From the point before to the one behind: between the points it may be in it as well.
     begin = np.append(early[:1], early[:-1])
     end = np.append(late[1:], late[-1:]) + voyage.vessel.turn_period
     met = np.flatnonzero(is_near & (begin < area.end) & (end > area.begin))

@@ -4,8 +4,6 @@ It tests samples, and proves nothing: a proof is behind the bound on fuel alone
 (:mod:`renew.bounds`).
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np
@@ -14,13 +12,13 @@ import shapely
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.speeds_along import speeds_along
 from renew.inputs.vessel import Vessel
-from renew.inputs.voyage import Voyage
 from renew.kernels.capsules import segment_distance, segments_near, tracks_touch
-from renew.padding.soft_no_go import PaddedEdges
 from renew.turns.contingency import fly_turns, perturbations, stations
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from renew.turns.soft_no_go import PaddedEdges
+from renew.voyage.fuel import speeds_along
+from renew.voyage.voyage import Voyage
 
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
@@ -104,7 +102,7 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
     table, vessel = voyage.table, voyage.vessel
     astray = _ELSEWHERE * table.error * vessel.turn_period
     if table.is_fine or astray > _MARGIN / 2 * vessel.turning_radius:
-        return voyage.quick_current, 0.0
+        return voyage.waters.quick_current, 0.0
     return TabulatedCurrent(table), astray
 
 

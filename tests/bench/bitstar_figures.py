@@ -16,7 +16,7 @@ import numpy as np
 
 import renew
 from renew.inputs.current import as_field
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 from tests.bench.figure import Figure
 from tests.eddies import SCENES, eddy_scene
 from tests.strategies import PAPER_VESSEL
@@ -61,7 +61,8 @@ def _bit_star_fuel(scene: int, seed: int) -> float:
     waters = eddy_scene(*SCENES[scene])
     water = PaddedWater.of(waters.chart, BARE)
     ends = np.asarray(waters.start, dtype=float), np.asarray(waters.goal, dtype=float)
-    voyage = Voyage(waters.chart, as_field(waters.current), PAPER_VESSEL, *ends, "projected")
+    charted = Waters(waters.chart, as_field(waters.current))
+    voyage = Voyage(charted, PAPER_VESSEL, *ends, "projected")
     try:
         (candidate,) = bit_star(Task(voyage, water, Budget(calls=CALLS), seed))
     except NoPathError:

@@ -10,7 +10,7 @@ import renew
 from renew._types import FloatArray
 from renew.classes.h_signature import Rays, name
 from renew.paths.corridor import Corridor
-from renew.search.class_planner import ClassPlanner
+from renew.planner.one_class import ClassPlanner
 from tests.bench.figure import Figure, at_most
 from tests.class_oracle import paths_by_class
 from tests.eddies import SCENES, eddy_scene

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import renew
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.voyage.voyage import Voyage
 from tests.bench import departure_figures
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
@@ -103,11 +104,13 @@ def _times() -> Iterator[Figure]:
         )
     )
     yield at_most("changing plan beside a steady one, CPU", changing.cpu / steady.cpu, 3)
-    moving = plan.best.fuel_bound.voyage
+    moving = plan.best.fuel_bound.source
+    assert isinstance(moving, Voyage)
     bound, _ = warm(lambda: fuel_lower_bound(moving))
     at_rest = renew.plan(
         scene.chart, still, PAPER_VESSEL, scene.start, scene.goal, drift=scene.drift
-    ).best.fuel_bound.voyage
+    ).best.fuel_bound.source
+    assert isinstance(at_rest, Voyage)
     still_bound, _ = warm(lambda: fuel_lower_bound(at_rest))
     yield at_most("changing bound beside a steady one, CPU", bound.cpu / still_bound.cpu, 5)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import renew
 from renew._types import FloatArray
-from renew.padding.turn_reach import turn_reach
+from renew.turns.turn_reach import turn_reach
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure, at_most, quoted
 from tests.oracles import grid_dijkstra, tighten

@@ -14,15 +14,15 @@ from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
 from renew.inputs import current as current_module
-from renew.padding import reach_quantile
-from renew.padding.padding_model import PaddingModel
-from renew.padding.policy import PaddingPolicy
-from renew.padding.reach_quantile import TurnSampler
+from renew.inputs.options import PlanOptions
+from renew.turns import reach_quantile
+from renew.turns.padding_model import PaddingModel
+from renew.turns.reach_quantile import TurnSampler
 from tests.bench.figure import Figure, quoted
 from tests.published import ABLATION, FOUR_GYRE, GYRE
-from tests.renew.padding.test_padding_model import always
-from tests.renew.padding.test_reach_quantile import TURNS
+from tests.renew.turns.test_padding_model import always
 from tests.renew.turns.test_point_risk import shares_that_touch
+from tests.renew.turns.test_reach_quantile import TURNS
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
 
 SCENES = range(20)
@@ -115,16 +115,16 @@ def _quantile_errors() -> tuple[float, float]:
 
 def _wider_on_the_lattice() -> FloatArray:
     """By how much paddings of the single gyre are wider than on a lattice of more points, %."""
-    triangulation, policy = triangulate(GYRE.chart), PaddingPolicy("adaptive", 0.0, _RISK, 0)
+    triangulation, options = triangulate(GYRE.chart), PlanOptions(risk=_RISK)
     ends = np.array(GYRE.start), np.array(GYRE.goal)
-    enumerator = ClassEnumerator(
+    enumerator = ClassEnumerator.of(
         voyage_on(GYRE.chart, *ends), triangulation, Rays.of(GYRE.chart), "length"
     )
     channels = enumerator.channels(4)
     widths = []
     for rows in (_LATTICE, _DENSE_LATTICE):
         with mock.patch.object(current_module, "_LATTICE_ROWS", rows):
-            model = PaddingModel(triangulation, GYRE.current, PAPER_VESSEL, policy)
+            model = PaddingModel(triangulation, GYRE.current, PAPER_VESSEL, options)
             widths.append(
                 np.concatenate(
                     [model.padded_edges(one, *ends, always(one)).padding for one in channels]

@@ -22,7 +22,7 @@ from pipeline.geo.projection import Projection
 from pipeline.sources.land import osm
 from pipeline.stages.project import extent_polygon
 from pipeline.stages.simplify import simplify_land
-from renew.inputs.arguments import DistinctBy
+from renew.inputs.options import DistinctBy
 from tests.bench.figure import Figure, at_most
 from tests.bench.islands_between import largest_between, sides
 from tests.eddies import eddies

@@ -12,7 +12,7 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.fuel import Drift
+from renew.inputs.options import Drift
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene

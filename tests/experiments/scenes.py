@@ -8,7 +8,7 @@ import numpy as np
 from shapely import Polygon, box
 
 import renew
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 CURRENT = renew.GyreCurrent(0.6, 60, 60)
@@ -22,4 +22,4 @@ def islands_voyage() -> Voyage:
     ]
     chart = renew.Chart(box(0, 0, 60, 60), islands)
     start, goal = np.array([6.0, 7.0]), np.array([54.0, 52.0])
-    return Voyage(chart, CURRENT, VESSEL, start, goal, "projected")
+    return Voyage(Waters(chart, CURRENT), VESSEL, start, goal, "projected")

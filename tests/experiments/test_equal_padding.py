@@ -11,7 +11,7 @@ import shapely
 import renew
 from experiments.kernels.water import PaddedWater
 from experiments.referee.equal_padding import equal_padding, least_paddings
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 from tests.experiments.scenes import VESSEL, islands_voyage
 
 
@@ -41,7 +41,7 @@ def strait_voyage() -> Voyage:
     chart = renew.Chart(shapely.box(0, 0, 60, 60), islands)
     current = renew.UniformCurrent(0.0, 0.0)
     return Voyage(
-        chart, current, VESSEL, np.array([5.0, 30.0]), np.array([55.0, 30.0]), "projected"
+        Waters(chart, current), VESSEL, np.array([5.0, 30.0]), np.array([55.0, 30.0]), "projected"
     )
 
 
@@ -70,7 +70,7 @@ def test_a_current_off_the_shore_needs_less_padding_than_one_on_to_it(angle: flo
     still = strait_voyage()
     towards = math.sin(math.radians(angle))
     current = renew.UniformCurrent(0.4 * math.cos(math.radians(angle)), 0.4 * towards)
-    voyage = Voyage(still.chart, current, VESSEL, still.start, still.goal, "projected")
+    voyage = Voyage(Waters(still.chart, current), VESSEL, still.start, still.goal, "projected")
     found, without = (north_shore(one) for one in (voyage, still))
     assert math.copysign(1, round(found - without, 6)) == towards or abs(towards) < 1e-9
 

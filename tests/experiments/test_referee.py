@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 
 import renew
 from experiments.referee.referee import judged, one_turn_a_station
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 from tests.experiments.scenes import CURRENT, VESSEL, islands_voyage
 
 # Round both islands to their right.
@@ -85,7 +85,7 @@ def test_one_turn_a_station_flies_as_the_equation_of_motion_does() -> None:
 
 def _bar_beside(bar: float, start: np.ndarray, goal: np.ndarray) -> Voyage:
     chart = renew.Chart(shapely.box(0, 0, 60, 60), [shapely.box(5, bar, 40, bar + 2)])
-    return Voyage(chart, CURRENT, VESSEL, start, goal, "projected")
+    return Voyage(Waters(chart, CURRENT), VESSEL, start, goal, "projected")
 
 
 def _furthest_north(start: np.ndarray, side: int) -> float:

@@ -12,7 +12,7 @@ import pytest
 from shapely import box
 
 import renew
-from renew.inputs.arguments import MIN_RISK
+from renew.inputs.options import RANGES
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
 
@@ -63,7 +63,7 @@ def test_endpoints_closer_than_the_chart_can_tell_are_refused() -> None:
         renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (10, 10 + 1e-9))
 
 
-@pytest.mark.parametrize("risk", [1e-3, 1e-5, MIN_RISK])
+@pytest.mark.parametrize("risk", [1e-3, 1e-5, RANGES["risk"]["ge"]])
 def test_small_risks_cost_bounded_time_and_memory(risk: float) -> None:
     chart, gyre = single_gyre()
 

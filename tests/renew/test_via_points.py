@@ -13,7 +13,7 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
+from renew.voyage.voyage import Voyage, Waters
 from tests.clock_oracle import earliest_arrival
 from tests.moving_waters import moving_scene
 from tests.oracles import grid_dijkstra
@@ -74,7 +74,7 @@ def test_the_best_needs_hardly_more_than_the_best_of_each_part(
     chart, current = single_gyre()
     best = gyre_plan(via, padding=padding).best
     parts = [
-        renew.plan(chart, current, PAPER_VESSEL, *ends, padding=padding, classes=4).best.fuel  # type: ignore[arg-type]
+        renew.plan(chart, current, PAPER_VESSEL, *ends, padding=padding, classes=4).best.fuel
         for ends in itertools.pairwise([START, *via, GOAL])
     ]
     # What the turns at the points themselves cost: half a circle of the turning radius at most.
@@ -186,8 +186,7 @@ def test_a_path_is_cut_where_it_comes_by_for_the_first_time() -> None:
     chart = renew.Chart(box(0, 0, 100, 100))
     via = np.array([[50.0, 10.0], [80.0, 10.0], [50.0, 10.0]])
     voyage = Voyage(
-        chart,
-        renew.UniformCurrent(0.0, 0.0),
+        Waters(chart, renew.UniformCurrent(0.0, 0.0)),
         PAPER_VESSEL,
         np.array(START),
         np.array((10.0, 90.0)),

@@ -21,7 +21,7 @@ from pipeline.formats.figures.plots import DASHES, distance_unit
 from pipeline.formats.figures.reach_histogram import tightest_place
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance
-from renew.inputs.speeds_along import speeds_along
+from renew.voyage.fuel import speeds_along
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.formats.passage.tracks import DECIMALS, Drawing, tracks
-from renew.inputs.speeds_along import speeds_along
+from renew.voyage.fuel import speeds_along
 
 # Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
 # changes fuel by a few thousandths, by the propeller law.

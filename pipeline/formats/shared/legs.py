@@ -11,7 +11,7 @@ from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.projection import cut, densified
 from pipeline.model import Scene
-from renew.inputs.fuel import Drift
+from renew.inputs.options import Drift
 
 # Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
 # one course: the planner's straight line is then as long as the geodesic, to a millionth.
@@ -119,7 +119,7 @@ def sailed(
     The pieces' ends (m, 2) are in the plane, and their speeds (m - 1,) through water. Where the
     plane is stretched, a planar metre takes less true time.
     """
-    from renew.inputs.fuel import passage_times
+    from renew.voyage.fuel import passage_times
 
     projection = scene.projection
     planar = passage_times(
@@ -146,7 +146,7 @@ def at_speeds_sailed(
     Returns the pieces' ends (m, 2), the first piece (n - 1,) of each step, and the speed (m - 1,)
     through water at which each piece is sailed, m/s.
     """
-    from renew.inputs.speeds_along import speeds_along
+    from renew.voyage.fuel import speeds_along
 
     path, speeds = np.asarray(ranked.route.path, dtype=float), ranked.route.speeds
     longest = float(metres_along(points)[-1]) / _PIECES if np.ptp(speeds) > 0 else np.inf

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -92,10 +93,8 @@ def _choice(
     scene: Scene, season: Season, options: PlannerOptions, say: Callable[[str], None]
 ) -> DepartureChoice:
     """Plan a season's departures."""
-    asked = {
-        **options.model_dump(),
-        "clearance": options.clearance or 0.0,
-        "min_lateness": MIN_LATENESS_S,
+    asked: dict[str, Any] = {
+        "options": options.plan_options(min_lateness=MIN_LATENESS_S),
         **scene.itinerary(season.name),
     }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
+import dataclasses
 
 import pytest
 from pydantic import BaseModel, ValidationError
@@ -14,7 +14,7 @@ from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
-from renew.inputs import arguments
+from renew.inputs.options import RANGES
 from tests.scenario_reference import tables
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
@@ -30,9 +30,8 @@ def keys() -> list[tuple[str, FieldInfo]]:
     return [key for table in tables() for key in of(table.model, table.path)]
 
 
-def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> None:
-    parameters = inspect.signature(renew.plan).parameters.values()
-    taken = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
+    taken = dataclasses.asdict(renew.PlanOptions())
     options = {name: field.default for name, field in PlannerOptions.model_fields.items()}
     # A clearance that is left out is chosen for the vessel and the chart.
     assert options.pop("clearance") is None
@@ -40,18 +39,15 @@ def test_the_planners_options_are_the_arguments_of_plan_with_its_defaults() -> N
     # By default a scenario's classes are choices; the paper's are all classes.
     assert options.pop("distinct_by") == "auto"
     assert taken.pop("distinct_by") == 0.0
-    # A season says how fast she may be, and when it begins: the clock of its current begins then.
-    assert taken.pop("departure") == 0.0
-    assert taken.pop("arrive_by") is None
-    # The scenario itself has these, on the chart.
-    assert taken.pop("via") == taken.pop("avoid") == ()
-    assert taken.pop("speed") is None
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
     }
+    assert PlannerOptions(padding=3.0).plan_options(min_lateness=60.0) == renew.PlanOptions(
+        padding=3.0, distinct_by="auto", min_lateness=60.0
+    )
 
 
 WINDOW = {"first": "2026-11-22T06:00:00Z", "every": "1h", "count": 24}
@@ -198,12 +194,17 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
         Scenario.model_validate({**asked, "scale": 1000.0})
 
 
-def test_the_planners_limits_are_those_of_plan() -> None:
-    schema = PlannerOptions.model_json_schema()["properties"]
-    assert schema["classes"]["maximum"] == arguments.MAX_CLASSES
-    assert schema["samples"]["maximum"] == arguments.MAX_SAMPLES
-    assert schema["seed"]["maximum"] == arguments.MAX_SEED
-    assert schema["risk"]["minimum"] == arguments.MIN_RISK
+def test_the_planners_ranges_are_those_of_plan() -> None:
+    for name, field in PlannerOptions.model_fields.items():
+        if name == "clearance":  # its range is that of a type, beside None
+            continue
+        limits = {
+            key: getattr(one, key)
+            for one in field.metadata
+            for key in ("ge", "gt", "le", "lt")
+            if getattr(one, key, None) is not None
+        }
+        assert limits == RANGES.get(name, {}), name
 
 
 def test_the_vessels_limits_are_accepted_by_the_planner() -> None:

@@ -17,8 +17,8 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.outcome import Outcome
 from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
-from renew.inputs.fuel import passage_times
 from renew.turns.reach_bound import TurnReach
+from renew.voyage.fuel import passage_times
 from tests.pipeline.formats import small_run
 from tests.true_scale import clearance_m
 

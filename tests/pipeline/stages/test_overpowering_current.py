@@ -15,7 +15,7 @@ import renew
 from pipeline.model import Credit, CurrentGrid, SeasonPlan
 from pipeline.stages.overpowering_current import overpowering_notes, waiting_notes
 from tests.pipeline.formats import small_run
-from tests.renew.search.test_overpowered_hours import STRAIT, tide
+from tests.renew.planner.test_overpowered_hours import STRAIT, tide
 from tests.strategies import PAPER_VESSEL
 
 REGION = shapely.box(130.0, 30.0, 140.0, 40.0)

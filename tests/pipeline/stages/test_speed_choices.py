@@ -117,7 +117,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult)
     plan = plan_season(replace(result.scene, speeds=speeds), "chosen", result.scenario.planner)
     assert plan.plan is None
     assert plan.failure.startswith("arrive_by = 2026-11-22 06:50 UTC can't be made")
-    assert "who leaves at 2026-11-22 06:20 UTC is there at 2026-11-22 0" in plan.failure
+    assert "a departure at 2026-11-22 06:20 UTC arrives at 2026-11-22 0" in plan.failure
     assert "let speed reach" in plan.failure
 
 

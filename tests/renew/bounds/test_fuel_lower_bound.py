@@ -17,8 +17,9 @@ from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.bounds.growth_rate import projected_rate
-from renew.inputs.fuel import Drift, ground_speed
-from renew.inputs.voyage import Voyage
+from renew.inputs.options import Drift
+from renew.voyage.fuel import ground_speed
+from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE, in_triangles
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre, voyage_on
@@ -35,7 +36,7 @@ def lower_bound(
     goal: FloatArray,
     drift: Drift = "projected",
 ) -> float:
-    return fuel_lower_bound(Voyage(chart, current, vessel, start, goal, drift))
+    return fuel_lower_bound(Voyage(Waters(chart, current), vessel, start, goal, drift))
 
 
 # --- the conditions of the proof --------------------------------------------------------------

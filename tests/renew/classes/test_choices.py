@@ -12,7 +12,7 @@ from shapely import Polygon, box
 import renew
 from renew.classes.choices import rays_that_matter
 from renew.classes.h_signature import Rays
-from renew.inputs.arguments import DistinctBy
+from renew.inputs.options import DistinctBy
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_islands, seeds
 
 WAY = np.array([[20.0, 100.0], [180.0, 100.0]])

@@ -12,7 +12,7 @@ from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.inputs.arguments import Order
+from renew.inputs.options import Order
 from tests.strategies import single_gyre, voyage_on
 
 LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
@@ -28,7 +28,7 @@ def enumerator_on(
     triangulation = triangulate(chart)
     rays = Rays.of(chart)
     rays = rays.only(rays.size >= min_size)
-    return triangulation, ClassEnumerator(voyage_on(chart), triangulation, rays, order)
+    return triangulation, ClassEnumerator.of(voyage_on(chart), triangulation, rays, order)
 
 
 def test_both_orders_find_every_simple_path_once() -> None:
@@ -68,4 +68,4 @@ def test_a_goal_in_a_lake_is_unreachable() -> None:
     triangulation = triangulate(chart)
     voyage = voyage_on(chart, (5.0, 5.0), (50.0, 50.0))
     with pytest.raises(renew.UnreachableError, match="separates them"):
-        ClassEnumerator(voyage, triangulation, Rays.of(chart), "length")
+        ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length")

@@ -23,9 +23,9 @@ from renew.classes.reduced_rows import RayColumns, Task
 from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.inputs.voyage import Voyage
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
+from renew.voyage.voyage import Voyage
 from tests.strategies import StreamFunctionCurrent, seeds, voyage_on
 
 FEW = Resolution(144, 2)
@@ -129,7 +129,7 @@ def test_k_paths_are_the_first_k_of_all(seed: int) -> None:
 def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: int) -> None:
     voyage = scene(seed)
     triangulation, rays = triangulate(voyage.chart), Rays.of(voyage.chart)
-    channels = ClassEnumerator(voyage, triangulation, rays, order).channels(1000)  # type: ignore[arg-type]
+    channels = ClassEnumerator.of(voyage, triangulation, rays, order).channels(1000)  # type: ignore[arg-type]
     endpoints = triangulation.locate(voyage.start), triangulation.locate(voyage.goal)
     rows = {tuple(row) for row in nx.all_simple_paths(dual_graph(triangulation), *endpoints)}
     assert {tuple(channel.triangles.tolist()) for channel in channels} == rows or endpoints[

@@ -9,6 +9,7 @@ from shapely import Point, box
 
 import renew
 from renew.classes.overpowered_water import overpowered_water
+from renew.voyage.voyage import Voyage
 from tests.strategies import PAPER_VESSEL
 
 CHART = renew.Chart(box(0, 0, 100, 100))
@@ -40,7 +41,8 @@ def test_routes_lead_around_it_on_both_sides() -> None:
 
 def test_it_covers_all_of_it_and_little_more() -> None:
     plan = renew.plan(CHART, race, PAPER_VESSEL, (10, 50), (90, 50), classes=1)
-    voyage = plan.best.fuel_bound.voyage
+    voyage = plan.best.fuel_bound.source
+    assert isinstance(voyage, Voyage)
     table = voyage.table
     zone = overpowered_water(voyage)
     assert zone.equals(plan.overpowering)

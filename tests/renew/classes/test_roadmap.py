@@ -19,8 +19,8 @@ from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.inputs.current import as_field
-from renew.inputs.fuel import passage_times
-from renew.inputs.voyage import Voyage
+from renew.voyage.fuel import passage_times
+from renew.voyage.voyage import Voyage
 from tests.eddies import eddy_scene
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
 

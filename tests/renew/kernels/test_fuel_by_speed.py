@@ -9,13 +9,13 @@ import pytest
 
 from renew.kernels.capsules import Capsules
 from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain, legs_between
-from renew.kernels.current_table import Table, table_of
+from renew.kernels.current_table import CurrentTable, table_of
 from renew.kernels.fuel_by_speed import Sailed, sailed, slopes
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 
 
-def turning_tide() -> Table:
+def turning_tide() -> CurrentTable:
     """A current that turns from west to east in 100 s, stronger in the north."""
     axis = np.array([0.0, 100.0])
     strength = np.array([[0.2, 0.2], [0.5, 0.5]])

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from renew.kernels.current_table import Table, table_of, velocities
+from renew.kernels.current_table import CurrentTable, table_of, velocities
 from renew.kernels.overpowered_spells import overpowered_spells
 from tests.strategies import seeds
 
 PLACE = np.array([0.3, 0.6])
 
 
-def random_table(seed: int, period: float = math.inf) -> Table:
+def random_table(seed: int, period: float = math.inf) -> CurrentTable:
     """A table of four nodes whose slices stand unevenly in time; a periodic one begins again."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(1.0, 9.0, rng.integers(2, 9)))

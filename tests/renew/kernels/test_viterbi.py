@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from renew._types import FloatArray
-from renew.inputs.fuel import Drift, ground_speed
+from renew.inputs.options import Drift
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.kernels.current_table import STILL_WATER, table_of, velocities
 from renew.kernels.ground_speed import Polar
@@ -25,6 +25,7 @@ from renew.kernels.viterbi import (
     quickest_chain,
     shortcut,
 )
+from renew.voyage.fuel import ground_speed
 from tests.compiler import uncompiled
 from tests.strategies import seeds
 

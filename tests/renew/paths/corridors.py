@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from renew.inputs.arguments import Padding
-from renew.inputs.voyage import Voyage
-from renew.padding.policy import PaddingPolicy
+from renew.inputs.options import Padding, PlanOptions
 from renew.paths.corridor import Corridor
-from renew.search.class_planner import ClassPlanner, PathMethod
-from renew.search.problem import Problem
+from renew.planner.one_class import ClassPlanner
+from renew.planner.problem import Problem
+from renew.voyage.voyage import Voyage
 from tests.strategies import random_scene, voyage_on
 
 
@@ -22,7 +21,7 @@ def corridor_in_scene(seed: int, padding: Padding = "adaptive") -> Corridor:
 
 def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0) -> Corridor:
     """Corridor of a class of a voyage, by its place in the order of fuel."""
-    problem = Problem(voyage, distinct_by=0.0, order="fuel")
-    policy = PaddingPolicy(padding, clearance=0.0, risk=0.05, seed=0)
-    planner = ClassPlanner(problem, policy, PathMethod("optimal", samples=100, seed=0))
-    return planner.corridor(problem.enumerator(0.0).channels(place + 1)[place])
+    options = PlanOptions(padding=padding)
+    problem = Problem(voyage, options)
+    channel = problem.enumerator(0.0).channels(place + 1)[place]
+    return ClassPlanner(problem, options).corridor(channel)

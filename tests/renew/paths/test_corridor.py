@@ -11,7 +11,7 @@ from shapely import box
 
 import renew
 from renew.errors import InfeasibleError
-from renew.inputs.arguments import Padding
+from renew.inputs.options import Padding
 from renew.paths.corridor import SLACK
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
 from tests.strategies import PAPER_VESSEL, voyage_on

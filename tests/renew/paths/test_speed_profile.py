@@ -12,10 +12,9 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.fuel import Drift
-from renew.inputs.speed_choice import SpeedChoice
-from renew.inputs.voyage import Voyage
+from renew.inputs.options import Drift
 from renew.paths.speed_profile import speed_profile, trade_off
+from renew.voyage.voyage import SpeedChoice, Voyage, Waters
 from tests.speed_oracle import least_fuel
 from tests.strategies import StreamFunctionCurrent
 
@@ -40,7 +39,7 @@ def _voyage(
 ) -> Voyage:
     vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
     choice = SpeedChoice(speeds[0], deadline=deadline)
-    return Voyage(CHART, as_field(current), vessel, path[0], path[-1], drift, choice=choice)
+    return Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift, choice=choice)
 
 
 @pytest.mark.parametrize("drift", DRIFTS)

@@ -10,9 +10,8 @@ import pytest
 from scipy.optimize import minimize
 
 from renew._types import FloatArray
-from renew.inputs.speed_choice import SpeedChoice
-from renew.inputs.voyage import Voyage
 from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
+from renew.voyage.voyage import SpeedChoice, Voyage, Waters
 from tests.moving_waters import moving_scene
 from tests.speed_clock_oracle import Errand
 from tests.strategies import PAPER_VESSEL
@@ -27,8 +26,7 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     vessel = replace(PAPER_VESSEL, speed=SPEEDS[1], fuel_exponent=exponent)
     choice = SpeedChoice(SPEEDS[0], deadline=scene.departure + under_way)
     voyage = Voyage(
-        scene.chart,
-        scene.current,
+        Waters(scene.chart, scene.current),
         vessel,
         scene.start,
         scene.goal,

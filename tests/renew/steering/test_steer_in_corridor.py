@@ -12,8 +12,8 @@ from shapely import Polygon, box
 
 import renew
 from renew.errors import InfeasibleError
-from renew.inputs.arguments import Padding
 from renew.inputs.current import as_field
+from renew.inputs.options import Padding
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
 from tests.eddies import walls

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 import renew
-from renew.padding.turn_reach import turn_reach
+from renew.turns.turn_reach import turn_reach
 from tests.strategies import PAPER_VESSEL, random_scene
 
 

@@ -8,8 +8,8 @@ import shapely
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.arguments import RiskAt
 from renew.inputs.current import as_field
+from renew.inputs.options import RiskAt
 from renew.turns.contingency import stations
 from tests.strategies import PAPER_VESSEL, random_scene
 

@@ -10,11 +10,11 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.voyage import Voyage
-from renew.padding.soft_no_go import PaddedEdges
 from renew.turns.contingency import fly_turns, stations
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from renew.turns.soft_no_go import PaddedEdges
 from renew.turns.verification import colliding_edges
+from renew.voyage.voyage import Voyage
 from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
@@ -60,7 +60,7 @@ def test_it_finds_the_edges_that_flying_every_turn_finds(seed: int) -> None:
     turns = fly_turns(
         points,
         course,
-        voyage.quick_current,
+        voyage.waters.quick_current,
         PAPER_VESSEL,
         MAX_DEVIATIONS * np.array([corners], dtype=float),
         np.zeros(len(points)),

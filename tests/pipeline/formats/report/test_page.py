@@ -6,7 +6,6 @@ import json
 import math
 import re
 from dataclasses import replace
-from functools import partial
 
 import pytest
 import shapely
@@ -184,7 +183,7 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
 
     channel = entry.plan.routes[0].channel
     gone = tuple(
-        Rejected(name, reason, channel, _compute_fuel=partial(float, fuel))
+        Rejected(name, reason, channel, fuel_source=fuel)
         for name, reason, fuel in (
             ("+7", "too narrow <b>", 130.0),
             ("-8", "too narrow <b>", 120.0),

@@ -101,7 +101,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
         _chosen(result, tmp_path, [], arrive_by=by.isoformat())
     message = str(caught.value)
     assert "season 'tide': arrive_by = 2026-11-22 06:40 UTC can't be made" in message
-    assert "who leaves at 2026-11-22 06:20 UTC is there at 2026-11-22" in message
+    assert "a departure at 2026-11-22 06:20 UTC arrives at 2026-11-22" in message
 
 
 def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401

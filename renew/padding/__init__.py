@@ -1,1 +1,0 @@
-"""Adaptive padding of constrained edges, and the soft no-go zone V."""

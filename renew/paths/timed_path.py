@@ -1,0 +1,235 @@
+"""A path cut into rows, with the clock running: its schedules, and the speeds of least fuel.
+
+The least fuel is looked for over places and times together (:mod:`renew.kernels.cheapest_chain`),
+which finds the right tide; the speeds that this gives are improved by SciPy's truncated Newton
+method, the deadline being kept by an augmented Lagrangian (Nocedal & Wright, Numerical
+Optimization, 2006, 17.3): its multiplier is the price of time at the end. All of it is in the
+current's table.
+"""
+
+import math
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import minimize
+
+from renew._compiled import for_kernels
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain
+from renew.kernels.fuel_by_speed import Sailed, sailed, slopes
+from renew.kernels.ground_speed import sailing_at
+from renew.kernels.viterbi import Stream, arrivals
+from renew.voyage.voyage import Voyage
+
+# Number of rows into which a path is cut at least and at most, and the number of steps of the clock
+# between two of them.
+_ROWS, _MAX_ROWS, _STEPS_A_ROW = 96, 400, 3.0
+# Number of times at which the least fuel is known in a row, and of speeds tried on each leg.
+_TIMES, _TRIES = 48, 6
+# Least width of a window of times, as a share of the time under way at the highest speed.
+_NARROWEST = 1e-6
+# Price of lateness, as a multiple of k vᵏ at the highest speed v: so dear that none is worth it.
+_LATE = 3.0
+# Rounds in which the multiplier is looked for, how much lateness its first change allows, and how
+# much the last one does, as shares of the time under way.
+_ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
+# Cost, as a multiple of a path's usual one, of speeds at which no way can be made.
+_NO_WAY = 1e3
+# Number of constant speeds that are tried, and of halvings between two of them.
+_CONSTANT, _HALVINGS = 24, 30
+
+
+class TimedPath:
+    """A path cut into rows, or, `as_it_is`, with its own points as rows. Fuel is that over α.
+
+    `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each two of them.
+    """
+
+    def __init__(self, path: FloatArray, voyage: Voyage, *, as_it_is: bool = False) -> None:
+        self._voyage = voyage
+        legs = np.diff(path, axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        length, step = lengths.sum(), _STEPS_A_ROW * voyage.clock.step
+        longest = length if as_it_is else max(min(length / _ROWS, step), length / _MAX_ROWS)
+        pieces = np.maximum(1, np.ceil(lengths / longest).astype(int))
+        leg = np.repeat(np.arange(len(legs)), pieces)
+        place = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+        self.own_leg: IntArray = leg
+        self.rows = for_kernels(np.vstack([path[leg] + place[:, None] * legs[leg], path[-1:]]))
+
+    @property
+    def every(self) -> IntArray:
+        """Legs (r,) of which each has a speed of its own."""
+        return np.arange(len(self.own_leg))
+
+    def errand(self, deadline: float = math.inf) -> Errand:
+        """What the vessel has to do: by a deadline (s), or when it is no longer worth waiting."""
+        vessel, voyage = self._voyage.vessel, self._voyage
+        return Errand(
+            vessel.speed,
+            voyage.drift == "crab",
+            vessel.fuel_exponent,
+            voyage.clock.step,
+            min(deadline, self.last_arrival),
+            _LATE * vessel.fuel_exponent * vessel.speed**vessel.fuel_exponent,
+        )
+
+    def arrivals(self, speed: float) -> FloatArray:
+        """Times (r + 1,), s, at the rows at a constant speed (m/s)."""
+        voyage = self._voyage
+        polar = sailing_at(speed, voyage.drift == "crab", voyage.vessel.speed)
+        return np.asarray(arrivals(self.rows, Stream(voyage.table, polar, voyage.clock)))
+
+    @cached_property
+    def constant(self) -> tuple[float, float]:
+        """The constant speed (m/s) of least fuel that is there in time, and that fuel.
+
+        The highest, where none is.
+        """
+        deadline, (least, most) = self._voyage.deadline, self.speeds
+        tried = np.geomspace(most, least, _CONSTANT).tolist()
+        found = [self._at_constant(speed) for speed in tried]
+        # The slowest that is just in time lies between two of them.
+        for at in np.flatnonzero(np.diff([arrival <= deadline for arrival, _ in found])).tolist():
+            low, high = tried[at + 1], tried[at]
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                is_late = self._at_constant(middle)[0] > deadline
+                low, high = (middle, high) if is_late else (low, middle)
+            tried.append(high)
+            found.append(self._at_constant(high))
+        fuels = [fuel if arrival <= deadline else math.inf for arrival, fuel in found]
+        best = int(np.argmin(fuels))
+        return tried[best], found[best][1]
+
+    def _at_constant(self, speed: float) -> tuple[float, float]:
+        """Arrival (s) at the end, and fuel, at a constant speed (m/s)."""
+        arrival = float(self.arrivals(speed)[-1])
+        under_way = arrival - self._voyage.departure
+        return arrival, under_way * float(speed**self._voyage.vessel.fuel_exponent)
+
+    @cached_property
+    def last_arrival(self) -> float:
+        """Time (s) after which no voyage of least fuel arrives, with all the time there is.
+
+        A longer voyage burns more even at the lowest speed than one that is known.
+        """
+        voyage = self._voyage
+        burnt = voyage.choice.least**voyage.vessel.fuel_exponent
+        slowest = voyage.departure + self.constant[1] / burnt
+        return float(min(slowest, voyage.current.span[1]))
+
+    def chain(self, deadline: float) -> Chain:
+        """Least fuel over places and times, to be at the end by a deadline (s)."""
+        rows = len(self.rows)
+        early, late = self.window(deadline)
+        clear = np.ones((rows - 1, 1, 1), dtype=np.bool_)
+        every = np.tile(self.speeds, (rows - 1, 1))
+        points = self.rows[:, None].copy()
+        return self.cheapest(points, clear, np.linspace(early, late, _TIMES).T, every, deadline)
+
+    def cheapest(
+        self,
+        points: FloatArray,
+        clear: BoolArray,
+        times: FloatArray,
+        speeds: FloatArray,
+        deadline: float,
+    ) -> Chain:
+        """Least fuel over points (r + 1, m, 2) in each row, where legs (r, m, m) are clear.
+
+        It is known at `times` (r + 1, q), s, with `speeds` (r, 2), m/s, from and to which each leg
+        may be sailed.
+        """
+        times[0] = self._voyage.departure
+        table, errand = self._voyage.table, self.errand(deadline)
+        rows = (for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
+        return Chain(*cheapest_chain(*rows, _TRIES, table, errand))
+
+    @property
+    def can_be_made(self) -> bool:
+        """Whether the highest speed brings the vessel to the end, by the table of the current."""
+        return math.isfinite(self.arrivals(self.speeds[1])[-1])
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Lowest and highest speed (m/s)."""
+        return self._voyage.choice.least, self._voyage.vessel.speed
+
+    def window(self, deadline: float) -> tuple[FloatArray, FloatArray]:
+        """Earliest and latest times (r + 1,), s, at the rows, to be at the end by a deadline."""
+        least, most = self.speeds
+        early = self.arrivals(most)
+        slack = max(min(deadline, self.last_arrival) - early[-1], 0.0)
+        late = np.minimum(early + slack, self.arrivals(least))
+        return early, np.maximum(late, early + _NARROWEST * (early[-1] - early[0]))
+
+    def sailed(self, speeds: FloatArray) -> Sailed:
+        """Sail the rows at speeds (r,), m/s."""
+        voyage = self._voyage
+        return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.errand()))
+
+    def fuel(self, speeds: FloatArray) -> float:
+        """Fuel at speeds (r,), m/s."""
+        exponent = self._voyage.vessel.fuel_exponent
+        return float((speeds**exponent * np.diff(self.sailed(speeds).times)).sum())
+
+    def least_fuel(
+        self,
+        speeds: FloatArray,
+        legs: IntArray,
+        deadline: float,
+        price: float = math.nan,
+        rounds: int = _ROUNDS,
+    ) -> tuple[FloatArray, float]:
+        """Speeds (l,) of legs (r,) of the rows that need least fuel, near some; the price of time.
+
+        The price is that over α, and so is the first guess at it. Post-condition: the end is
+        reached by the deadline, nearly, if it can be and the rounds are enough.
+        """
+        exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
+        first = np.flatnonzero(np.diff(legs, prepend=-1))
+        if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
+            # Too slow for some water: begun as fast as may be.
+            speeds = np.full(len(speeds), most)
+        times = np.diff(self.sailed(speeds[legs]).times)
+        total = float(times.sum())
+        if not math.isfinite(total):
+            return speeds, exponent * most**exponent
+        mean = float((speeds[legs] * times).sum() / total)
+        # In these units a change of any leg's speed costs about as much.
+        scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))
+        unit = mean**exponent * total
+        usual = max(exponent - 1, 0.1) * mean**exponent
+        price = usual if math.isnan(price) else price
+        stiffness = usual / (_FIRST_LATE * total)
+
+        def cost(scaled: FloatArray) -> tuple[float, FloatArray]:
+            """Augmented Lagrangian and its slopes."""
+            through = (scaled / scale)[legs]
+            made = self.sailed(through)
+            if not math.isfinite(made.times[-1]):
+                return _NO_WAY, np.zeros(len(scaled))
+            at = max(0.0, price + stiffness * (float(made.times[-1]) - deadline))
+            fuel = float((through**exponent * np.diff(made.times)).sum())
+            slope = np.add.reduceat(slopes(through, made, at, exponent), first)
+            return (fuel + (at**2 - price**2) / (2 * stiffness)) / unit, slope / scale / unit
+
+        limits = np.stack([least * scale, most * scale], axis=1)
+        for _ in range(rounds):
+            begun = np.clip(speeds * scale, limits[:, 0], limits[:, 1])
+            found = minimize(
+                cost,
+                begun,
+                jac=True,
+                # L-BFGS-B needs fewer steps, but ten times as long where BLAS has several threads.
+                method="TNC",
+                bounds=limits,
+                options={"maxfun": 300, "maxCGit": 3, "ftol": 1e-8},
+            )
+            speeds = found.x / scale
+            late = float(self.sailed(speeds[legs]).times[-1]) - deadline
+            before, price = price, max(0.0, price + stiffness * late)
+            if abs(late) <= _LATE_AT_LAST * total or before == price == 0:
+                break
+        return speeds, price

@@ -1,0 +1,119 @@
+"""Plans that keep out of areas while these are shut.
+
+What is always shut is no-go like land. An area that is shut for some hours is first taken as open:
+a route that may meet it in these hours, early, on time or late, or in a turn, falls away. Areas
+that are met are then taken as land, and the voyage is planned again, until no route meets any. Of
+all these plans the one with the best route counts. So no area is entered while it is shut, whatever
+happens; but the vessel never waits, and of all paths through an area only the least-fuel one of
+each class is known.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
+from renew.inputs.chart import Chart
+from renew.inputs.shut_area import ShutArea, polygons_of
+from renew.planner.harmonic_mean import chosen_class
+from renew.planner.one_class import ClassPlanner
+from renew.results.plan import Plan, Rejected
+from renew.results.route import Route
+from renew.turns.shut_hours import meeting
+
+
+def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:
+    """Chart without the water of the areas that are always shut."""
+    always = [area for area in areas if area.is_always_shut]
+    return chart.without(polygons_of(always), is_land=True) if always else chart
+
+
+def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleError | None:
+    """Why a route falls away: it may be in an area while that is shut. None where it isn't."""
+    voyage = planner.problem.voyage.leaving(float(route.times[0]))
+    options = planner.options
+    reach = planner.problem.reach if options.is_adaptive else options.min_width
+    for line, times in (
+        (route.path, route.times),
+        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
+    ):
+        found = meeting(line, times, area, voyage, reach)
+        if found is not None:
+            where, begin, end = found
+            return InfeasibleError(
+                "near {0} the vessel, or a turn that it begins, may be in {1},{2}",
+                where,
+                area.text,
+                from_until(begin, end),
+            )
+    return None
+
+
+def without_meeting(
+    plan: Plan, areas: Sequence[ShutArea], planner: ClassPlanner
+) -> tuple[Plan, dict[ShutArea, float]]:
+    """A plan without the routes that meet an area while it is shut, and these areas.
+
+    With each area comes the least fuel of a route that meets it.
+    """
+    routes, rejected, met = list[Route](), list(plan.rejected), dict[ShutArea, float]()
+    for route in plan.routes:
+        reasons = {area: reason for area in areas if (reason := meets(route, area, planner))}
+        if not reasons:
+            routes.append(route)
+            continue
+        met |= {area: min(route.fuel, met.get(area, route.fuel)) for area in reasons}
+        reason = next(iter(reasons.values()))
+        rejected.append(
+            Rejected(
+                route.homotopy, str(reason), route.channel, cause=reason, fuel_source=route.fuel
+            )
+        )
+    chosen = chosen_class(routes) if routes else 0
+    return replace(plan, routes=tuple(routes), rejected=tuple(rejected), chosen=chosen), met
+
+
+def plan_around(
+    areas: Sequence[ShutArea],
+    plan: Callable[[Sequence[ShutArea]], tuple[Plan, ClassPlanner]],
+) -> Plan:
+    """The best plan that keeps out of areas while these are shut.
+
+    `plan` makes one, and gives its planner, on the chart with some of them closed like land.
+    """
+    open_areas, closed = list(areas), list[ShutArea]()
+    plans: list[Plan] = []
+    met: dict[ShutArea, float] = {}
+    failure: PlanningError | None = None
+    while True:
+        try:
+            found, planner = plan(closed)
+        except PlanningError as error:
+            if not closed:
+                raise
+            failure = error
+            break
+        kept, met_here = without_meeting(found, open_areas, planner)
+        if kept.routes:
+            plans.append(kept)
+        if not met_here:
+            break
+        met |= met_here
+        closed = [*closed, *met_here]
+        open_areas = [area for area in open_areas if area not in met_here]
+    if plans:
+        best = min(plans, key=lambda one: one.best.harmonic_mean)
+        cheaper = (area for area in areas if met.get(area, math.inf) < best.best.fuel)
+        return replace(best, shut=tuple(cheaper))
+    raise unavoidable(closed, failure)
+
+
+def unavoidable(closed: Sequence[ShutArea], failure: PlanningError | None) -> UnreachableError:
+    """Error where every way meets one of some areas while it is shut, and none leads around."""
+    around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
+    return UnreachableError(
+        "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
+        "the area be entered",
+        Text.joined("; ", [area.text for area in closed]),
+        around,
+    )

@@ -1,0 +1,123 @@
+"""Ways to find the least-fuel path of a class that can be steered: the best first."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import InfeasibleError
+from renew.kernels.current_table import velocities
+from renew.kernels.ground_speed import chosen_speeds
+from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
+from renew.planner.grow import PaddingGrowth
+
+# Ratio by which padding grows that may spoil a path. As the current changes, it grows by some per
+# cent each time: a path is passed at other hours than the rough one by which its class was found.
+_MUCH = 1.1
+# Ratio to the fuel of a rough path, which is a little dearer than it need be, from which padding
+# has pushed a path off it.
+_PUSHED_OFF = 1.005
+
+
+_Attempt: TypeAlias = Callable[[], tuple[Corridor, FloatArray]]
+"""Finds a path (n, 2) of a class, and the corridor with the padding that it needs."""
+
+
+def attempts(
+    corridor: Corridor, near: FloatArray | None, growth: PaddingGrowth
+) -> Iterator[_Attempt]:
+    """Ways to find a path that can be steered and stays in its class; the best first.
+
+    A path (n, 2) `near` is refined before anything else is tried. Eq. 4 as published rewards
+    tacking against currents above v/2, where v + c·T is no convex speed polar: such paths can't be
+    steered. The crab model's path then can, as it is: making room for it as well would double the
+    time of a class that can't be sailed.
+    """
+    if near is not None:
+        yield partial(_refined, corridor, near)
+    for polar in dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True))):
+        own = replace(corridor, polar=polar)
+        yield partial(_near_rough_or_bulging, own, growth)
+        for rough in (_bulging, path_through_sections):
+            yield partial(path_from, own, rough, growth)
+
+
+def _near_rough_or_bulging(
+    corridor: Corridor, growth: PaddingGrowth
+) -> tuple[Corridor, FloatArray]:
+    """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
+
+    The path near the best one within the channel is taken if it needs less fuel: where the other
+    comes so close to land that it needs much more padding, which then stays, where padding pushes
+    it off the path by which the class was found, or where tacking pays.
+    """
+    near = path_from(corridor, near_rough, growth)
+    if not (_is_much_wider(near[0], corridor) or _is_pushed_off(*near) or _pays_tacking(*near)):
+        return near
+    with contextlib.suppress(InfeasibleError):
+        bulging = path_from(corridor, _bulging, growth)
+        return min(near, bulging, key=lambda found: corridor.voyage.fuel(found[1]))
+    return near
+
+
+def path_from(
+    corridor: Corridor, rough_path: Callable[[Corridor], FloatArray], growth: PaddingGrowth
+) -> tuple[Corridor, FloatArray]:
+    """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
+    rough = rough_path(corridor)
+    fitted = growth.fitted(corridor, rough)
+    if fitted is corridor:
+        return _refined(corridor, rough)
+    try:
+        return _refined(fitted, rough)
+    except InfeasibleError:
+        return _refined(fitted, rough_path(fitted))
+
+
+def _is_pushed_off(corridor: Corridor, path: FloatArray) -> bool:
+    """Whether a path (n, 2) needs more than the rough path by which its class was found."""
+    voyage = corridor.voyage
+    rough = corridor.channel.rough_path(voyage.start, voyage.goal)
+    return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(rough)
+
+
+def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
+    """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): against more than v/2."""
+    if corridor.polar.crab:
+        return False
+    legs, voyage = np.diff(path, axis=0), corridor.voyage
+    times = voyage.reading_times(path)[:-1]
+    velocity = velocities(voyage.table, path[:-1] + legs / 2, times)
+    course = legs / np.linalg.norm(legs, axis=1)[:, None]
+    along = (velocity * course).sum(axis=1)
+    speed = chosen_speeds(velocity, course, voyage.polar)
+    return bool((along < -speed / 2).any())
+
+
+def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
+    """Whether the padding of a corridor has grown by much somewhere."""
+    return any(
+        bool((after.padding > _MUCH * before.padding).any())
+        for before, after in zip(corridor.paddings, grown.paddings, strict=True)
+    )
+
+
+def near_rough(corridor: Corridor) -> FloatArray:
+    """Rough path (n, 2) near the one by which the class was found."""
+    voyage = corridor.voyage
+    return path_near(corridor, corridor.channel.rough_path(voyage.start, voyage.goal))
+
+
+def _bulging(corridor: Corridor) -> FloatArray:
+    """Rough path (n, 2) near the best one within the channel."""
+    return path_near(corridor, path_through_sections(corridor))
+
+
+def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
+    """Corridor, and the least-fuel path (n, 2) near a rough one."""
+    return corridor, refined_path(corridor, rough)

@@ -1,0 +1,224 @@
+"""Class by class, in order, until there are as many routes as were asked for."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from renew.classes.channel import Channel, Transition
+from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.h_signature import Word
+from renew.classes.via_enumerator import ViaEnumerator
+from renew.errors import InfeasibleError
+from renew.planner.harmonic_mean import chosen_class
+from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.overpowered_hours import hours_of, with_hours
+from renew.results.plan import Plan, Rejected
+
+# Number of variants around islands that tell no classes apart among which the best route is looked
+# for, and of those that are planned beside it.
+_VARIANTS, _BESIDE = 8, 4
+# Routes within this ratio of the best are searched again for variants around small islands, because
+# the first estimate is less exact than that.
+_NEARLY_BEST = 1.0005
+# Number of classes among which the best path is looked for at first, and the ratio to its fuel
+# above which the dearest of them says that the classes behind it are dearer still.
+_FEW, _CLEARLY_DEARER = 4, 1.03
+# Largest number of rounds in which channels around blocked transitions are looked for.
+_MAX_ROUNDS = 64
+
+
+def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
+    """Plan the first k classes, and those that take the place of rejected ones.
+
+    A channel that is blocked at some place is looked for again around all places found blocked, in
+    rounds, until a round finds no other. What a strait's padding blocks for one class it mostly
+    blocks for all, so that the rounds soon hold k classes that can be sailed. Where they don't,
+    there may be classes that no round looked into, because what is blocked for others was assumed
+    to be blocked for them, or a passing edge to be too narrow: these are then planned for
+    themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
+    """
+    search = ClassSearch(planner)
+    search.find_first(classes)
+    return search.plan(classes)
+
+
+class ClassSearch:
+    """Plans classes one by one, and keeps the path of each, or the first reason against it.
+
+    Classes that are `known` are not planned again. With an estimate of fuel for channels, those are
+    left out whose estimate is no less than the fuel of a path found: only the best is asked for.
+    """
+
+    def __init__(
+        self,
+        planner: ClassPlanner,
+        known: Mapping[Word, ClassPath] | None = None,
+        fuel_estimate: Callable[[Channel], float] | None = None,
+    ) -> None:
+        self._planner, self._estimate = planner, fuel_estimate
+        self._rays = planner.problem.rays
+        self.found: dict[Word, ClassPath] = dict(known or {})
+        self.rejected: dict[Word, Rejected] = {}
+        self._too_dear: dict[Word, float] = {}
+        self._slipped: dict[Word, ClassPath] = {}
+        self._done: set[Word] = set()
+
+    @property
+    def all_found(self) -> Mapping[Word, ClassPath]:
+        """The best path of each class, whichever class it was looked for in."""
+        self._add_slipped()
+        return self.found
+
+    @property
+    def best(self) -> ClassPath | None:
+        """The path of least fuel, of whichever class."""
+        self._add_slipped()
+        return min(self.found.values(), key=lambda found: found.fuel, default=None)
+
+    def find_best(self, classes: int) -> None:
+        """Find the best path of the first classes: of a few, if the dearest is clearly dearer.
+
+        Classes come in the order of what they need at first sight, which tells nearly what they
+        come to; most of the time goes into finding many. Of the variants around islands that tell
+        no classes apart only the first is planned, and one beside the best route: others differ
+        from it by far less than departures do.
+        """
+        few = min(classes, _FEW)
+        self.find_first(few, variants=1, beside=1)
+        known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
+        if few == classes or (
+            len(known) >= few
+            and self.best is not None
+            and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
+        ):
+            return
+        self.find_first(classes, variants=1, beside=1)
+
+    def find_first(self, classes: int, variants: int = _VARIANTS, beside: int = _BESIDE) -> None:
+        """Find paths of the first k classes; see :func:`plan_classes`.
+
+        Of the variants around islands that tell no classes apart, the first `variants` are tried,
+        and the first `beside` of those beside the best route.
+        """
+        problem, options = self._planner.problem, self._planner.options
+        clearance = options.likely_width(problem.voyage.vessel.turning_radius)
+        scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
+        is_free = (
+            options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
+        )
+        if is_free and problem.rays.omits_islands:
+            # The best of all channels is the best of its class, whichever islands tell those apart.
+            self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
+        seen_all = self.plan_in_rounds(enumerator, classes, self.add)
+        count = len(self.found.keys() | self._too_dear.keys())
+        is_enough = count >= classes or (self.found and enumerator.has_many_triangles)
+        if not (is_enough or seen_all):
+            for channel in problem.enumerator(0.0).channels(classes):
+                if channel.word not in self.rejected:
+                    self.add(channel)
+        if is_free and scout.has_many_triangles:
+            self.find_beside_best(scout, beside)
+
+    def plan(self, classes: int) -> Plan:
+        """Routes of `classes` classes, least fuel first; also those that slipped out of others."""
+        best = sorted(self.all_found.values(), key=lambda found: found.fuel)[:classes]
+        routes = tuple(map(self._planner.route, best))
+        rejected = tuple(one for word, one in self.rejected.items() if word not in self.found)
+        water = self._planner.problem.overpowered_water
+        return Plan(routes, rejected, chosen_class(routes) if routes else 0, water)
+
+    def plan_in_rounds(
+        self,
+        enumerator: ClassEnumerator | ViaEnumerator,
+        classes: int,
+        add: Callable[[Channel], frozenset[Transition]],
+    ) -> bool:
+        """Plan the first k classes around what is blocked; say whether these are all there are."""
+        blocked: set[Transition] = set()
+        there_are = classes
+        for _ in range(_MAX_ROUNDS):
+            known = len(blocked)
+            channels = enumerator.channels(there_are, blocked)
+            # Where more is blocked there can't be more.
+            there_are = len(channels)
+            for channel in channels:
+                blocked |= add(channel)
+            if known == 0 and enumerator.sees_all and there_are < classes:
+                return True
+            if len(blocked) == known:
+                break
+        return False
+
+    def add(self, channel: Channel) -> frozenset[Transition]:
+        """Plan a class in one more channel; return the transitions that block it."""
+        return frozenset() if channel.word in self.found else self._add(channel, channel.word)
+
+    def add_variant(self, channel: Channel) -> frozenset[Transition]:
+        """Plan a channel that more islands tell apart: a class takes its best."""
+        return self._add(channel, self._rays.of_word(channel.word))
+
+    def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
+        """Plan `count` variants around other islands, on finer roads beside the best routes."""
+        if self.best is None:
+            return
+        enough = _NEARLY_BEST * self.best.fuel
+        best = [found.path for found in self.found.values() if found.fuel <= enough]
+        for channel in scout.channels_beside(best, count):
+            self._done.discard(channel.word)
+            self.add_variant(channel)
+
+    def _add(self, channel: Channel, word: Word) -> frozenset[Transition]:
+        """Plan a channel as one of the class with a word."""
+        if channel.word in self._done:
+            return frozenset()
+        if self._estimate is not None and self.found:
+            estimate = self._estimate(channel)
+            if estimate >= min(found.fuel for found in self.found.values()):
+                self._done.add(channel.word)
+                self._too_dear[word] = estimate
+                return frozenset()
+        asked = replace(channel, word=word)
+        try:
+            found = self._find(asked)
+        except InfeasibleError as error:
+            self.rejected.setdefault(word, self.rejected_for(asked, error))
+            if error.strait is None:
+                self._done.add(channel.word)
+            return error.blocked
+        self._done.add(channel.word)
+        _keep_best(self.found, word, found)
+        return frozenset()
+
+    def _find(self, channel: Channel) -> ClassPath:
+        """Path of a channel's class; one that slips out of it is put aside."""
+        found = self._planner.find(channel)
+        word = self._planner.problem.word(found.path)
+        if word != channel.word:
+            _keep_best(self._slipped, word, found)
+            raise InfeasibleError("its least-fuel path slips into another class")
+        return found
+
+    def _add_slipped(self) -> None:
+        """Take the paths that slipped out of their classes as those of the classes they are of."""
+        for word, found in self._slipped.items():
+            _keep_best(self.found, word, found)
+
+    def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
+        """A class without a route, and why; with the hours at which a current shuts its way."""
+        hours = hours_of(channel, self._planner.problem.voyage)
+        error = with_hours(error, hours)
+        return Rejected(
+            homotopy=channel.name,
+            reason=str(error),
+            channel=self._planner.problem.triangulation.corners[channel.triangles],
+            strait=error.strait,
+            cause=error,
+            overpowered=hours,
+            fuel_source=partial(self._planner.unpadded_fuel, channel),
+        )
+
+
+def _keep_best(best: dict[Word, ClassPath], word: Word, found: ClassPath) -> None:
+    """Keep a path of a class if it needs less fuel than the one there is."""
+    if word not in best or found.fuel < best[word].fuel:
+        best[word] = found

@@ -1,0 +1,215 @@
+"""The best route by departure, on what all departures share: water, classes, what padding is known.
+
+At a departure a class is planned completely only if it can still be the best.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from renew.classes.channel import Channel
+from renew.classes.h_signature import name
+from renew.errors import (
+    CurrentTooStrongError,
+    InfeasibleError,
+    PlanningError,
+    TooLateError,
+    UnreachableError,
+)
+from renew.inputs.shut_area import ShutArea
+from renew.paths.least_fuel_path import refined_path
+from renew.planner.areas import meets, unavoidable, without_meeting
+from renew.planner.attempts import near_rough
+from renew.planner.classes import ClassSearch
+from renew.planner.diagnosis import no_class_error
+from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.task import Task
+from renew.results.plan import Departed, Plan, Rejected
+from renew.steering.steer_in_corridor import steer_as_drawn
+from renew.voyage.checks import check_current_at_endpoints
+
+# Share of the time under way by which a later departure has to arrive earlier for its path to be
+# tried from the departure before: rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Sailing:
+    """What a departure (s) came to: its least-fuel path, or why there is none."""
+
+    departure: float
+    planner: ClassPlanner
+    found: ClassPath | None
+    cause: PlanningError | None = None
+    rejected: tuple[Rejected, ...] = ()
+
+    @property
+    def fuel(self) -> float:
+        """Fuel of the path; infinite where there is none."""
+        return math.inf if self.found is None else self.found.fuel
+
+    @property
+    def duration(self) -> float:
+        """Time under way (s); infinite where there is no path."""
+        return self.fuel / self.planner.problem.voyage.vessel.fuel_rate
+
+    @property
+    def arrival(self) -> float:
+        """When the goal is reached (s); infinite where it is not."""
+        return self.departure + self.duration
+
+    @property
+    def outcome(self) -> Departed:
+        """Figures of the path, or why there is none."""
+        if self.found is None:
+            return Departed(self.departure, cause=self.cause)
+        problem, path = self.planner.problem, self.found.path
+        times = problem.voyage.arrivals(path)
+        homotopy = name(problem.word(path))
+        return Departed(self.departure, self.arrival, self.fuel, path, times, homotopy)
+
+    @property
+    def plan(self) -> Plan:
+        """The path alone, as a plan."""
+        routes = () if self.found is None else (self.planner.route(self.found),)
+        return Plan(routes, self.rejected, 0, self.planner.problem.overpowered_water)
+
+    @property
+    def error(self) -> PlanningError:
+        """Why there is no path, with what would help."""
+        if not self.rejected and self.cause is not None:
+            return self.cause
+        return no_class_error(self.rejected, self.planner)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether every class arrives after the last time of the current: later ones do as well."""
+        causes = [one.cause for one in self.rejected]
+        return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
+
+
+class Sailings:
+    """Plans the best route of each departure, around areas that it would meet while shut.
+
+    All departures share what their planners know; areas that are met are closed like land.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._closed_at: dict[float, frozenset[ShutArea]] = {}
+
+    def sailing(self, departure: float) -> Sailing:
+        """The best route at a departure (s)."""
+        closed: frozenset[ShutArea] = frozenset()
+        while True:
+            try:
+                sailing = self._sailing(departure, closed)
+            except PlanningError as error:
+                if not closed:
+                    raise
+                first = self._sailing(departure, frozenset())
+                areas = [area for area in self._task.areas if area in closed]
+                return replace(first, found=None, cause=unavoidable(areas, error), rejected=())
+            met = self._met(sailing, closed)
+            if not met:
+                self._closed_at[departure] = closed
+                return sailing
+            closed |= met
+
+    def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
+        """All classes at the departure of a sailing that has a path, and the best of these."""
+        closed, planner = self._closed_at[sailing.departure], sailing.planner
+        word, classes = planner.problem.word, self._task.request.classes
+        known = {} if sailing.found is None else {word(sailing.found.path): sailing.found}
+        search = ClassSearch(planner, known)
+        search.find_first(classes)
+        areas = self._task.areas
+        plan, met = without_meeting(
+            search.plan(classes), [area for area in areas if area not in closed], planner
+        )
+        plan = replace(plan, shut=tuple(area for area in areas if area in closed))
+        return plan, sailing if met else replace(sailing, found=search.best)
+
+    def by_arrival(self, sailings: Sequence[Sailing]) -> list[Sailing]:
+        """Sailings of which none arrives later than the next, as far as is safe.
+
+        Where areas are shut they are left as they are: one of another departure may meet an area.
+        """
+        return list(sailings) if self._task.areas else in_order_of_arrival(sailings)
+
+    def _sailing(self, departure: float, closed: frozenset[ShutArea]) -> Sailing:
+        """The best route at a departure (s), on the chart with some areas closed like land."""
+        first = self._task.planner(closed)
+        problem = first.problem.leaving(departure)
+        return best_sailing(first.for_problem(problem), first.unpadded.for_problem(problem))
+
+    def _met(self, sailing: Sailing, closed: frozenset[ShutArea]) -> frozenset[ShutArea]:
+        """Areas that a sailing meets while they are shut."""
+        others = [area for area in self._task.areas if area not in closed]
+        if sailing.found is None or not others:
+            return frozenset()
+        route = sailing.planner.route(sailing.found)
+        return frozenset(area for area in others if meets(route, area, sailing.planner))
+
+
+def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
+    """The best route of a planner's classes at its departure, with one that plans them unpadded."""
+    voyage, options = planner.problem.voyage, planner.options
+    try:
+        check_current_at_endpoints(voyage)
+    except CurrentTooStrongError as error:
+        return Sailing(voyage.departure, planner, None, error)
+    search = ClassSearch(planner, fuel_estimate=lambda channel: _fuel_estimate(unpadded, channel))
+    search.find_best(options.classes)
+    rejected = tuple(search.rejected.values())
+    cause = None
+    if rejected:
+        cause = UnreachableError(
+            f"all {len(rejected)} classes were rejected: {{0}}", rejected[0].text
+        )
+    return Sailing(voyage.departure, planner, search.best, cause, rejected)
+
+
+def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
+    """Sailings by departure, none of which arrives later than the next, as far as is safe.
+
+    On a path the vessel that leaves earlier is the first everywhere. So where the next one's path,
+    sailed from the departure before it, is better and its turns are safe then as well, it is taken.
+    """
+    result = list(sailings)
+    for k in range(len(result) - 2, -1, -1):
+        here, after = result[k], result[k + 1]
+        if here.arrival > after.arrival + _ROUNDING * after.duration and after.found is not None:
+            found = _sailed_from(here.planner, after.found)
+            if found is not None and found.fuel < here.fuel:
+                result[k] = replace(here, found=found)
+    return result
+
+
+def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
+    """A path of another departure, sailed at a planner's own; None where that isn't safe."""
+    path = found.path
+    corridor = planner.growth.fitted(planner.corridor(found.corridor.channel), path)
+    try:
+        trajectory = steer_as_drawn(path, corridor)
+        planner.check_current(trajectory)
+    except InfeasibleError:
+        return None
+    if planner.growth.shortfall(corridor, path) is not None:
+        return None
+    fuel = planner.problem.voyage.fuel(path)
+    return ClassPath(corridor, path, trajectory, fuel, fuel)
+
+
+def _fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
+    """Fuel of a channel's path with the least padding there can be, before it is steered.
+
+    Its route needs hardly ever less. Minus infinity where no such path is found.
+    """
+    corridor = unpadded.corridor(channel)
+    try:
+        path = refined_path(corridor, near_rough(corridor))
+    except InfeasibleError:
+        return -math.inf
+    voyage = unpadded.problem.voyage
+    return voyage.vessel.fuel_rate * float(voyage.reading_times(path)[-1] - voyage.departure)

@@ -1,0 +1,130 @@
+"""Why no class can be sailed, and what would leave a route: less padding, or more risk."""
+
+import itertools
+import math
+from dataclasses import replace
+from typing import Any
+
+from renew.classes.dual_graph import widest_gap
+from renew.classes.h_signature import shortened
+from renew.errors import Text, TooLateError, UnreachableError
+from renew.planner.classes import plan_classes
+from renew.planner.one_class import ClassPlanner
+from renew.results.plan import Rejected
+from renew.results.route import Route
+
+# Number of halvings by which the largest margin is found.
+_HALVINGS = 6
+# Largest risk that is suggested, and to how much it is found.
+_MAX_RISK, _RISK_STEP = 0.5, 0.01
+# Number of reasons that are quoted, and of classes that are named with each.
+_MAX_REASONS = 3
+
+
+def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> UnreachableError:
+    """Error for a plan whose classes were all rejected: the first reasons, and what would help."""
+    if not rejected:
+        return UnreachableError(
+            "the search for classes met none before it ended. To find a route: take "
+            'order = "fuel", whose search is led towards the goal'
+        )
+    alike: dict[str, list[Rejected]] = {}
+    for one in rejected:
+        alike.setdefault(one.reason, []).append(one)
+    reasons = [
+        Text("{0}: {1}", (Text(_named(group)), group[0].text))
+        for group in itertools.islice(alike.values(), _MAX_REASONS)
+    ]
+    left = len(alike) - _MAX_REASONS
+    more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
+    if all(isinstance(one.cause, TooLateError) for one in rejected):
+        # Neither padding nor risk makes the vessel arrive much earlier.
+        remedy = "take currents that reach further, or depart earlier"
+    else:
+        tried = "; ".join(suggest_relaxations(planner))
+        remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
+    count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
+    error = UnreachableError(
+        f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
+        Text.joined("; ", reasons),
+        Text(remedy),
+    )
+    error.causes = tuple(one.cause for one in rejected if one.cause is not None)
+    straits = tuple(one.strait for one in rejected if one.strait is not None)
+    if len(straits) == len(rejected):
+        error.straits = straits
+    return error
+
+
+def _named(group: list[Rejected]) -> str:
+    """Name the first of some classes, and count the others."""
+    names = ", ".join(shortened(one.homotopy) for one in group[:_MAX_REASONS])
+    more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
+    return f"class{'es' * (len(group) > 1)} {names}{more}"
+
+
+def suggest_relaxations(planner: ClassPlanner) -> list[str]:
+    """What would leave a route, each tried out; the widest way through comes first."""
+    options, search = planner.options, _RelaxationSearch(planner)
+    triangulation = planner.problem.triangulation
+    stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
+    gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
+    found = [f"the widest way through has a gap of {gap:.2f} m"]
+    if not isinstance(options.padding, str) and options.padding > 0:
+        route = search.route(padding="adaptive")
+        if route is not None:
+            found.append(f'padding = "adaptive" would leave one, {_description(route)}')
+    if options.is_adaptive:
+        found.append(search.least_risk())
+    return found + search.largest_padding(min(options.min_width or math.inf, gap / 2))
+
+
+class _RelaxationSearch:
+    """Plans with other padding: how much less of it would leave a route."""
+
+    def __init__(self, planner: ClassPlanner) -> None:
+        self._problem, self._options = planner.problem, planner.options
+
+    def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
+        """Best route of the first class that has one with changed options, or None."""
+        options = replace(self._options, **changes)
+        # Making room to turn takes long, and less padding leaves more of it.
+        planner = ClassPlanner(self._problem, options, thorough=False)
+        routes = plan_classes(planner, classes=1).routes
+        return routes[0] if routes else None
+
+    def least_risk(self) -> str:
+        """The least risk, to 1 %, that leaves a route."""
+        low, high = self._options.risk, _MAX_RISK
+        if high <= low or self.route(risk=high) is None:
+            return f"no risk up to {_MAX_RISK:g} would leave one"
+        while high - low > _RISK_STEP:
+            middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
+            if middle >= high:
+                break
+            if self.route(risk=middle) is None:
+                low = middle
+            else:
+                high = middle
+        return f"a risk of {high:g} would leave one"
+
+    def largest_padding(self, most: float) -> list[str]:
+        """The largest fixed padding up to `most` m that leaves a route, to 2 %, if one does."""
+        if not 0 < most < math.inf:
+            return []
+        low, high, best = 0.0, most, None
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            route = self.route(padding=middle, clearance=0.0, risk_at="route")
+            if route is None:
+                high = middle
+            else:
+                low, best = middle, route
+        return [f"a padding of {low:.4g} m would leave one, {_description(best)}"] if best else []
+
+
+def _description(route: Route) -> str:
+    """Fuel and clearance of a route, as text."""
+    name = shortened(route.homotopy)
+    clearance = f"{route.clearance:.2f} m clear of no-go zones"
+    return f"class {name} for a fuel of {route.fuel:.6g}, {clearance}"

@@ -1,0 +1,131 @@
+"""Padding that grows until a path's own triangles, and its hard-over turns, need no more.
+
+The padding of a class is first set for its channel. A path that bulges out of it, or a turn in a
+perturbed current, may need more: the edges concerned grow, and the class is planned again.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias, TypeVar
+
+from renew._types import FloatArray, IntArray
+from renew.errors import InfeasibleError
+from renew.inputs.options import PlanOptions
+from renew.kernels.traversal import visits
+from renew.paths.corridor import Corridor
+from renew.planner.problem import Problem
+from renew.turns.padding_model import PaddingModel
+from renew.turns.passage_windows import passage_windows
+from renew.turns.point_risk import risky_edges
+from renew.turns.verification import colliding_edges
+
+_Shortfall: TypeAlias = tuple[IntArray, FloatArray]
+"""Constrained edges, and by how much their padding is too small (m)."""
+
+Shortfalls: TypeAlias = tuple[_Shortfall | None, ...]
+"""What padding lacks on the way to each via point, and to the goal; None where it is enough."""
+
+
+class _HasCorridor(Protocol):
+    """A path with the corridor in which it was planned."""
+
+    @property
+    def corridor(self) -> Corridor:
+        """Its corridor."""
+        ...
+
+
+_Path = TypeVar("_Path", bound=_HasCorridor)
+
+
+def grown_until_clear(
+    found: _Path,
+    shortfall: Callable[[_Path], Shortfalls | None],
+    plan_again: Callable[[Corridor, _Path], _Path],
+    most: int,
+    turns: str = "hard-over turns",
+) -> _Path:
+    """Grow the padding of a path until it lacks nothing; `plan_again` plans near the last path.
+
+    InfeasibleError where it still lacks some after the path has been checked `most` times.
+    """
+    for growth in range(most):
+        short = shortfall(found)
+        if short is None:
+            return found
+        if growth < most - 1:
+            found = plan_again(grown(found.corridor, short), found)
+    raise InfeasibleError(
+        f"its path is still not clear of {turns} after its padding has grown {most} times"
+    )
+
+
+def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
+    """Corridor with the padding larger by what it lacks."""
+    both = zip(corridor.paddings, shortfall, strict=True)
+    return corridor.with_padding(
+        [padded.grown(*short) if short else padded for padded, short in both]
+    )
+
+
+@dataclass(frozen=True)
+class PaddingGrowth:
+    """Finds what the padding of a corridor lacks for a path, where padding is adaptive."""
+
+    problem: Problem
+    model: PaddingModel
+    options: PlanOptions
+
+    def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
+        """What padding lacks for the triangles that a path (n, 2) crosses, else for its turns."""
+        if not self.options.is_adaptive:
+            return None
+        return self.crossed_shortfall(corridor, path) or _any(
+            self._turns_shortfall(*part) for part in corridor.parts(path)
+        )
+
+    def collisions(
+        self, corridor: Corridor, path: FloatArray, speeds: FloatArray
+    ) -> Shortfalls | None:
+        """What padding lacks for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
+        if not self.options.is_adaptive:
+            return None
+        own_speeds = corridor.voyage.cut_speeds(path, speeds)
+        return _any(
+            colliding_edges(piece, part.voyage, part.padded, self.problem.reach, own)
+            for (part, piece), own in zip(corridor.parts(path), own_speeds, strict=True)
+        )
+
+    def fitted(self, corridor: Corridor, path: FloatArray) -> Corridor:
+        """The corridor, with more padding where a path (n, 2) bulges out of its channel."""
+        short = self.crossed_shortfall(corridor, path)
+        return corridor if short is None else grown(corridor, short)
+
+    def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
+        """What padding lacks where a path bulges out of the channel for which it was set."""
+        if not self.options.is_adaptive:
+            return None
+        return _any(self._bulge_shortfall(*part) for part in corridor.parts(path))
+
+    def _bulge_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
+        """What padding lacks where a path (n, 2) between two via points bulges."""
+        inside = visits(path, corridor.corners)
+        crossed = inside._replace(triangle=corridor.triangles[inside.triangle])
+        windows = passage_windows(corridor.voyage, path, inside.enter, inside.leave)
+        return self.model.shortfall(crossed, windows, corridor.channel, corridor.padded)
+
+    def _turns_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
+        """What padding lacks for turns along a path (n, 2) between two via points."""
+        voyage, padded = corridor.voyage, corridor.padded
+        short = colliding_edges(path, voyage, padded, self.problem.reach)
+        if short or self.options.risk_at == "route":
+            return short
+        return risky_edges(
+            path, voyage, padded, corridor.corners, self.model.sampler, self.options.risk
+        )
+
+
+def _any(short: Iterable[_Shortfall | None]) -> Shortfalls | None:
+    """The shortfalls of all parts; None where none has any."""
+    found = tuple(short)
+    return found if any(one is not None for one in found) else None

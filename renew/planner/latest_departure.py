@@ -1,0 +1,106 @@
+"""The latest departure that arrives in time: a later departure arrives no earlier (FIFO).
+
+The arrival rises with the departure, mostly as fast as that: the next guess is the departure that
+would do if it did so exactly, kept inside what is known to be in time and what is not.
+"""
+
+import math
+from collections.abc import Callable
+
+from renew._types import FloatArray
+from renew.errors import ArrivalError, Moment, Text
+from renew.planner.departures import Sailing, Sailings
+from renew.voyage.voyage import Voyage
+
+# Share of the time under way by which the vessel may arrive earlier than asked, and largest number
+# of departures that are planned to come as close.
+_EARLY, _MAX_PLANS = 1e-3, 40
+# Number of halvings by which a remedy is found, the highest speed, as a multiple of the vessel's,
+# and the earliest departure, in times under way.
+_HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
+
+
+def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
+    """Latest sailing from `earliest` on that is at the goal by a time (s), nearly.
+
+    ArrivalError where the earliest one is too late already; it says what would do.
+    """
+    best = sailings.sailing(earliest)
+    if best.found is None:
+        raise best.error
+    if best.arrival > arrive_by:
+        raise too_late_error(best, arrive_by)
+    voyage = best.planner.problem.voyage
+    too_late = min(arrive_by, voyage.current.span[1])
+    late_by = math.inf
+    for _ in range(_MAX_PLANS):
+        early_by, tolerance = arrive_by - best.arrival, _EARLY * best.duration
+        room = too_late - best.departure
+        if early_by <= tolerance or room <= tolerance:
+            break
+        guess = best.departure + early_by - tolerance / 2
+        if guess >= too_late:
+            # Between the two, where the arrival would be in time if it rose evenly; or halfway.
+            share = early_by / (early_by + late_by) if late_by < math.inf else 0.5
+            guess = best.departure + min(max(share, 0.1), 0.9) * room
+        tried = sailings.sailing(guess)
+        if tried.arrival <= arrive_by:
+            best = tried
+        else:
+            too_late, late_by = guess, tried.arrival - arrive_by
+    return best
+
+
+def too_late_error(
+    first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {:.3g} m/s"
+) -> ArrivalError:
+    """Error for an arrival that can't be made, with the speed or departure that would do.
+
+    Both are found along the path of the sailing, and so will do, at least nearly. `faster` says in
+    what way the vessel has to be.
+    """
+    voyage = first.planner.problem.voyage
+    path = first.found.path if first.found else voyage.start[None]
+    remedies = [Text("allow that time"), *_earlier(voyage, path, first.duration, arrive_by)]
+    remedies += _faster(voyage, path, arrive_by, faster)
+    return ArrivalError(
+        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest. Either "
+        "{3}",
+        Moment(arrive_by),
+        Moment(voyage.departure),
+        Moment(first.arrival),
+        Text.joined(", or ", remedies),
+    )
+
+
+def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float) -> list[Text]:
+    """The latest departure at which a path is in time, as a text; none where none is."""
+
+    def is_in_time(earlier: float) -> bool:
+        arrivals = voyage.leaving(voyage.departure - earlier).arrivals(path)
+        return bool(arrivals[-1] <= arrive_by)
+
+    most = min(voyage.departure - voyage.current.span[0], _EARLIEST * duration)
+    found = _least(is_in_time, 0.0, most)
+    return [] if found is None else [Text("leave at {0}", (Moment(voyage.departure - found),))]
+
+
+def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[Text]:
+    """The least speed at which a path is in time, put into a text; none where none is."""
+
+    def is_in_time(speed: float) -> bool:
+        return bool(voyage.at_speed(speed).arrivals(path)[-1] <= arrive_by)
+
+    speed = voyage.vessel.speed
+    found = _least(is_in_time, speed, _FASTEST * speed)
+    return [] if found is None else [Text(text.format(found))]
+
+
+def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:
+    """The least figure that is enough, where more always is; None where `high` isn't."""
+    if high <= low or not is_enough(high):
+        return None
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
+    return high

@@ -1,0 +1,306 @@
+"""The best route of one homotopy class: padding, path, trajectory, verification by turns."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.classes.channel import Channel
+from renew.classes.h_signature import name
+from renew.errors import InfeasibleError, Moment, TooLateError
+from renew.inputs.options import PlanOptions
+from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import check_straits
+from renew.paths.speed_profile import SpeedProfile, speed_profile
+from renew.planner.attempts import attempts, near_rough, path_from
+from renew.planner.grow import PaddingGrowth, grown_until_clear
+from renew.planner.overpowered_hours import hours_along, hours_of
+from renew.planner.problem import Problem
+from renew.planner.room_to_turn import steered_as_it_is, steered_with_room
+from renew.planner.sampled_paths import sampled_paths
+from renew.results.route import Route
+from renew.steering.steer_in_corridor import steer_as_drawn
+from renew.turns.padding_model import PaddingModel, region_of
+from renew.turns.passage_windows import passage_windows
+from renew.turns.soft_no_go import PaddedEdges
+from renew.voyage.voyage import Voyage
+
+# Ratio of a steered path's fuel to that of the path before from which other attempts are made.
+_DEAR = 1.01
+# Number of times that the padding of a class may grow before the class is given up.
+_MAX_GROWTHS = 8
+
+
+class ClassPath(NamedTuple):
+    """The best path (n, 2) of a class, its trajectory (m, 4), fuel, and where it was found.
+
+    `harmonic_mean` is the figure by which its class is chosen; where the vessel chooses its speeds
+    the `profile` has those along the path.
+    """
+
+    corridor: Corridor
+    path: FloatArray
+    trajectory: FloatArray
+    fuel: float
+    harmonic_mean: float
+    profile: SpeedProfile | None = None
+
+
+class ClassPlanner:
+    """Plans the best route of a class by some options; of a padding `model` if there is one.
+
+    Where it is `thorough`, land is padded more where a path can't be steered, and variants are
+    tried.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: PlanOptions,
+        model: PaddingModel | None = None,
+        *,
+        thorough: bool = True,
+    ) -> None:
+        self.problem, self.options, self.is_thorough = problem, options, thorough
+        waters, vessel = problem.voyage.waters, problem.voyage.vessel
+        self._model = model or PaddingModel(
+            problem.triangulation, waters.quick_current, vessel, options
+        )
+        self.growth = PaddingGrowth(problem, self._model, options)
+
+    def for_problem(self, problem: Problem) -> ClassPlanner:
+        """Return the planner of a problem in the same water; what is known of padding is shared."""
+        return ClassPlanner(problem, self.options, self._model, thorough=self.is_thorough)
+
+    @cached_property
+    def unpadded(self) -> ClassPlanner:
+        """Planner of the same classes without padding, where this one's is adaptive."""
+        if not self.options.is_adaptive:
+            return self
+        return ClassPlanner(self.problem, replace(self.options, padding="none", risk_at="route"))
+
+    def find(self, channel: Channel) -> ClassPath:
+        """Best path of a class; its padding grows until every hard-over turn is clear.
+
+        Where each attempt slips past an islet, the path is of another class. InfeasibleError says
+        why there is none.
+        """
+        found = self.find_in(self.corridor(channel))
+        if not found.corridor.holds_back(found.path):
+            return found
+        wider = found.corridor.channel_along(found.path)
+        with contextlib.suppress(InfeasibleError):
+            return min(found, self.find_in(self.corridor(wider)), key=lambda one: one.fuel)
+        return found
+
+    def find_in(self, corridor: Corridor, near: FloatArray | None = None) -> ClassPath:
+        """Best path of a corridor, near one (n, 2) of before, if any; its padding may grow."""
+        return grown_until_clear(
+            self._found(corridor, near),
+            lambda found: self.growth.shortfall(found.corridor, found.path),
+            lambda wider, found: self._found(wider, found.path),
+            _MAX_GROWTHS,
+        )
+
+    def route(self, found: ClassPath) -> Route:
+        """Route along a path, with all its figures; at the speeds of its profile, if it has one."""
+        corridor, path, trajectory, fuel, class_mean, profile = found
+        voyage, paddings = self.problem.voyage, corridor.paddings
+        if profile is None:
+            speeds, times = np.full(len(path) - 1, voyage.vessel.speed), voyage.arrivals(path)
+            duration = fuel / voyage.vessel.fuel_rate
+        else:
+            path, speeds, times, fuel, _ = profile
+            trajectory = steer_as_drawn(path, corridor, speeds)
+            duration, class_mean = float(times[-1] - times[0]), fuel
+        line = shapely.LineString(path)
+        track = shapely.LineString(trajectory[:, 1:3])
+        clearance = (
+            min(shapely.distance([line, track], voyage.chart.hard_no_go))
+            if voyage.chart.no_go
+            else math.inf
+        )
+        return Route(
+            path=path,
+            trajectory=trajectory,
+            fuel=fuel,
+            length=float(line.length),
+            clearance=float(clearance),
+            duration=duration,
+            times=times,
+            speeds=speeds,
+            fuel_bound=self.problem.fuel_bound,
+            homotopy=name(self.problem.word(path)),
+            corners=corridor.corners,
+            padding_used=np.vstack(
+                [np.column_stack([one.start, one.end, one.padding]) for one in paddings]
+            ),
+            harmonic_mean=class_mean,
+            starts_in_soft_no_go=len(paddings[0].around(voyage.start).edge) > 0,
+            ends_in_soft_no_go=len(paddings[-1].around(voyage.goal).edge) > 0,
+            overpowered=hours_along(path, times, voyage) or hours_of(corridor.channel, voyage),
+        )
+
+    def unpadded_fuel(self, channel: Channel) -> float:
+        """Least fuel of a class with no padding at all; inf where even so there is no path."""
+        corridor = self.corridor(channel)
+        bare = corridor.with_padding(
+            [replace(one, padding=np.zeros(len(one.edge))) for one in corridor.paddings]
+        )
+        try:
+            _, path = path_from(bare, near_rough, self.growth)
+        except InfeasibleError:
+            return math.inf
+        voyage = self.problem.voyage
+        return speed_profile(path, voyage).fuel if voyage.has_price else voyage.fuel(path)
+
+    def corridor(self, channel: Channel) -> Corridor:
+        """Where a class's paths are planned."""
+        voyage, triangulation = self.problem.voyage, self.problem.triangulation
+        parts = voyage.parts(channel.rough_path(voyage.start, voyage.goal))
+        padded = [
+            self._padded(own, *part)
+            for own, part in zip(channel.parts or (channel,), parts, strict=True)
+        ]
+        region = np.array(list(region_of(triangulation, channel)))
+        corridor = Corridor(
+            voyage=voyage,
+            polar=voyage.polar,
+            channel=channel,
+            triangles=region,
+            corners=triangulation.corners[region],
+            open_outline=triangulation.open_outline(region),
+            padded=padded[0],
+        )
+        return corridor.with_padding(padded)
+
+    def _padded(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
+        """Padding next to a channel without via points, sailed nearly along a path (n, 2)."""
+        middle = channel.midline(voyage.start, voyage.goal)
+        windows = passage_windows(voyage, path, middle[:-1], middle[1:])
+        return self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
+
+    def _found(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
+        """Best path of a corridor; near the one found while its padding was smaller, if any."""
+        if self.options.method == "sampled":
+            return self._best_sample(corridor)
+        if near is None:
+            check_straits(corridor)
+        return self._best_path(corridor, near)
+
+    def _best_path(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
+        """Best path of some attempts; of another class where each of them slips into one."""
+        first: InfeasibleError | None = None
+        best: ClassPath | None = None
+        slipped: list[tuple[Corridor, FloatArray]] = []
+        for attempt in attempts(corridor, near, self.growth):
+            try:
+                used, path = attempt()
+                found = self._steered_in_class(corridor, used, path)
+            except InfeasibleError as error:
+                if error.strait is not None:
+                    raise
+                first = first or error
+                continue
+            if found is None:
+                slipped.append((used, path))
+                if near is not None and not self._is_of(corridor, near):
+                    # So did each attempt while the padding was smaller.
+                    break
+                continue
+            if best is None or found.fuel < best.fuel:
+                best = found
+            if near is not None or found.fuel <= _DEAR * self.problem.voyage.fuel(path):
+                break
+            # Much room had to be made to turn in: another path may need less of it. Where the
+            # padding has only grown, the others have been tried before.
+        if best is None and slipped:
+            best = self._steered(corridor, *slipped[0])
+        if best is None:
+            raise first or InfeasibleError("no path was found")
+        return self._or_straight(best)
+
+    def _or_straight(self, found: ClassPath) -> ClassPath:
+        """A path that was found, or the straight line, where that is clear and needs less fuel.
+
+        Paths are looked for in a table of the current: where the field hardly changes across the
+        line, a bend may gain in the table what it loses in the field.
+        """
+        voyage, corridor = self.problem.voyage, found.corridor
+        straight = voyage.stops
+        if not self._is_of(corridor, straight) or voyage.fuel(straight) >= found.fuel:
+            return found
+        if all(part.legs_clear(piece).all() for part, piece in corridor.parts(straight)):
+            with contextlib.suppress(InfeasibleError):
+                other = self._steered_in_class(corridor, corridor, straight)
+                return min(found, other or found, key=lambda one: one.fuel)
+        return found
+
+    def _steered_in_class(
+        self, corridor: Corridor, used: Corridor, path: FloatArray
+    ) -> ClassPath | None:
+        """A path (n, 2) that was found, steered; None where it slips into another class."""
+        found = self._steered(corridor, used, path) if self._is_of(corridor, path) else None
+        return found if found is not None and self._is_of(corridor, found.path) else None
+
+    def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> ClassPath:
+        """A path (n, 2) that was found in a corridor, or one with more padding."""
+        makes_room = self.is_thorough and used.polar == corridor.polar
+        steered = steered_with_room if makes_room else steered_as_it_is
+        used, path, trajectory = steered(used, path)
+        self.check_current(trajectory)
+        fuel = self.problem.voyage.fuel(path)
+        if not math.isfinite(fuel):
+            # As steered the vessel may just be through in time, and not so by the drift model.
+            raise InfeasibleError("the current leaves no way to be made along its path")
+        if self.problem.voyage.has_price:
+            # What can be steered at the highest speed may not be at a lower one, across a current.
+            profile = speed_profile(path, self.problem.voyage)
+            steer_as_drawn(profile.path, used, profile.speeds)
+        return ClassPath(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
+
+    def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
+        """Whether a path (n, 2) is of a corridor's class."""
+        return self.problem.word(path) == corridor.channel.word
+
+    def check_current(self, trajectory: FloatArray) -> None:
+        """Refuse a trajectory through a current as strong as the vessel, or no longer known."""
+        voyage = self.problem.voyage
+        arrival, (_, last) = trajectory[-1, 0], voyage.current.span
+        if arrival > last:
+            raise TooLateError(
+                "it would arrive at {0}, and the current is known until {1}",
+                Moment(arrival),
+                Moment(last),
+            )
+        velocity = voyage.current.velocity(trajectory[:, 1:3], trajectory[:, 0])
+        strength = np.linalg.norm(velocity, axis=1)
+        worst = int(strength.argmax())
+        if strength[worst] >= voyage.vessel.speed:
+            raise InfeasibleError(
+                f"the current at {{0}} runs at {strength[worst]:.3g} m/s; the vessel makes no more "
+                f"than {voyage.vessel.speed:.3g} m/s",
+                trajectory[worst, 1:3],
+            )
+
+    def _best_sample(self, corridor: Corridor) -> ClassPath:
+        """Least-fuel path of the paper's sampling; the harmonic mean is its class's."""
+        samples, seed = self.options.samples, self.options.seed
+        paths, class_mean = sampled_paths(corridor, self.problem.rays, samples, seed)
+        first: InfeasibleError | None = None
+        for path in paths:
+            try:
+                found = self._steered_in_class(corridor, corridor, path)
+            except InfeasibleError as error:
+                first = first or error
+                continue
+            if found is not None:
+                return found._replace(harmonic_mean=class_mean)
+        raise first or InfeasibleError("no chain was found")

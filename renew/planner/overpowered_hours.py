@@ -1,0 +1,147 @@
+"""Where and when the current shuts the way of a class for a while: no vessel waits for it to open.
+
+Water is shut while its current is nearly as strong as the vessel is fast, or stronger, whichever
+way it flows. Where that is so for a while only, a vessel that comes later may be the first through,
+and the search, in which none waits, gives the best *without waiting*.
+
+What counts for a class are the places on its way, and at each the time from the vessel's earliest
+arrival there to its latest departure. A route has its own times. Along the rough path by which a
+class was found the vessel is taken to wait wherever it comes while the water is shut, until that
+opens: so the hours of a class that fails are those at which it would come to the place of failure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import shapely
+
+from renew._types import BoolArray, FloatArray
+from renew.classes.channel import Channel
+from renew.errors import InfeasibleError, Text
+from renew.kernels.current_table import velocities, velocity
+from renew.kernels.overpowered_spells import overpowered_spells
+from renew.kernels.viterbi import TOO_STRONG, slowness
+from renew.results.route import OverpoweredHours
+from renew.voyage.voyage import Voyage, shares
+
+# Number of pieces into which a path is cut at least.
+_PIECES = 400
+# Number of places that a reason names.
+_MAX_NAMED = 3
+
+_Error = TypeVar("_Error", bound=InfeasibleError)
+
+
+class _Spell(NamedTuple):
+    """Number of a point on a path, and from when until when (s) the current shuts it."""
+
+    at: int
+    begin: float
+    end: float
+
+
+def hours_along(
+    path: FloatArray, times: FloatArray, voyage: Voyage
+) -> tuple[OverpoweredHours, ...]:
+    """Hours at which the current shuts water on a path (n, 2) passed at times (n,), s."""
+    points = _PathPoints.of(path, voyage)
+    passed = np.interp(shares(points.points), shares(path), times)
+    return points.stretches(points.passed_at(passed))
+
+
+def hours_of(channel: Channel, voyage: Voyage) -> tuple[OverpoweredHours, ...]:
+    """Hours at which the current shuts water on the rough path of a class."""
+    points = _PathPoints.of(channel.rough_path(voyage.start, voyage.goal), voyage)
+    return points.stretches(points.waiting()) if points.is_shut.any() else ()
+
+
+def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
+    """The reason against a class with the hours at which the current shuts its way, if any."""
+    if not hours:
+        return error
+    shut = Text.joined(", ", [Text("{0}{1}", (one.place, one.text)) for one in hours[:_MAX_NAMED]])
+    more = f" and at {len(hours) - _MAX_NAMED} more places" if len(hours) > _MAX_NAMED else ""
+    longer = type(error)(f"{{0}}. The current shuts its way at {{1}}{more}", error.text, shut)
+    longer.strait, longer.blocked = error.strait, error.blocked
+    return longer
+
+
+class _PathPoints(NamedTuple):
+    """Points (n, 2) on a path, and which of them (n,) the current ever shuts."""
+
+    points: FloatArray
+    is_shut: BoolArray
+    voyage: Voyage
+
+    @classmethod
+    def of(cls, path: FloatArray, voyage: Voyage) -> _PathPoints:
+        """A path (n, 2) with more points."""
+        table, count = voyage.table, len(voyage.table.times)
+        if table.is_steady or table.strongest < _level(voyage):
+            return cls(path, np.zeros(len(path), dtype=bool), voyage)
+        line = shapely.LineString(path)
+        points = shapely.get_coordinates(line.segmentize(line.length / _PIECES))
+        times = np.tile(table.times, len(points))
+        current = velocities(table, np.repeat(points, count, axis=0), times)
+        # Between two slices it is no stronger than in both.
+        strongest = np.linalg.norm(current, axis=1).reshape(-1, count).max(axis=1)
+        return cls(points, strongest >= _level(voyage), voyage)
+
+    def passed_at(self, times: FloatArray) -> Iterator[_Spell]:
+        """Spells that shut a point while the vessel may be there; it passes at times (n,), s."""
+        early, late = self.voyage.early_and_late(times)
+        for at in np.flatnonzero(self.is_shut).tolist():
+            for begin, end in self._spells(at, early[at], late[at]):
+                yield _Spell(at, begin, end)
+
+    def waiting(self) -> Iterator[_Spell]:
+        """Spells that the vessel meets if it waits wherever the water is shut, until that opens."""
+        voyage, now = self.voyage, self.voyage.departure
+        legs = np.diff(self.points, axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        for at in range(len(self.points)):
+            (early, *_), _ = voyage.early_and_late(np.array([now]))
+            if self.is_shut[at]:
+                for _, end in self._spells(at, now, now):
+                    now = max(now, end)
+                if math.isinf(now):
+                    # What lies behind is not reached.
+                    late = now
+                else:
+                    _, (late, *_) = voyage.early_and_late(np.array([now]))
+                for begin, end in self._spells(at, early, late):
+                    yield _Spell(at, begin, end)
+            if math.isinf(now) or at == len(legs):
+                return
+            (x, y), (tx, ty) = self.points[at], legs[at] / lengths[at]
+            u, v = velocity(voyage.table, x, y, now)
+            now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
+
+    def stretches(self, spells: Iterable[_Spell]) -> tuple[OverpoweredHours, ...]:
+        """Of spells at points that follow each other, in overlapping hours, the longest."""
+        found: list[tuple[_Spell, _Spell]] = []  # the longest of a stretch, and its last
+        for spell in spells:
+            for k, (longest, last) in enumerate(found):
+                if spell.at - last.at <= 1 and spell.begin <= last.end and spell.end >= last.begin:
+                    found[k] = max(longest, spell, key=lambda one: one.end - one.begin), spell
+                    break
+            else:
+                found.append((spell, spell))
+        return tuple(
+            OverpoweredHours(self.points[spell.at], spell.begin, spell.end) for spell, _ in found
+        )
+
+    def _spells(self, at: int, begin: float, end: float) -> list[tuple[float, float]]:
+        """Spells (s) at which the current shuts a point, of those that overlap a time (s)."""
+        place, table = self.points[at], self.voyage.table
+        spells = overpowered_spells(table, place, _level(self.voyage), begin, end)
+        return [(float(first), float(last)) for first, last in spells]
+
+
+def _level(voyage: Voyage) -> float:
+    """Strength of the current (m/s) from which the search takes water as shut."""
+    return math.sqrt(TOO_STRONG) * voyage.vessel.speed

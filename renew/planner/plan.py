@@ -1,0 +1,270 @@
+"""The whole method in the paper's order: triangulate, classes, padding, best path, verify."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import ParameterError
+from renew.inputs.arguments import (
+    Request,
+    Speeds,
+    ViaPoints,
+    as_departures,
+    as_point,
+    as_via,
+    check_objects,
+)
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.figures import check_kind, shown
+from renew.inputs.options import PlanOptions
+from renew.inputs.shut_area import ShutArea
+from renew.inputs.vessel import Vessel
+from renew.planner.areas import plan_around, with_always_shut
+from renew.planner.classes import plan_classes
+from renew.planner.departure_window import DepartureWindow, Progress
+from renew.planner.departures import Sailings
+from renew.planner.diagnosis import no_class_error
+from renew.planner.latest_departure import latest_departure
+from renew.planner.one_class import ClassPlanner
+from renew.planner.speeds import departures_with_speeds, plan_with_speeds
+from renew.planner.task import Task
+from renew.results.plan import Departures, Plan
+from renew.voyage.checks import check_current_at_endpoints, check_departures
+
+_Place: TypeAlias = FloatArray | tuple[float, float]
+"""A point (2,), m."""
+
+
+def plan(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    start: _Place,
+    goal: _Place,
+    *,
+    options: PlanOptions | None = None,
+    departure: float = 0.0,
+    arrive_by: float | None = None,
+    via: ViaPoints = (),
+    avoid: Sequence[ShutArea] = (),
+    speed: Speeds | None = None,
+    **changes: Any,  # noqa: ANN401 - PlanOptions checks them
+) -> Plan:
+    """Plan the route of least fuel that is found in each of the first k homotopy classes.
+
+    Parameters
+    ----------
+    chart : Chart
+        Extent and hard no-go zone (m).
+    current : CurrentField or callable
+        Velocity (..., 2) m/s at points (..., 2) m.
+    vessel : Vessel
+        Speed, turn rate and fuel law.
+    start, goal : array_like
+        Points (2,) in metres, in the chart's water.
+    options : PlanOptions, optional
+        How to plan; by default ``PlanOptions()``.
+    departure : float
+        When the voyage begins (s), on the clock of a current that changes.
+    arrive_by : float, optional
+        Latest allowed arrival (s), on the same clock. The planner picks the latest departure, not
+        before `departure`, that still arrives in time. With `speed` it leaves at `departure`, and
+        arrives by then with least fuel.
+    via : sequence of array_like
+        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
+        then one way to each of them and to the goal.
+    avoid : sequence of ShutArea
+        Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
+        and any hard-over turn it starts, stays out of each area while it is shut; see
+        :mod:`renew.planner.areas`.
+    speed : (float, float), optional
+        Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
+        in place of the vessel's own, so that fuel is least; without `arrive_by` it has all the
+        time there is, or for which the current is known. Land is padded, and turns are steered, for
+        the highest. The plan then has a `trade_off` of fuel against arrival, unless areas are shut
+        for some hours. With `via` in steady currents only. See :mod:`renew.planner.speeds`; where
+        the current changes the lower bound is loose.
+    **changes
+        Options by name in place of those of `options`, such as ``risk=0.1``.
+
+    Returns
+    -------
+    Plan
+        Routes, least fuel first, and rejected classes with their reasons. With adaptive padding
+        hard-over turns were flown at stations every 0.6 v/ω along every route, to both sides, in
+        the field and in the corners of its spread, and none touched the no-go zone: samples, not a
+        proof. None is flown around a start or goal that lies in the soft no-go zone itself.
+
+    Raises
+    ------
+    ParameterError
+        Arguments or options out of range; names all of them.
+    TypeError
+        A change of no option.
+    StartInNoGoError, GoalInNoGoError
+        A start or goal on land or outside the chart; says by how much and where water is nearest.
+    CurrentTooStrongError
+        The current at the start or at the goal is as strong as the vessel.
+    ViaInNoGoError
+        A via point on land or outside the chart; one message names all faults of start, goal and
+        via points.
+    UnreachableError
+        No water joins start and goal, or every class was rejected; says why, and what would help.
+    ArrivalError
+        No voyage begun at `departure` arrives by `arrive_by`; says the earliest arrival.
+    """
+    check_objects(chart, vessel, avoid)
+    given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
+    task = _task(chart, current, vessel, (start, goal), via, avoid, {**given, "speed": speed})
+    if speed is not None:
+        return plan_with_speeds(task, departure)
+    if arrive_by is not None:
+        sailings = Sailings(task)
+        return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
+
+    def plan_with(closed: Sequence[ShutArea]) -> tuple[Plan, ClassPlanner]:
+        planner = task.planner(closed)
+        return _plan(planner), planner
+
+    return plan_around(task.areas, plan_with)
+
+
+def plan_departures(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    start: _Place,
+    goal: _Place,
+    departures: Sequence[float] | FloatArray,
+    *,
+    options: PlanOptions | None = None,
+    to_within: float | None = None,
+    progress: Progress | None = None,
+    with_classes: bool = True,
+    via: ViaPoints = (),
+    avoid: Sequence[ShutArea] = (),
+    speed: Speeds | None = None,
+    arrive_by: float | None = None,
+    **changes: Any,  # noqa: ANN401 - PlanOptions checks them
+) -> Departures:
+    """Plan the best route of each of some departures, and find the best time to leave.
+
+    All departures share triangulation, classes, the table of the current, and what is known of
+    padding; at each departure a class is planned completely only if it can still be the best. For
+    the bound on departures between them see :mod:`renew.planner.departure_window`.
+
+    Parameters
+    ----------
+    chart, current, vessel, start, goal
+        As for :func:`plan`.
+    departures : array_like
+        Ascending times (n,), s, on the clock of the current.
+    to_within : float, optional
+        Plan as many departures between them as it takes to know, to within the error of the paths
+        found, that none between the first and the last beats the best one by more than this (s),
+        and a few more beside that one.
+    progress : callable, optional
+        Told after each plan how many there are, and by how much (s) the best may still be beaten.
+    with_classes : bool
+        Whether all classes are planned at the best departure, or the plan holds its best route.
+    via : sequence of array_like
+        Points that the route passes, as for :func:`plan`.
+    avoid : sequence of ShutArea
+        Areas that are shut, as for :func:`plan`. Where one is shut for some hours only, a later
+        departure may arrive earlier, and nothing is known of departures between those planned.
+    speed, arrive_by : optional
+        Speeds to choose from and when to be there, as for :func:`plan`: each departure is planned
+        with the speeds of least fuel, and the best one needs least. Nothing is known of departures
+        between them, and `to_within` is refused. All classes are planned at each.
+    options, **changes
+        As for :func:`plan`; with ``method="optimal"``.
+
+    Returns
+    -------
+    Departures
+        Fuel, arrival and path by departure, and the plan at the best one.
+
+    Raises
+    ------
+    ParameterError
+        Arguments out of range, departures that don't ascend or at which the current isn't known.
+    PlanningError
+        As for :func:`plan`, where none of the departures asked for leaves a route.
+    """
+    check_objects(chart, vessel, avoid)
+    if not isinstance(with_classes, bool | np.bool_):
+        raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
+    times = as_departures(departures).tolist()
+    given = {**_given(options, changes), "departure": times[0], "arrive_by": arrive_by}
+    given |= {"to_within": to_within, "speed": speed, "is_sweep": True}
+    task = _task(chart, current, vessel, (start, goal), via, avoid, given)
+    check_departures(task.current, times)
+    if speed is not None:
+        return departures_with_speeds(task, times, progress)
+    sailings, voyage = Sailings(task), task.planner().problem.voyage
+    window = DepartureWindow(
+        sailings,
+        times,
+        sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
+        / (vessel.speed + voyage.table.strongest),
+        speed_change=math.inf if task.areas else voyage.speed_change,
+        progress=progress,
+    )
+    if window.best.found is None:
+        raise window.sailings[0].error
+    if to_within is not None:
+        window.refine(to_within)
+        window.refine_around_best()
+    if not with_classes:
+        return window.departures(window.best.plan)
+    best, sailing = sailings.plan(window.best)
+    window.replace(sailing)
+    return window.departures(best)
+
+
+def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by their names, with some of them changed."""
+    options = PlanOptions() if options is None else options
+    check_kind("options", options, PlanOptions)
+    given = {one.name: getattr(options, one.name) for one in fields(PlanOptions)}
+    unknown = ", ".join(map(repr, changes.keys() - given.keys()))
+    if unknown:
+        raise TypeError(f"a plan has no option {unknown}; it has {', '.join(given)}")
+    return {**given, **changes}
+
+
+def _task(
+    chart: Chart,
+    current: CurrentLike,
+    vessel: Vessel,
+    ends: tuple[_Place, _Place],
+    via: ViaPoints,
+    avoid: Sequence[ShutArea],
+    given: Mapping[str, Any],
+) -> Task:
+    """What is to be planned; refuses options, times, speeds and points that can't be."""
+    points = as_via(via)
+    request = Request(**given, has_via=len(points) > 0)
+    return Task(
+        with_always_shut(chart, avoid),
+        as_field(current),
+        vessel,
+        np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
+        tuple(area for area in avoid if not area.is_always_shut),
+        request,
+    )
+
+
+def _plan(planner: ClassPlanner) -> Plan:
+    """Plan at the planner's departure."""
+    check_current_at_endpoints(planner.problem.voyage)
+    found = plan_classes(planner, planner.options.classes)
+    if not found.routes:
+        raise no_class_error(found.rejected, planner)
+    return found

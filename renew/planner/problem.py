@@ -1,0 +1,145 @@
+"""What all classes of a plan share, whatever their padding; each part is computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from renew._types import FloatArray
+from renew.classes.choices import rays_that_matter
+from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.h_signature import VIA, Rays, Word
+from renew.classes.overpowered_water import overpowered_water
+from renew.classes.triangulation import Triangulation, triangulate, triangulation_of
+from renew.classes.via_enumerator import ViaEnumerator
+from renew.inputs.options import PlanOptions
+from renew.paths.corridor import SLACK
+from renew.results.route import FuelBound
+from renew.turns.reach_bound import TurnReach
+from renew.voyage.voyage import Voyage
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A voyage, and which of its classes are looked for.
+
+    Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
+    classes keep their names. `base` is the problem at another departure from which the roadmaps
+    are taken.
+    """
+
+    voyage: Voyage
+    options: PlanOptions
+    first: Problem | None = None
+    base: Problem | None = None
+
+    @cached_property
+    def overpowered_water(self) -> BaseGeometry:
+        """Water where the current is as strong as the vessel."""
+        return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
+
+    @cached_property
+    def triangulation(self) -> Triangulation:
+        """Triangles of the water that is not overpowered."""
+        if self.first:
+            return self.first.triangulation
+        chart, closed = self.voyage.chart, self.overpowered_water
+        return triangulation_of(chart) if closed.is_empty else triangulate(chart, closed=closed)
+
+    @cached_property
+    def rays(self) -> Rays:
+        """Rays by which classes are told apart."""
+        if self.first:
+            return self.first.rays
+        rays, options = self.all_rays, self.options
+        if options.distinct_by != "auto":
+            return rays.only(rays.size >= options.distinct_by)
+        start, goal = self.voyage.start, self.voyage.goal
+        # Where padding shuts all ways, the best of those that it shuts.
+        found = self.scout(self.likely_width).channels(1) or self.scout(0.0).channels(1)
+        path = found[0].midline(start, goal) if found else np.stack([start, goal])
+        return rays_that_matter(rays, path, options.classes)
+
+    @cached_property
+    def all_rays(self) -> Rays:
+        """Rays of all islands."""
+        if self.first:
+            return self.first.all_rays
+        return Rays.of(self.voyage.chart, self.overpowered_water)
+
+    @cached_property
+    def reach(self) -> TurnReach:
+        """How far hard-over turns can get."""
+        voyage = self.voyage
+        return self.first.reach if self.first else TurnReach.of(voyage.table, voyage.vessel)
+
+    @cached_property
+    def fuel_bound(self) -> FuelBound:
+        """The fuel that no route can stay below."""
+        return FuelBound(self.voyage)
+
+    @property
+    def likely_width(self) -> float:
+        """Width (m) that hardly any padding stays below."""
+        return self.options.likely_width(self.voyage.vessel.turning_radius)
+
+    def leaving(self, departure: float) -> Problem:
+        """Return the problem at another departure (s)."""
+        return replace(self._with(self.voyage.leaving(departure)), base=self)
+
+    def at_price(self, price: float) -> Problem:
+        """Return the problem at another price of time (fuel units a second)."""
+        return self._with(self.voyage.at_price(price))
+
+    def at_speed(self, speed: float) -> Problem:
+        """Return the problem at a constant speed (m/s), in the water of the vessel's own."""
+        return self._with(self.voyage.at_speed(speed))
+
+    def scheduled(self, path: FloatArray, times: FloatArray) -> Problem:
+        """Return the problem when the points of a path (n, 2) are passed at times (n,), s."""
+        return self._with(self.voyage.scheduled(path, times))
+
+    def _with(self, voyage: Voyage) -> Problem:
+        """Return the problem of another voyage in the same water."""
+        return replace(self, voyage=voyage, first=self.first or self, base=None)
+
+    def word(self, path: FloatArray) -> Word:
+        """Word of the class of a path (n, 2)."""
+        word, *others = (self.rays.word(piece) for piece in self.voyage.cut(path))
+        for other in others:
+            word = (*word, VIA, *other)
+        return word
+
+    def enumerator(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
+        """Enumerate classes by paths that keep about `clearance` m off land."""
+        return self.scout(clearance).by_rays(self.rays)
+
+    def scout(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
+        """Enumerate the classes that all islands tell apart."""
+        if clearance not in self._scouts and self.base is not None:
+            self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
+        elif clearance not in self._scouts:
+            voyage, via = self.voyage, len(self.voyage.via)
+            parts = [voyage.part(at, voyage.departure) for at in range(via + 1)]
+            scouts = tuple(self._scout(part, clearance) for part in parts)
+            self._scouts[clearance] = ViaEnumerator(voyage, scouts) if via else scouts[0]
+        return self._scouts[clearance]
+
+    def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
+        """Enumerator of the voyage, or of a part of it, without via points."""
+        slack = SLACK * voyage.vessel.turning_radius
+        return ClassEnumerator.of(
+            voyage,
+            self.triangulation,
+            self.all_rays,
+            self.options.order,
+            clearance=clearance + slack,
+        )
+
+    @cached_property
+    def _scouts(self) -> dict[float, ClassEnumerator | ViaEnumerator]:
+        """Enumerators by their clearance: each has a roadmap of its own."""
+        return {}

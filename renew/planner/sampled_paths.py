@@ -1,0 +1,63 @@
+"""Paths of a class by the paper's sampling: random chains, each smoothed within its class.
+
+The published figures are of smoothed paths. So each chain is smoothed before it is checked and
+counts in the harmonic mean: as they are drawn, hardly any can be steered.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from renew._types import BoolArray, FloatArray
+from renew.classes.h_signature import Rays
+from renew.errors import InfeasibleError
+from renew.paths.corridor import Corridor
+from renew.paths.random_chains import random_chains
+from renew.paths.shortcuts import each_shortened, with_shortcuts
+from renew.planner.harmonic_mean import harmonic_mean
+from renew.steering.turning_radius import steerable
+from renew.voyage.voyage import Voyage
+
+# Number of sampled chains, least fuel first, that are tried to be steered, and number of those that
+# are smoothed further.
+_MAX_CHAINS, _MAX_SMOOTHED = 60, 4
+
+
+def sampled_paths(
+    corridor: Corridor, rays: Rays, samples: int, seed: int
+) -> tuple[Iterable[FloatArray], float]:
+    """Paths (n, 2) of a class to try, the best first, and the harmonic mean of its fuels.
+
+    InfeasibleError where none of the samples can be sailed.
+    """
+    voyage = corridor.voyage
+    rng = np.random.default_rng([seed, *corridor.channel.triangles.tolist()])
+    paths, times = each_shortened(corridor, rays, random_chains(corridor, samples, rng))
+    if not paths:
+        raise InfeasibleError(
+            f"each of {samples} sampled chains crosses the soft no-go zone, or water whose current "
+            "is as strong as the vessel"
+        )
+    chosen = np.flatnonzero(_are_steerable(paths, voyage))
+    if not len(chosen):
+        raise InfeasibleError(
+            f"none of {samples} sampled chains can be steered at a turn rate of "
+            f"{math.degrees(voyage.vessel.turn_rate):g} degrees a second; method='optimal' may"
+        )
+    best = [paths[i] for i in chosen[np.argsort(times[chosen])[:_MAX_CHAINS]]]
+    smooth = [with_shortcuts(corridor, rays, path) for path in best[:_MAX_SMOOTHED]]
+    class_mean = harmonic_mean(voyage.vessel.fuel_rate * times[chosen])
+    return (*sorted(smooth, key=voyage.fuel), *best), class_mean
+
+
+def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
+    """Which of some paths (n, 2) can be steered: those with equally many points in one go."""
+    points = np.array([len(path) for path in paths])
+    result = np.zeros(len(paths), dtype=bool)
+    for count in np.unique(points):
+        alike = np.flatnonzero(points == count)
+        stacked = np.stack([paths[i] for i in alike.tolist()])
+        times = np.stack([voyage.reading_times(paths[i])[1:-1] for i in alike.tolist()])
+        result[alike] = steerable(stacked, voyage.current, voyage.vessel, times)
+    return result

@@ -1,0 +1,75 @@
+"""What a plan is asked for, and the planners of classes that its parts share."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+from renew._types import FloatArray
+from renew.inputs.arguments import Request
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField
+from renew.inputs.shut_area import ShutArea, polygons_of
+from renew.inputs.vessel import Vessel
+from renew.planner.one_class import ClassPlanner
+from renew.planner.problem import Problem
+from renew.voyage.checks import check_endpoints, check_pace
+from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Where to plan, with which vessel in which current, and how.
+
+    The `chart` is without the water of areas that are always shut; `areas` are those that are shut
+    for some hours. Start, via points and goal are `stops` (n, 2), m.
+    """
+
+    chart: Chart
+    current: CurrentField
+    vessel: Vessel
+    stops: FloatArray
+    areas: tuple[ShutArea, ...]
+    request: Request
+    _planners: dict[object, ClassPlanner] = field(default_factory=dict)
+
+    @property
+    def deadline(self) -> float:
+        """When a vessel with a choice of speeds has to arrive (s): before the current ends."""
+        last, arrive_by = self.current.span[1], self.request.arrive_by
+        return float(last if arrive_by is None else min(arrive_by, last))
+
+    def planner(self, closed: Collection[ShutArea] = (), most: float | None = None) -> ClassPlanner:
+        """Planner of classes, with some areas closed like land, for speeds up to `most` (m/s).
+
+        It is at the first departure; where the request has no speeds, the vessel's own counts.
+        """
+        key = frozenset(closed), most
+        if key not in self._planners:
+            self._planners[key] = self._new_planner(closed, most)
+        return self._planners[key]
+
+    def _new_planner(self, closed: Collection[ShutArea], most: float | None) -> ClassPlanner:
+        """Make a planner; refuses stops on land, and a current that changes too fast."""
+        chart, vessel, request = self.chart, self.vessel, self.request
+        if closed:
+            polygons = polygons_of([area for area in self.areas if area in closed])
+            chart = chart.without(polygons, is_land=False)
+        choice = NO_CHOICE
+        if request.speed is not None:
+            least, highest = map(float, request.speed)
+            choice = SpeedChoice(least, deadline=self.deadline)
+            vessel = replace(vessel, speed=highest if most is None else most)
+        voyage = Voyage(
+            Waters(chart, self.current),
+            vessel,
+            self.stops[0],
+            self.stops[-1],
+            request.drift,
+            float(request.departure),
+            float(request.lateness),
+            float(request.min_lateness),
+            self.stops[1:-1],
+            choice=choice,
+        )
+        check_endpoints(voyage)
+        check_pace(voyage)
+        return ClassPlanner(Problem(voyage, request), request)

@@ -1,0 +1,1 @@
+"""What a plan consists of, and how a notebook shows it."""

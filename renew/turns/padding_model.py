@@ -1,0 +1,264 @@
+"""Adaptive padding: how wide each constrained edge is kept clear, triangle by triangle.
+
+The padding is the σ-quantile (risk = 1 - σ) of the reach (:mod:`renew.turns.turn_reach`) of
+hard-over turns to the worse side, over currents drawn from the triangle's mean and spread and
+headings φ ± Δφ about the direction of travel. Where the current changes, mean and spread are also
+taken over the window of time in which the vessel may be in the triangle.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray, IntArray
+from renew.classes.channel import Channel, Transition
+from renew.classes.dual_graph import surroundings
+from renew.classes.triangulation import Triangulation
+from renew.inputs.current import CurrentField, CurrentStatistics
+from renew.inputs.options import PlanOptions
+from renew.inputs.vessel import Vessel
+from renew.kernels.traversal import Visits
+from renew.turns.reach_quantile import TurnSampler
+from renew.turns.soft_no_go import PaddedEdges
+from renew.turns.turn_reach import normals_away
+
+_Place: TypeAlias = tuple[int, int, int]
+"""A triangle, and the first and the last step of the clock of the window in which it is crossed."""
+
+_Crossing: TypeAlias = tuple[_Place, Transition]
+"""A place, and the transition of the channel in it or beside it."""
+
+# Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
+_LAYERS = 2
+
+# Number of triangles that are surveyed beside those asked for: fewer cost no less time.
+_BATCH = 128
+# Factor by which edges are looked for further off than a reach asks for, as the current changes: in
+# the next window of time it may be larger.
+_ROOM = 1.5
+
+
+class _Around(NamedTuple):
+    """Constrained edges (e,) around a triangle up to a `reach`, and how far `apart` they are, m."""
+
+    reach: float
+    edges: IntArray
+    apart: FloatArray
+
+
+def region_of(triangulation: Triangulation, channel: Channel) -> dict[int, int]:
+    """Triangles in which a channel's paths are planned, each with the nearest place in its row."""
+    path = channel.found_by
+    crossed = set() if path is None else set(path.triangles.tolist())
+    return surroundings(triangulation, channel.triangles.tolist(), _LAYERS, crossed)
+
+
+class PaddingModel:
+    """Paddings on one triangulation in a current; what channels share is computed once."""
+
+    def __init__(
+        self,
+        triangulation: Triangulation,
+        current: CurrentField,
+        vessel: Vessel,
+        options: PlanOptions,
+    ) -> None:
+        self._triangulation, self._current, self._vessel = triangulation, current, vessel
+        self._options = options
+        self._edges = triangulation.constrained_edges
+        # One set of draws for every triangle: its figures depend on itself alone.
+        self.sampler = TurnSampler.for_risk(options.seed, options.risk)
+        # All windows of a steady current are alike.
+        steps = np.diff(current.slice_times)
+        self._clock_step = 0.0 if current.is_steady else float(steps.min())
+        self._statistics = CurrentStatistics(
+            np.zeros((0, 2)), *(np.zeros(0) for _ in CurrentStatistics._fields[1:])
+        )
+        self._row: dict[_Place, int] = {}
+        self._near: list[IntArray] = []
+        self._around: dict[int, _Around] = {}
+        self._known: dict[_Crossing, tuple[IntArray, FloatArray]] = {}
+
+    def padded_edges(
+        self, channel: Channel, start: FloatArray, goal: FloatArray, windows: FloatArray
+    ) -> PaddedEdges:
+        """Constrained edges next to a channel, each with the largest padding it needs there.
+
+        Its triangles are crossed in windows of time (c, 2), s.
+
+        Next to means: within the furthest reach of a turn, which takes in all that touch the
+        channel by edge or vertex (the paper's rule) and those just beyond a narrow triangle. An
+        edge that is near triangles beside the channel only is padded as those need it, since a path
+        may bulge into them; the path is assumed to cross them as it does the channel beside them.
+        """
+        middle = channel.midline(start, goal)
+        transitions = channel.transitions
+        row = channel.triangles.tolist()
+        places = region_of(self._triangulation, channel)
+        place = np.fromiter(places.values(), dtype=np.int64)
+        steps = self._steps(windows[place])
+        crossings = [
+            ((triangle, *step), transitions[at])
+            for (triangle, at), step in zip(places.items(), steps, strict=True)
+        ]
+        self._learn(crossings, middle[place], middle[place + 1])
+        own, beside = np.full((2, len(self._edges)), -1.0)
+        for crossing, at in zip(crossings, places.values(), strict=True):
+            edges, needed = self._known[crossing]
+            padding = own if crossing[0][0] == row[at] else beside
+            padding[edges] = np.maximum(padding[edges], needed)
+        padding = np.where(own >= 0, own, beside)
+        chosen = np.flatnonzero(padding >= 0)
+        return PaddedEdges(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
+
+    def shortfall(
+        self, path: Visits, windows: FloatArray, channel: Channel, padded: PaddedEdges
+    ) -> tuple[IntArray, FloatArray] | None:
+        """Constrained edges whose padding is too small for a path, and by how much (m).
+
+        Its visits fall into windows of time (v, 2), s.
+
+        Where a path bulges out of the channel for which the padding was set it meets other edges,
+        or the same on another heading. It is assumed to cross each of its triangles from one
+        passing edge's midpoint to the next's, as in its channel; where it comes back through the
+        edge by which it went, its own heading counts. None where nothing is short.
+        """
+        if self._current.is_steady and np.array_equal(path.triangle, channel.triangles):
+            return None
+        row = np.concatenate([[-1], path.triangle, [-1]])
+        before, after = row[:-2], row[2:]
+        there_and_back = before == after
+        enter = self._passing(path.triangle, np.where(there_and_back, -1, before), path.enter)
+        leave = self._passing(path.triangle, np.where(there_and_back, -1, after), path.leave)
+        transitions = zip(before.tolist(), path.triangle.tolist(), after.tolist(), strict=True)
+        crossings = [
+            ((transition[1], *step), transition)
+            for transition, step in zip(transitions, self._steps(windows), strict=True)
+        ]
+        for at in np.flatnonzero(there_and_back).tolist():
+            # The heading there is this path's own, so it is not taken from an earlier path.
+            self._known.pop(crossings[at], None)
+        self._learn(crossings, enter, leave)
+        wanted = np.full(len(self._edges), -1.0)
+        for crossing in crossings:
+            edges, needed = self._known[crossing]
+            wanted[edges] = np.maximum(wanted[edges], needed)
+        short = wanted[padded.edge] - padded.padding
+        found = np.flatnonzero(short > 0)
+        return (padded.edge[found], short[found]) if len(found) else None
+
+    def _steps(self, windows: FloatArray) -> list[tuple[int, int]]:
+        """First and last step of the clock of windows (n, 2), s: each lies in its steps."""
+        if self._current.is_steady:
+            return [(0, 0)] * len(windows)
+        first = np.floor(windows[:, 0] / self._clock_step).astype(int)
+        last = np.ceil(windows[:, 1] / self._clock_step).astype(int)
+        return list(zip(first.tolist(), last.tolist(), strict=True))
+
+    def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
+        """Midpoints (n, 2) of the edges that triangles (n,) share with others, where they do."""
+        triangulation = self._triangulation
+        shared = triangulation.neighbours[triangles] == beside[:, None]
+        edges = triangulation.edge_vertices(triangles, shared.argmax(axis=1))
+        middle = triangulation.vertices[edges].mean(axis=1)
+        found = shared.any(axis=1) & (beside >= 0)
+        return np.where(found[:, None], middle, otherwise)
+
+    def _learn(self, crossings: Sequence[_Crossing], enter: FloatArray, leave: FloatArray) -> None:
+        """Find the edges next to triangles, and their paddings, for crossings not yet known.
+
+        The triangles are crossed from `enter` (n, 2) to `leave` (n, 2).
+        """
+        new = {crossing: at for at, crossing in enumerate(crossings) if crossing not in self._known}
+        if not new:
+            return
+        place = np.fromiter(new.values(), dtype=np.int64)
+        places = [one for one, _ in new]
+        self._survey(places)
+        rows = [self._row[one] for one in places]
+        near = [self._near[one] for one in rows]
+        bounds = np.cumsum([0, *map(len, near)])
+        row = np.repeat(np.arange(len(new)), np.diff(bounds))
+        statistics = CurrentStatistics(*(of[rows] for of in self._statistics))
+        if self._options.is_adaptive:
+            edges = self._edges[np.concatenate(near)]
+            needed = self._adaptive(statistics, row, edges, enter[place], leave[place])
+            needed = np.maximum(needed, self._options.min_width)
+        else:
+            needed = self._furthest(statistics)[row]
+        for crossing, edge, (first, last) in zip(
+            new, near, itertools.pairwise(bounds.tolist()), strict=True
+        ):
+            self._known[crossing] = edge, needed[first:last]
+
+    def _survey(self, places: Sequence[_Place]) -> None:
+        """Find the current at places, and the edges within reach in it, if not yet known."""
+        new = list(dict.fromkeys(one for one in places if one not in self._row))
+        if not new:
+            return
+        if self._current.is_steady:
+            others = ((t, 0, 0) for t in range(len(self._triangulation.triangles)))
+            unknown = (one for one in others if one not in self._row)
+            new = list(dict.fromkeys([*new, *itertools.islice(unknown, len(new) + _BATCH)]))
+        triangles, first, last = np.array(new).T
+        corners = self._triangulation.corners[triangles]
+        windows = np.stack([first, last], axis=1) * self._clock_step
+        statistics = self._current.statistics(corners, windows)
+        self._row |= {one: len(self._row) + at for at, one in enumerate(new)}
+        self._near += self._edges_within(triangles, self._furthest(statistics))
+        self._statistics = CurrentStatistics(
+            *(np.concatenate(both) for both in zip(self._statistics, statistics, strict=True))
+        )
+
+    def _edges_within(self, triangles: IntArray, reach: FloatArray) -> list[IntArray]:
+        """Constrained edges within a reach (n,), m, of each of some triangles (n,).
+
+        A triangle is passed in many windows of time, each with a reach of its own.
+        """
+        room = 1.0 if self._current.is_steady else _ROOM
+        known = np.array([self._around[t].reach if t in self._around else -1.0 for t in triangles])
+        further: dict[int, float] = {}
+        for at in np.flatnonzero(known < reach).tolist():
+            triangle = int(triangles[at])
+            further[triangle] = max(further.get(triangle, 0.0), room * reach[at])
+        if further:
+            lacking, distance = np.array(list(further)), np.array(list(further.values()))
+            tree = self._triangulation.constrained_edge_tree
+            shapes = shapely.polygons(self._triangulation.corners[lacking])
+            row, edge = tree.query(shapes, predicate="dwithin", distance=distance)
+            order = np.lexsort((edge, row))
+            row, edge = row[order], edge[order]
+            apart = shapely.distance(shapes[row], tree.geometries[edge])
+            bounds = np.searchsorted(row, np.arange(len(lacking) + 1))
+            for at, (triangle, most) in enumerate(further.items()):
+                own = slice(bounds[at], bounds[at + 1])
+                self._around[triangle] = _Around(most, edge[own], apart[own])
+        around = [self._around[t] for t in triangles.tolist()]
+        return [one.edges[one.apart <= r] for one, r in zip(around, reach.tolist(), strict=True)]
+
+    def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
+        """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""
+        if not self._options.is_adaptive:
+            return np.full(len(statistics.speed), self._options.min_width)
+        speed = statistics.speed + 4 * statistics.speed_std
+        reach = 2 * self._vessel.turning_radius + speed * self._vessel.turn_period
+        return np.asarray(np.maximum(reach, self._options.min_width))
+
+    def _adaptive(
+        self,
+        statistics: CurrentStatistics,
+        row: IntArray,
+        edges: FloatArray,
+        enter: FloatArray,
+        leave: FloatArray,
+    ) -> FloatArray:
+        """σ-quantiles (p,) of the worst reach from triangles `row` (p,) towards edges (p, 2, 2)."""
+        travel = leave - enter
+        heading = np.arctan2(travel[:, 1], travel[:, 0])
+        normals = normals_away(edges, ((enter + leave) / 2)[row])
+        return self.sampler.quantile(
+            statistics, heading, row, normals, self._vessel, self._options.risk
+        )

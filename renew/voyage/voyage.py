@@ -1,0 +1,350 @@
+"""What every step of a plan is given: chart, current, vessel, start and goal, in one object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from renew._compiled import for_kernels
+from renew._types import FloatArray
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField, TabulatedCurrent
+from renew.inputs.options import Drift
+from renew.inputs.vessel import Vessel
+from renew.kernels.capsules import segment_distance
+from renew.kernels.current_table import CurrentTable, changes
+from renew.kernels.ground_speed import Polar, choosing, made_good
+from renew.kernels.viterbi import Clock, Stream, arrivals
+from renew.voyage.fuel import Pieces, passage_times
+
+# Share of the vessel's speed by which the current may change in a step of the clock, the number of
+# steps that a way across the chart has at most, and a change (m/s²) that counts as none.
+_CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
+# Share of v/ω by which a path may pass a via point again as closely: the first time counts.
+_AS_CLOSE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedChoice:
+    """Speeds from `least` (m/s) to the vessel's own, to be at the goal by a deadline (s).
+
+    `price` is the Lagrange multiplier λ of the deadline (fuel units a second): what is least is
+    fuel + λ time. With an infinite one time is all that counts. Without `least` there is no choice.
+    """
+
+    least: float = math.inf
+    price: float = math.inf
+    deadline: float = math.inf
+
+
+NO_CHOICE = SpeedChoice()
+"""The vessel's own speed all the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Waters:
+    """A chart and its current, with the tables that all voyages there share."""
+
+    chart: Chart
+    current: CurrentField
+
+    @cached_property
+    def table(self) -> CurrentTable:
+        """The current as a table: the search for paths looks it up there."""
+        return self.current.table(self.chart.bounds)
+
+    @cached_property
+    def quick_current(self) -> CurrentField:
+        """The current by its table, where that reproduces it, else the current itself."""
+        return TabulatedCurrent(self.table) if self.table.is_fine else self.current
+
+    @cached_property
+    def current_change(self) -> float:
+        """The most by which the current changes in a second anywhere in its table, m/s²."""
+        return float(changes(self.table).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Voyage:
+    """A passage from `start` to `goal` (2,), m, by a drift model of Eq. 4.
+
+    It begins at `departure` (s), on the clock of a current that changes, and may be early or late
+    by a share `lateness` of the time under way, and at least by `min_lateness` (s). The points
+    `via` (n, 2), m, are passed in their order. As a part of a longer voyage it has been under way
+    for `before` (s) when it begins.
+
+    Where the vessel has a choice of speeds its own is the highest one, and every search for paths
+    minimises the cost, fuel + λ time; with an infinite λ, the time. In a current that changes a
+    `schedule` (n, 2) says when the vessel is where: shares of its path's length, and times (s).
+    """
+
+    waters: Waters
+    vessel: Vessel
+    start: FloatArray
+    goal: FloatArray
+    drift: Drift
+    departure: float = 0.0
+    lateness: float = 0.0
+    min_lateness: float = 0.0
+    via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    before: float = 0.0
+    choice: SpeedChoice = NO_CHOICE
+    schedule: FloatArray | None = None
+
+    @property
+    def chart(self) -> Chart:
+        """Extent and land."""
+        return self.waters.chart
+
+    @property
+    def current(self) -> CurrentField:
+        """The current as it was given."""
+        return self.waters.current
+
+    @property
+    def table(self) -> CurrentTable:
+        """The current as a table; see :class:`Waters`."""
+        return self.waters.table
+
+    @cached_property
+    def clock(self) -> Clock:
+        """When the voyage begins, and how closely the search for paths follows the clock.
+
+        The current changes by no more than a share of the vessel's speed in one step, unless it is
+        only known less often; the number of steps across the chart is limited.
+        """
+        table, speed = self.table, self.vessel.speed
+        if table.is_steady:
+            return Clock(self.departure, math.inf)
+        least = float(np.diff(table.times).min())
+        step = max(_CHANGE * speed / max(self.waters.current_change, _SLOWEST_CHANGE), least)
+        xmin, ymin, xmax, ymax = self.chart.bounds
+        return Clock(self.departure, max(speed * step, (xmax - xmin + ymax - ymin) / _MAX_STEPS))
+
+    @property
+    def speed_change(self) -> float:
+        """The most by which the speed over ground changes in a second, as a share of itself (1/s).
+
+        On any course; infinite where the current is as strong as the vessel. A vessel that crabs at
+        an angle β loses or gains 1/cos β times what the current changes by.
+        """
+        speed, strongest = self.vessel.speed, self.table.strongest
+        if strongest >= speed:
+            return math.inf
+        crab = speed / math.sqrt(speed**2 - strongest**2) if self.drift == "crab" else 1.0
+        return crab * self.waters.current_change / (speed - strongest)
+
+    def leaving(self, departure: float) -> Voyage:
+        """Return the voyage at another departure (s)."""
+        return replace(self, departure=departure, schedule=None)
+
+    @property
+    def stops(self) -> FloatArray:
+        """Start, via points and goal (n + 2, 2), m."""
+        return np.vstack([self.start, self.via, self.goal])
+
+    def part(self, at: int, departure: float) -> Voyage:
+        """The part from one stop to the next, begun at a time (s), as a voyage of its own."""
+        start, goal = self.stops[at : at + 2]
+        before = departure - self.departure
+        return replace(
+            self.leaving(departure), start=start, goal=goal, via=self.via[:0], before=before
+        )
+
+    def parts(self, path: FloatArray) -> Iterator[tuple[Voyage, FloatArray]]:
+        """Each part with its piece of a path (n, 2), begun when the path comes to it."""
+        if not len(self.via):
+            yield self, path
+            return
+        departure = self.departure
+        for at, piece in enumerate(self.cut(path)):
+            part = self.part(at, departure)
+            yield part, piece
+            duration = part.duration(piece)
+            # Where no way can be made the clock stops.
+            departure += duration if math.isfinite(duration) else 0.0
+
+    def cut(self, path: FloatArray) -> list[FloatArray]:
+        """Pieces (n, 2) of a path between the via points that it passes; each ends in one."""
+        return self._cut(path)[0]
+
+    def cut_speeds(self, path: FloatArray, speeds: FloatArray) -> list[FloatArray]:
+        """Speeds (n - 1,), m/s, of the legs of each of these pieces, from those of the path's."""
+        found, first = list[FloatArray](), 0
+        for piece in self.cut(path):
+            last = first + len(piece) - 1
+            found.append(speeds[first:last])
+            # A leg that passes a via point between its ends is one of both pieces.
+            first = last if (path[last] == piece[-1]).all() else last - 1
+        return found
+
+    def missed(self, path: FloatArray) -> FloatArray:
+        """Distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
+        return self._cut(path)[1]
+
+    def _cut(self, path: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """The pieces, and how far off each via point is."""
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
+
+    def at_price(self, price: float) -> Voyage:
+        """Return the voyage at another price of time (fuel units a second)."""
+        return replace(self, choice=replace(self.choice, price=price))
+
+    def at_speed(self, speed: float) -> Voyage:
+        """Return the voyage at a constant speed through water (m/s)."""
+        return replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
+
+    def due(self, deadline: float) -> Voyage:
+        """Return the voyage with another deadline (s)."""
+        return replace(self, choice=replace(self.choice, deadline=deadline))
+
+    def scheduled(self, path: FloatArray, times: FloatArray) -> Voyage:
+        """Return the voyage, when the points of a path (n, 2) are passed at times (n,), s."""
+        return replace(self, schedule=np.column_stack([shares(path), times]))
+
+    @cached_property
+    def polar(self) -> Polar:
+        """Speed and drift model, for kernels; with the choice of speeds, if there is one."""
+        vessel, is_crab = self.vessel, self.drift == "crab"
+        if not self.has_price:
+            return Polar(vessel.speed, is_crab)
+        return choosing(
+            vessel.speed,
+            crab=is_crab,
+            least=self.choice.least,
+            price=self.choice.price / vessel.fuel_coefficient,
+            exponent=vessel.fuel_exponent,
+        )
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether the vessel has a choice of speeds."""
+        return self.choice.least < self.vessel.speed
+
+    @property
+    def has_price(self) -> bool:
+        """Whether speeds are chosen, and time has a finite price."""
+        return self.has_choice and self.choice.price < math.inf
+
+    @property
+    def deadline(self) -> float:
+        """When the vessel has to be at the goal (s); infinite if no time is given."""
+        return self.choice.deadline
+
+    @property
+    def price_of_all_time(self) -> float:
+        """What the time from departure to deadline is worth (fuel units)."""
+        if self.has_price and self.choice.price > 0:
+            return self.choice.price * (self.deadline - self.departure)
+        return 0.0
+
+    @property
+    def cost_rate(self) -> float:
+        """Cost of a second at what the polar makes (fuel units): α vᵏ, where no speed is chosen."""
+        if self.has_price:
+            return self.vessel.fuel_coefficient * self.polar.scale
+        return self.vessel.fuel_rate
+
+    def early_and_late(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s."""
+        begun = self.departure - self.before
+        return early_and_late(times, begun, self.lateness, self.min_lateness)
+
+    def fuel(self, path: FloatArray) -> float:
+        """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
+        if self.has_price:
+            pieces = Pieces.of(path)
+            velocity = self.current.velocity(pieces.points, self.departure)
+            made = made_good(velocity, pieces.tangent, self.polar)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                total = pieces.total(np.where(made > 0, 1 / made, np.inf)).sum()
+            return float(self.cost_rate * total)
+        return float(self.vessel.fuel_rate * (self.arrivals(path)[-1] - self.departure))
+
+    def arrivals(self, path: FloatArray) -> FloatArray:
+        """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        key = path.tobytes()
+        if key not in self._arrivals:
+            self._arrivals[key] = self._timed(path)
+        return self._arrivals[key]
+
+    @cached_property
+    def _arrivals(self) -> dict[bytes, FloatArray]:
+        """Times at the points of paths: each step towards a route asks for those of the last."""
+        return {}
+
+    def _timed(self, path: FloatArray) -> FloatArray:
+        """Times (n,), s, at the points of a path, worked out in the current itself."""
+        times = None
+        if not self.current.is_steady:
+            times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
+        durations = passage_times(
+            path,
+            self.current,
+            self.vessel,
+            drift=self.drift,
+            departure=self.departure,
+            guess=times,
+        )
+        return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
+
+    def duration(self, path: FloatArray) -> float:
+        """Time under way (s) along a path (n, 2), by the table; inf where no way can be made."""
+        end = float(arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))[-1])
+        return end - self.departure if math.isfinite(end) else math.inf
+
+    def reading_times(self, path: FloatArray) -> FloatArray:
+        """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
+
+        Those of passage by the schedule, or else by the table; of a steady current all are alike.
+        Where no way can be made the clock stops.
+        """
+        if self.current.is_steady:
+            return np.full(len(path), self.departure)
+        if self.schedule is not None:
+            return np.interp(shares(path), *self.schedule.T)
+        times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
+        return np.asarray(np.minimum(times, times[np.isfinite(times)][-1]))
+
+
+def shares(path: FloatArray) -> FloatArray:
+    """Shares (n,) of the way, from 0 to 1, at which the points of a path (n, 2) lie."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    return np.asarray(along / max(along[-1], 1e-300))
+
+
+def cut_at(
+    path: FloatArray, points: FloatArray, close: float
+) -> tuple[list[FloatArray], FloatArray]:
+    """Pieces (n, 2) of a path at points (v, 2) on it, in order, and how far off (v,) each is, m.
+
+    Where the path passes a point again as closely, within `close` m, the first time counts.
+    """
+    pieces, missed, rest = list[FloatArray](), list[float](), path
+    for point in points:
+        distance = segment_distance(point, rest[:-1], rest[1:])
+        first = int(np.argmax(distance <= distance.min() + close))
+        behind = np.flatnonzero(distance[first:] > distance.min() + close)
+        last = first + int(behind[0]) if len(behind) else len(distance)
+        leg = first + int(distance[first:last].argmin())
+        ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
+        pieces.append(np.vstack([rest[: leg + 1], point]))
+        missed.append(float(distance[leg]))
+        rest = np.vstack([point, rest[ahead:]])
+    return [*pieces, rest], np.array(missed)
+
+
+def early_and_late(
+    times: FloatArray, departure: float, lateness: float, min_lateness: float
+) -> tuple[FloatArray, FloatArray]:
+    """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s.
+
+    Apart by a share `lateness` of the time since departure, and at least by `min_lateness` (s); but
+    the vessel is nowhere before the departure.
+    """
+    away = np.maximum(lateness * (times - departure), min_lateness)
+    return np.maximum(times - away, np.minimum(times, departure)), times + away

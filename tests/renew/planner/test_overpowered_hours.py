@@ -1,0 +1,138 @@
+"""Hours at which the current shuts a class's way, beside the field itself at that place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapely import box
+
+import renew
+from renew._types import FloatArray
+from renew.errors import InfeasibleError, TooLateError
+from renew.planner.overpowered_hours import with_hours
+from tests.strategies import PAPER_VESSEL
+
+PEAK, PERIOD, MIDDLE = 1.5, 200.0, 100.0
+"""Strongest current (m/s) of a strait's tide, its period (s), and where the strait lies (m)."""
+
+
+def tide(points: FloatArray, times: FloatArray) -> FloatArray:
+    """A stream to and fro that is strong in the strait only."""
+    u = np.exp(-(((points[..., 0] - MIDDLE) / 25) ** 2)) * np.cos(2 * np.pi * times / PERIOD)
+    return PEAK * np.stack([u, 0 * u], axis=-1)
+
+
+CURRENT = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), tide)
+STRAIT = renew.Chart(box(0, 0, 200, 100), [box(90, 0, 110, 30), box(90, 70, 110, 100)])
+"""No way but through the strait."""
+
+
+def sailed(departure: float, **options: float) -> renew.Plan:
+    return renew.plan(
+        STRAIT, CURRENT, PAPER_VESSEL, (10, 50), (190, 50), departure=departure, padding="none",
+        **options,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def check(hours: renew.OverpoweredHours) -> None:
+    """The field itself is that strong at that place from then until then, and not beyond."""
+
+    def strength(times: FloatArray) -> FloatArray:
+        return np.asarray(
+            np.linalg.norm(tide(np.tile(hours.place, (len(times), 1)), times), axis=1)
+        )
+
+    level = 0.97
+    times = np.linspace(hours.begin, hours.end, 501)
+    assert (strength(times[5:-5]) >= level - 2e-3).all()
+    assert (strength(times[[0, -1]] + np.array([-1.0, 1.0])) < level).all()
+
+
+def test_who_comes_while_a_strait_is_shut_is_told_when_it_opens() -> None:
+    """At slack she passes without a word; in the stream the reason has the hours, and they hold."""
+    with pytest.raises(renew.UnreachableError, match="The current shuts its way at") as refused:
+        sailed(105.0)
+    first, last = (float(text.split()[0]) for text in _hours(str(refused.value)))
+    assert (first, last) == pytest.approx((PERIOD - 27.6, PERIOD + 27.6), abs=0.3)
+    # Who comes that much later, when it opens, is through; and she leaves well before it does.
+    for departure in (last - 72.0, last - 60.0):
+        route = sailed(departure).best
+        through = np.interp(MIDDLE, route.path[:, 0], route.times)
+        assert last < through < last + 60.0
+    assert not sailed(40.0).best.overpowered
+
+
+def _hours(text: str) -> tuple[str, str]:
+    """What follows "from" and "until"."""
+    _, _, behind = text.partition("The current shuts its way at")
+    begin, _, end = behind.partition(" from ")[2].partition(" until ")
+    return begin, end
+
+
+def test_who_may_come_late_is_told_when_it_shuts() -> None:
+    """Passing just before it shuts, with a lateness that reaches into those hours or does not."""
+    early = sailed(75.0, lateness=0.0).best
+    through = float(np.interp(MIDDLE, early.path[:, 0], early.times))
+    late = sailed(75.0, lateness=0.25).best
+    assert not early.overpowered
+    (hours,) = late.overpowered
+    check(hours)
+    assert through < hours.begin < through + 0.25 * (through - 75.0) + 1.0
+    # An early vessel of a later departure meets the end of the same hours.
+    (hours,) = sailed(157.0, lateness=0.25).best.overpowered
+    check(hours)
+
+
+def test_a_way_round_is_the_best_without_waiting() -> None:
+    """Where another class leads round the strait, the class through it is rejected with hours."""
+    chart = renew.Chart(box(0, -60, 200, 100), [box(90, 0, 110, 30), box(90, 70, 110, 100)])
+
+    def below(points: FloatArray, times: FloatArray) -> FloatArray:
+        return tide(points, times) * (points[..., 1:] > 10)
+
+    current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), below)
+    plan = renew.plan(chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=105.0)
+    (rejected,) = plan.rejected
+    assert plan.best.path[:, 1].min() < 0
+    assert not plan.best.overpowered
+    for hours in rejected.overpowered:
+        check(hours)
+        assert str(hours.text) in rejected.reason
+    assert rejected.overpowered
+
+
+def test_a_stream_that_nearly_stops_her_is_a_plain_refusal() -> None:
+    """Times under way that overpowering water leaves no bound to are no numbers for the field."""
+    narrow = renew.Chart(box(0, 0, 200, 100), [box(90, 0, 110, 35), box(90, 65, 110, 100)])
+    with pytest.raises(renew.UnreachableError, match="The current shuts its way"):
+        renew.plan(narrow, CURRENT, PAPER_VESSEL, (10, 50), (190, 50), departure=140.0)
+
+
+def test_a_slower_stream_says_nothing() -> None:
+    swift = replace(PAPER_VESSEL, speed=PEAK / 0.96)
+    plan = renew.plan(STRAIT, CURRENT, swift, (10, 50), (190, 50), departure=105.0, padding="none")
+    assert not plan.best.overpowered
+
+
+def test_a_departure_in_the_stream_is_told_until_when() -> None:
+    with pytest.raises(renew.CurrentTooStrongError, match=r"stays so until 226\.\d* s") as refused:
+        renew.plan(STRAIT, CURRENT, PAPER_VESSEL, (100, 50), (190, 50), departure=190.0)
+    end = float(str(refused.value).partition("until ")[2].split()[0])
+    assert np.linalg.norm(tide(np.array([100.0, 50.0]), np.array(end))) == pytest.approx(
+        1, abs=1e-3
+    )
+
+
+@pytest.mark.parametrize("kind", [InfeasibleError, TooLateError])
+def test_a_reason_keeps_its_kind_and_places(kind: type[InfeasibleError]) -> None:
+    place, shut = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    hours = (renew.OverpoweredHours(shut, 5.0, math.inf),)
+    longer = with_hours(kind("near {0}", place), hours)
+    assert type(longer) is kind
+    assert str(longer) == "near (1, 2) m. The current shuts its way at (3, 4) m from 5 s on"
+    plain = with_hours(kind("a set {1, 2}"), hours)
+    assert str(plain) == "a set {1, 2}. The current shuts its way at (3, 4) m from 5 s on"
+    assert with_hours(plain, ()) is plain

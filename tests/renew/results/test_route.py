@@ -1,0 +1,113 @@
+"""Routes and plans: their figures agree with each other, and they can be pickled and printed."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from shapely import box
+
+import renew
+from renew.results.route import unite_soft_no_go
+from tests.renew.steering.motion import assert_sailable
+from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre
+
+
+def gyre_plan() -> renew.Plan:
+    chart, current = single_gyre()
+    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90))
+
+
+@settings(max_examples=6, deadline=None)
+@given(seed=seeds)
+def test_routes_are_what_their_figures_say(seed: int) -> None:
+    chart, current, start, goal = random_scene(seed)
+    try:
+        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4)
+    except renew.UnreachableError as error:
+        assert "were rejected" in str(error)  # noqa: PT017  (a crowded scene may have no safe class)
+        return
+    assert [r.fuel for r in plan.routes] == sorted(r.fuel for r in plan.routes)
+    for route in plan.routes:
+        line = shapely.LineString(route.path)
+        assert route.path[0] == pytest.approx(start)
+        assert route.path[-1] == pytest.approx(goal)
+        assert chart.extent.covers(line)
+        assert line.distance(chart.hard_no_go) == pytest.approx(route.clearance)
+        channel = shapely.union_all(shapely.polygons(route.channel)).buffer(1e-5)
+        assert channel.covers(line)
+        if not route.starts_in_soft_no_go and not route.ends_in_soft_no_go:
+            # V is drawn with polygons inside its round ends: exact to 0.5 % of the padding.
+            assert line.intersection(route.soft_no_go.buffer(-1e-3)).length < 1e-6
+            report = renew.contingency(route, chart, current, PAPER_VESSEL, seed=seed)
+            assert report.collisions == 0
+        assert route.fuel == pytest.approx(renew.fuel(route.path, current, PAPER_VESSEL))
+        assert route.fuel >= route.fuel_bound.value
+        assert_sailable(route.trajectory, current, start, goal)
+
+
+def test_shares_and_rates_follow_from_fuel_and_length() -> None:
+    best = gyre_plan().best
+    assert best.length == pytest.approx(shapely.LineString(best.path).length)
+    assert best.fuel_per_distance * best.length == pytest.approx(best.fuel)
+    assert best.fuel_bound.value * (1 + best.optimality_gap) == pytest.approx(best.fuel)
+    assert best.duration == pytest.approx(best.fuel)  # the paper's vessel: 1 m/s, 1 unit a second
+
+
+def test_plans_survive_pickling_though_a_current_may_not() -> None:
+    chart, gyre = single_gyre()
+    walls = [box(0, 45, 47, 55), box(53, 45, 90, 55)]
+    # A lambda can't be pickled: bound and rejected classes are pickled with their figures instead.
+    plans = [
+        renew.plan(chart, lambda points: 0.9 * gyre(points), PAPER_VESSEL, (10, 10), (90, 90)),
+        renew.plan(
+            renew.Chart(box(0, 0, 100, 100), walls),
+            lambda points: 0 * points,
+            PAPER_VESSEL,
+            (50, 10),
+            (50, 90),
+            padding=3.2,
+        ),
+    ]
+    assert any(plan.rejected for plan in plans)
+    for plan in plans:
+        again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
+        assert again.best.fuel == plan.best.fuel
+        assert again.best.optimality_gap == plan.best.optimality_gap
+        assert np.array_equal(again.best.path, plan.best.path)
+        assert again.best.soft_no_go.equals(plan.best.soft_no_go)
+        assert [r.unpadded_fuel for r in again.rejected] == [r.unpadded_fuel for r in plan.rejected]
+        # A second time, from what came back.
+        assert pickle.loads(pickle.dumps(again)).best.fuel == plan.best.fuel  # noqa: S301
+
+
+def test_plans_print_and_compare_by_identity() -> None:
+    plan = gyre_plan()
+    again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
+    assert "Route(" in repr(again)
+    assert plan.best in plan.routes
+    assert again != plan
+
+
+def test_a_plan_built_without_routes_has_no_best_one() -> None:
+    with pytest.raises(renew.UnreachableError, match="holds no route"):
+        _ = renew.Plan((), ()).best
+
+
+def test_soft_no_go_zones_united_together_are_those_united_alone() -> None:
+    chart, current, start, goal = random_scene(5)
+    routes = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=6).routes
+    assert len(routes) > 2
+    unite_soft_no_go(routes)
+    for route in routes:
+        capsules = [
+            shapely.LineString(edge[:4].reshape(2, 2)).buffer(edge[4], quad_segs=16)
+            for edge in route.padding_used
+            if edge[4] > 0
+        ]
+        alone = shapely.union_all(capsules)
+        assert not alone.is_empty
+        assert route.soft_no_go.symmetric_difference(alone).area < 1e-6

@@ -1,0 +1,100 @@
+"""The padding of edges beside a channel: its risk, its floor, and how it follows the risk."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import box
+
+import renew
+from renew._types import FloatArray
+from renew.classes.channel import Channel
+from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.h_signature import Rays
+from renew.classes.triangulation import triangulate
+from renew.inputs.options import Padding, PlanOptions
+from renew.turns.padding_model import PaddingModel
+from renew.turns.reach_quantile import HEADING_SPREAD
+from renew.turns.turn_reach import turn_reach
+from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+
+
+def always(channel: Channel) -> FloatArray:
+    """Windows of time in a steady current, where any will do."""
+    return np.zeros((len(channel.triangles), 2))
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("risk", [0.05, 0.2])
+def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, risk: float) -> None:
+    chart, current, start, goal = random_scene(seed)
+    triangulation = triangulate(chart)
+    model = PaddingModel(triangulation, current, PAPER_VESSEL, PlanOptions(risk=risk))
+    voyage = voyage_on(chart, start, goal)
+    channel = ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
+    edges = model.padded_edges(channel, start, goal, always(channel))
+    middle = channel.midline(start, goal)
+    rng = np.random.default_rng(99)
+    draws = 20_000
+    statistics = current.statistics(triangulation.corners)
+    exceeded = []
+    for i, triangle in enumerate(channel.triangles):
+        speed = np.maximum(
+            0, rng.normal(statistics.speed[triangle], statistics.speed_std[triangle], draws)
+        )
+        towards = rng.normal(
+            statistics.direction[triangle], statistics.direction_std[triangle], draws
+        )
+        drift = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
+        travel = middle[i + 1] - middle[i]
+        heading = math.atan2(travel[1], travel[0]) + rng.uniform(
+            -HEADING_SPREAD, HEADING_SPREAD, draws
+        )
+        for corner in np.flatnonzero(triangulation.hazardous[triangle]):
+            a, b = triangulation.vertices[triangulation.edge_vertices(int(triangle), int(corner))]
+            along = (b - a) / np.linalg.norm(b - a)
+            outwards = np.array([along[1], -along[0]])  # water lies on the edge's left
+            at = np.flatnonzero((edges.start == a).all(1) & (edges.end == b).all(1))
+            padding = edges.padding[at]
+            assert len(padding) == 1
+            reach = turn_reach(PAPER_VESSEL, heading, drift, np.broadcast_to(outwards, (draws, 2)))
+            exceeded.append(float((reach > padding[0]).mean()))
+    assert exceeded
+    assert max(exceeded) <= risk + 3 * math.sqrt(risk * (1 - risk) / draws)
+
+
+@given(width=st.floats(0.0, 12.0))
+def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
+    triangulation = triangulate(chart)
+    voyage = voyage_on(chart, (5.0, 50.0), (95.0, 50.0))
+    channel = ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
+    cases: list[tuple[Padding, float, float]] = [
+        (width, 3.0, max(width, 3.0)),
+        ("none", width, width),
+    ]
+    for padding, clearance, expected in cases:
+        options = PlanOptions(padding=padding, clearance=clearance)
+        model = PaddingModel(triangulation, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, options)
+        edges = model.padded_edges(channel, voyage.start, voyage.goal, always(channel))
+        assert len(edges.edge)
+        assert edges.padding == pytest.approx(expected)
+
+
+def test_less_risk_takes_more_padding() -> None:
+    chart, current, start, goal = random_scene(3)
+    triangulation = triangulate(chart)
+    voyage = voyage_on(chart, start, goal)
+    channel = ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
+    widths = [
+        PaddingModel(triangulation, current, PAPER_VESSEL, PlanOptions(risk=risk))
+        .padded_edges(channel, start, goal, always(channel))
+        .padding.mean()
+        for risk in (0.5, 0.2, 0.05, 0.01)
+    ]
+    assert widths == sorted(widths)
+    assert widths[0] < widths[-1]

@@ -1,0 +1,95 @@
+"""The quantile of the reach against sorted draws and against random draws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renew.inputs.current import CurrentStatistics
+from renew.turns.reach_quantile import HEADING_SPREAD, TurnSampler
+from renew.turns.turn_reach import TurnStarts, reach_along, turn_reach
+from tests.strategies import PAPER_VESSEL, seeds
+
+# Two currents, of which the second one is steadier; and an edge to the north and one to the west.
+MEAN = np.array([[0.3, 0.1], [-0.2, 0.4]])
+STATISTICS = CurrentStatistics(
+    mean=MEAN,
+    speed=np.linalg.norm(MEAN, axis=1),
+    direction=np.arctan2(MEAN[:, 1], MEAN[:, 0]),
+    speed_std=np.array([0.1, 0.02]),
+    direction_std=np.array([0.4, 0.1]),
+)
+COURSE = np.array([0.2, 1.5])
+ROW = np.array([0, 0, 1, 1])
+NORMALS = np.array([[0.0, 1.0], [-1.0, 0.0]] * 2)
+TURNS = (STATISTICS, COURSE, ROW, NORMALS, PAPER_VESSEL)
+
+
+@settings(max_examples=20)
+@given(seed=seeds, risk=st.floats(0.002, 0.98), count=st.integers(50, 600))
+def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count: int) -> None:
+    sampler = TurnSampler(seed, count)
+    reaches = sampler.reaches(*TURNS)
+    found = sampler.quantile(*TURNS, risk)
+    assert reaches.shape == (4, count)
+    assert (reaches == found[:, None]).any(axis=1).all()
+    # On the safe side, and not by more than a fifth of the risk.
+    assert ((reaches > found[:, None]).mean(axis=1) <= risk).all()
+    assert ((reaches >= found[:, None]).mean(axis=1) >= 0.8 * risk).all()
+
+
+def test_few_even_draws_spread_as_many_random_ones_do() -> None:
+    rng = np.random.default_rng(0)
+    few = np.quantile(TurnSampler(0, 4096).reaches(*TURNS), 0.95, axis=1)
+    for row, normal, quantile in zip(ROW, NORMALS, few, strict=True):
+        draws = 100_000
+        speed = rng.normal(STATISTICS.speed[row], STATISTICS.speed_std[row], draws).clip(min=0)
+        towards = rng.normal(STATISTICS.direction[row], STATISTICS.direction_std[row], draws)
+        heading = COURSE[row] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
+        current = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
+        reach = turn_reach(PAPER_VESSEL, heading, current, normal)
+        tolerance = 0.02 * PAPER_VESSEL.turning_radius
+        assert quantile == pytest.approx(np.quantile(reach, 0.95), abs=tolerance)
+
+
+def test_draws_depend_on_the_seed_alone() -> None:
+    one, same, other = (TurnSampler(seed, 100).reaches(*TURNS) for seed in (1, 1, 2))
+    assert (one == same).all()
+    assert (one != other).any()
+
+
+@pytest.mark.parametrize("risk", [5e-4, 1e-4])
+def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float) -> None:
+    rng = np.random.default_rng(1)
+    places, draws = 4, 2_000_000
+    spread = CurrentStatistics(
+        np.zeros((places, 2)),
+        rng.uniform(0.1, 0.5, places),
+        rng.uniform(-3, 3, places),
+        rng.uniform(0.02, 0.2, places),
+        rng.uniform(0.1, 0.6, places),
+    )
+    course, bearing = rng.uniform(-3, 3, (2, places))
+    normals = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    quantile = TurnSampler.for_risk(0, risk).quantile(
+        spread, course, np.arange(places), normals, PAPER_VESSEL, risk
+    )
+    for at in range(places):
+        speed = rng.normal(spread.speed[at], spread.speed_std[at], draws).clip(min=0)
+        towards = rng.normal(spread.direction[at], spread.direction_std[at], draws)
+        heading = course[at] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
+        turns = TurnStarts(
+            heading,
+            np.cos(heading),
+            np.sin(heading),
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+        )
+        reach = np.empty(draws)
+        reach_along(normals[at], turns, PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate, reach)
+        share = float((reach > quantile[at]).mean())
+        assert 0.4 * risk <= share <= risk + 3 * math.sqrt(risk / draws)
