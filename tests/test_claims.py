@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import inspect
 import re
 import tomllib
@@ -18,6 +19,7 @@ from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.nightly.request.config import CaseTable, NightTable
 from pipeline.nightly.request.departures import DepartureSpec
 from pipeline.scenario.vessel import VesselSpec
+from renew.inputs.options import Changes
 from tests import claims, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
 from tests.bench.record import COLUMNS, FOLDER
@@ -123,19 +125,21 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_options_of_plan_are_on_its_pages() -> None:
-    options = set(inspect.signature(renew.plan).parameters)
-    described = inspect.getdoc(renew.plan) or ""
+    signature = inspect.signature(renew.plan).parameters
+    options = {one.name: one.default for one in dataclasses.fields(renew.PlanOptions)}
+    assert set(options) == set(Changes.__annotations__)
+    described = f"{inspect.getdoc(renew.plan)}\n{inspect.getdoc(renew.PlanOptions)}"
     listed = set(re.findall(r"^(\w+(?:, \w+)*) : ", described, re.MULTILINE))
-    assert options <= {name for names in listed for name in names.split(", ")}
+    names = {*options, *signature} - {"changes"}
+    assert names <= {name for names in listed for name in names.split(", ")}
     page = (ROOT / DESIGN).read_text("utf-8")
     example = re.search(r"plan = renew\.plan\((.*?)\n\)", page, re.DOTALL)
     assert example is not None
     shown = dict(re.findall(r"^    (\w+)=(.+),$", example[1], re.MULTILINE))
-    defaults = {
-        name: one.default
-        for name, one in inspect.signature(renew.plan).parameters.items()
-        if one.kind is one.KEYWORD_ONLY
+    defaults = options | {
+        name: one.default for name, one in signature.items() if one.kind is one.KEYWORD_ONLY
     }
+    del defaults["options"]
     assert {name: eval(value) for name, value in shown.items()} == defaults  # noqa: S307
 
 

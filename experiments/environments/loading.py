@@ -15,7 +15,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
 from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.model import Scenario

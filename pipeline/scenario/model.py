@@ -33,7 +33,6 @@ from pipeline.scenario.vessel import VesselSpec
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
-    import renew
 
 MAX_SEASONS = 1000
 """Largest number of seasons of a scenario."""
@@ -121,16 +120,6 @@ class PlannerOptions(StrictModel):
         "currents that change: its turns are safe at all these times. Give a share from 0 to "
         "below 1, such as 0.05.",
     )
-
-    def plan_options(self, *, min_lateness: float = 0.0) -> renew.PlanOptions:
-        """Options of a plan, early or late by `min_lateness` (s) at least.
-
-        A run has chosen the clearance for a chart before; a plane's is 0 where it is left out.
-        """
-        import renew
-
-        given = {**self.model_dump(), "clearance": self.clearance or 0.0}
-        return renew.PlanOptions(**given, min_lateness=min_lateness)
 
 
 class OutputOptions(StrictModel):

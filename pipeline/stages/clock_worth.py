@@ -15,6 +15,7 @@ import numpy as np
 import renew
 from pipeline._types import FloatArray
 from pipeline.model import ClockWorth, Current, Scene, SeasonPlan, SpeedChoice
+from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
@@ -80,7 +81,7 @@ def _sailed(
             vessel,
             scene.start,
             scene.goal,
-            options=asked.plan_options(),
+            options=plan_options(asked),
             **scene.itinerary(name),
             **scene.pace(name, season.arrive_by_s),
         )

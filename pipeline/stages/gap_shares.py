@@ -16,6 +16,7 @@ import shapely
 
 import renew
 from pipeline.model import GapShares, Scene, SeasonPlan
+from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 
 # How many times as fast as the vessel one turns that turns on the spot.
@@ -58,7 +59,7 @@ def _least_fuel(
             replace(vessel, turn_rate=_ON_THE_SPOT * vessel.turn_rate),
             scene.start,
             scene.goal,
-            options=asked.plan_options(),
+            options=plan_options(asked),
             **scene.itinerary(season.season),
             **scene.pace(season.season, season.arrive_by_s),
         )

@@ -8,6 +8,7 @@ import time
 import renew
 from pipeline.formats.shared.text import moments_of, season_text
 from pipeline.model import Scene, SeasonPlan
+from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.endpoints import is_shut_in
 from pipeline.stages.speed_choices import largest_stretch, planned_in_time
@@ -28,7 +29,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             scene.vessel_in(season),
             scene.start,
             scene.goal,
-            options=options.plan_options(min_lateness=MIN_LATENESS_S),
+            options=plan_options(options, min_lateness=MIN_LATENESS_S),
             **scene.itinerary(season),
             **scene.pace(season, arrive_by_s),
         )

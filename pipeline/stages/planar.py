@@ -13,7 +13,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane
 from pipeline.scenario.season import Season

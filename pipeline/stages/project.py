@@ -19,7 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.stages import planar

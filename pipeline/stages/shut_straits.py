@@ -19,6 +19,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.geo.coast.narrow_gaps import narrow_gaps
 from pipeline.model import Scene, SeasonPlan, ShutStrait, Simplified
+from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 from renew.errors import Strait
 
@@ -41,7 +42,7 @@ def shut_straits(
     if scene.is_planar or not best:
         return ()
     radius = max(scene.vessel_in(plan.season).turning_radius for plan in plans)
-    padding = options.plan_options().likely_width(radius)
+    padding = plan_options(options).likely_width(radius)
     finder = _StraitFinder(scene, simplified, padding)
     found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
     return tuple(sorted(found, key=lambda strait: -strait.width_m))

@@ -30,7 +30,7 @@ from pipeline.geo.coast.open_water import OpenWater, opened
 from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Land, Simplified
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages import planar

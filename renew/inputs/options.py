@@ -1,7 +1,7 @@
 """How a voyage is planned: the options of a plan, with their defaults and ranges."""
 
 from dataclasses import dataclass, field, fields
-from typing import Literal, TypeAlias, TypeGuard, get_args
+from typing import Literal, TypeAlias, TypedDict, TypeGuard, get_args
 
 import numpy as np
 
@@ -125,6 +125,24 @@ class PlanOptions:
         if is_one_of(self.risk_at, ("point",)) and not is_one_of(self.padding, ("adaptive",)):
             found.append(f'risk_at = "point" needs padding = "adaptive", not {shown(self.padding)}')
         return found + punctuality_faults(self.lateness, self.min_lateness)
+
+
+class Changes(TypedDict, total=False):
+    """Options by name, in place of some of a `PlanOptions`."""
+
+    classes: int
+    risk: float
+    padding: Padding
+    clearance: float
+    distinct_by: DistinctBy
+    method: Method
+    samples: int
+    drift: Drift
+    seed: int
+    order: Order
+    risk_at: RiskAt
+    lateness: float
+    min_lateness: float
 
 
 RANGES = {one.name: one.metadata for one in fields(PlanOptions) if one.metadata}

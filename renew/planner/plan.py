@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from renew.inputs.arguments import (
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.figures import check_kind, shown
-from renew.inputs.options import PlanOptions
+from renew.inputs.options import Changes, PlanOptions
 from renew.inputs.shut_area import ShutArea
 from renew.inputs.vessel import Vessel
 from renew.planner.areas import plan_around, with_always_shut
@@ -54,7 +54,7 @@ def plan(
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
     speed: Speeds | None = None,
-    **changes: Any,  # noqa: ANN401 - PlanOptions checks them
+    **changes: Unpack[Changes],
 ) -> Plan:
     """Plan the route of least fuel that is found in each of the first k homotopy classes.
 
@@ -151,7 +151,7 @@ def plan_departures(
     avoid: Sequence[ShutArea] = (),
     speed: Speeds | None = None,
     arrive_by: float | None = None,
-    **changes: Any,  # noqa: ANN401 - PlanOptions checks them
+    **changes: Unpack[Changes],
 ) -> Departures:
     """Plan the best route of each of some departures, and find the best time to leave.
 

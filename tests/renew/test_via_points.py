@@ -13,6 +13,7 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
+from renew.inputs.options import Padding
 from renew.voyage.voyage import Voyage, Waters
 from tests.clock_oracle import earliest_arrival
 from tests.moving_waters import moving_scene
@@ -69,7 +70,7 @@ def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
 @pytest.mark.parametrize("via", ROUND_TRIPS)
 @pytest.mark.parametrize("padding", ["none", "adaptive"])
 def test_the_best_needs_hardly_more_than_the_best_of_each_part(
-    via: list[tuple[float, float]], padding: str
+    via: list[tuple[float, float]], padding: Padding
 ) -> None:
     chart, current = single_gyre()
     best = gyre_plan(via, padding=padding).best

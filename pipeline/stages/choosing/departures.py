@@ -20,6 +20,7 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import about_season, moments_of, season_text
 from pipeline.model import DepartureChoice, Scene
+from pipeline.model.for_planner import plan_options
 from pipeline.scenario.interval import interval
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
@@ -94,7 +95,7 @@ def _choice(
 ) -> DepartureChoice:
     """Plan a season's departures."""
     asked: dict[str, Any] = {
-        "options": options.plan_options(min_lateness=MIN_LATENESS_S),
+        "options": plan_options(options, min_lateness=MIN_LATENESS_S),
         **scene.itinerary(season.name),
     }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)

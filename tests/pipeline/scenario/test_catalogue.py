@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.loading import load_scenario
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import current_source, land_source

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 import renew
-from pipeline.model.vessel import planner_vessel
+from pipeline.model.for_planner import plan_options, planner_vessel
 from pipeline.scenario.messages import remedy_of
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
@@ -45,7 +45,7 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
     }
-    assert PlannerOptions(padding=3.0).plan_options(min_lateness=60.0) == renew.PlanOptions(
+    assert plan_options(PlannerOptions(padding=3.0), min_lateness=60.0) == renew.PlanOptions(
         padding=3.0, distinct_by="auto", min_lateness=60.0
     )
 
