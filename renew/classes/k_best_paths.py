@@ -29,6 +29,7 @@ from renew.classes.reduced_rows import (
     number_of_classes,
     row_after,
     triangles_of,
+    up_to,
     with_room,
     word_changes,
 )
@@ -109,7 +110,7 @@ def k_best_paths(
         if not is_known and node == GOAL and may_end(task, rows, row):
             found.append(triangles_of(rows, row))
             latest = min(latest, dearest * now)
-            paths.append(_nodes(labels, label))
+            paths.append(up_to(labels, label, _NODE, _PARENT))
         if is_known or node == GOAL:
             continue
         labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
@@ -195,16 +196,6 @@ def _known(
         quicker += is_quicker
         label = labels[label, _OLDER]
     return _BEATEN if quicker >= count else UNKNOWN
-
-
-@kernel
-def _nodes(labels: IntArray, label: int) -> IntArray:
-    """Nodes (n,) of a label's path."""
-    nodes = [labels[label, _NODE]]
-    while labels[label, _PARENT] >= 0:
-        label = labels[label, _PARENT]
-        nodes.append(labels[label, _NODE])
-    return np.array(nodes[::-1], dtype=np.int64)
 
 
 @kernel
