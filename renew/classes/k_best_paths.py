@@ -74,6 +74,16 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 
 
 @kernel
+def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Room for labels and their times, with that of the start; and each node's newest label."""
+    labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
+    labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
+    newest = np.full(nodes, -1, dtype=np.int64)
+    newest[START] = 0
+    return labels, times, newest
+
+
+@kernel
 def k_best_paths(
     task: Task, to_go: FloatArray, stream: Stream, count: int, max_steps: int
 ) -> tuple[list[IntArray], list[IntArray]]:
@@ -84,10 +94,7 @@ def k_best_paths(
     """
     graph = task.graph
     rows, words = first_row(task), no_words()
-    labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
-    labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
-    newest = np.full(len(graph.points), -1, dtype=np.int64)
-    newest[START] = 0
+    labels, times, newest = _first_label(len(graph.points))
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used, changes = 1, word_changes(task)
     dearest = _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
