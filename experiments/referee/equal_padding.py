@@ -13,7 +13,7 @@ import numpy as np
 import renew
 from renew._types import FloatArray
 from renew.planner.problem import Problem
-from renew.turns.reach_quantile import TurnSampler
+from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
 from renew.turns.turn_reach import normals_away
 from renew.voyage.voyage import Voyage
 
@@ -55,7 +55,8 @@ def least_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
     needed = np.full(len(edges), np.inf)
     for travel in (leave - enter, enter - leave):
         course = np.arctan2(travel[:, 1], travel[:, 0])
-        reach = sampler.quantile(statistics, course, rows, normals, voyage.vessel, _RISK)
+        turns = TurnsAtEdges(statistics, course, rows, normals, voyage.vessel)
+        reach = sampler.quantile(turns, _RISK)
         needed = np.minimum(needed, reach)
     rows_of_edges = np.column_stack([edges.reshape(-1, 4), np.maximum(needed, clearance)])
     return {_ends(row): row[4] for row in rows_of_edges.tolist()}

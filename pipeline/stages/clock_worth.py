@@ -111,7 +111,7 @@ def speeds_in_time(
 
     def is_late(factor: float) -> bool:
         own = speeds(factor)
-        arrivals = passage(route.path, current, vessel, drift=drift, speeds=own)[1]
+        arrivals = passage(route.path, current, vessel, drift=drift, speeds=own).times
         return bool(arrivals[-1] > arrive_by_s)
 
     low, high = choice.least / choice.most, choice.most / choice.least

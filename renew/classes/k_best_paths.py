@@ -29,6 +29,7 @@ from renew.classes.reduced_rows import (
     number_of_classes,
     row_after,
     triangles_of,
+    up_to,
     with_room,
     word_changes,
 )
@@ -73,6 +74,16 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 
 
 @kernel
+def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Room for labels and their times, with that of the start; and each node's newest label."""
+    labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
+    labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
+    newest = np.full(nodes, -1, dtype=np.int64)
+    newest[START] = 0
+    return labels, times, newest
+
+
+@kernel
 def k_best_paths(
     task: Task, to_go: FloatArray, stream: Stream, count: int, max_steps: int
 ) -> tuple[list[IntArray], list[IntArray]]:
@@ -83,10 +94,7 @@ def k_best_paths(
     """
     graph = task.graph
     rows, words = first_row(task), no_words()
-    labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
-    labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
-    newest = np.full(len(graph.points), -1, dtype=np.int64)
-    newest[START] = 0
+    labels, times, newest = _first_label(len(graph.points))
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used, changes = 1, word_changes(task)
     dearest = _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
@@ -109,7 +117,7 @@ def k_best_paths(
         if not is_known and node == GOAL and may_end(task, rows, row):
             found.append(triangles_of(rows, row))
             latest = min(latest, dearest * now)
-            paths.append(_nodes(labels, label))
+            paths.append(up_to(labels, label, _NODE, _PARENT))
         if is_known or node == GOAL:
             continue
         labels = with_room(labels, used + graph.first[node + 1] - graph.first[node])
@@ -195,16 +203,6 @@ def _known(
         quicker += is_quicker
         label = labels[label, _OLDER]
     return _BEATEN if quicker >= count else UNKNOWN
-
-
-@kernel
-def _nodes(labels: IntArray, label: int) -> IntArray:
-    """Nodes (n,) of a label's path."""
-    nodes = [labels[label, _NODE]]
-    while labels[label, _PARENT] >= 0:
-        label = labels[label, _PARENT]
-        nodes.append(labels[label, _NODE])
-    return np.array(nodes[::-1], dtype=np.int64)
 
 
 @kernel

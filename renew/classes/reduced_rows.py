@@ -245,11 +245,17 @@ def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
 @kernel
 def triangles_of(rows: IntArray, row: int) -> IntArray:
     """Triangles of a row, from the start's on."""
-    triangles = [rows[row, _TRIANGLE]]
-    while rows[row, _STEM] >= 0:
-        row = rows[row, _STEM]
-        triangles.append(rows[row, _TRIANGLE])
-    return np.array(triangles[::-1], dtype=np.int64)
+    return up_to(rows, row, _TRIANGLE, _STEM)
+
+
+@kernel
+def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
+    """Values of a column along the rows that lead to one; another column has the row before."""
+    values = [table[row, column]]
+    while table[row, before] >= 0:
+        row = table[row, before]
+        values.append(table[row, column])
+    return np.array(values[::-1], dtype=np.int64)
 
 
 @kernel

@@ -114,15 +114,9 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
 def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile:
     """A path (n, 2) sailed at speeds (n - 1,) in the current itself."""
     vessel = voyage.vessel
-    leg, times = passage(
-        path,
-        voyage.current,
-        vessel,
-        drift=voyage.drift,
-        departure=voyage.departure,
-        speeds=speeds,
-    )
-    at_points = np.append(times[np.searchsorted(leg, np.arange(len(path) - 1))], times[-1])
+    drift, departure = voyage.drift, voyage.departure
+    passed = passage(path, voyage.current, vessel, speeds=speeds, drift=drift, departure=departure)
+    at_points = passed.at_points
     rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
-    fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(times[-1]) else math.inf
+    fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(at_points[-1]) else math.inf
     return SpeedProfile(path, speeds, at_points, fuel, math.inf)

@@ -46,7 +46,7 @@ def steer(
     that can't be, InfeasibleError says why.
     """
     own = np.full(len(path) - 1, vessel.speed) if speeds is None else speeds
-    times = reading_times(path, current, vessel, drift="crab", departure=departure, speeds=own)
+    times = reading_times(path, current, vessel, "crab", departure, own)
     radius = corner_radius(path, current, vessel, times[1:-1], own)
     corners = path
     if speeds is not None:

@@ -12,7 +12,7 @@ from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.figures import check_kind
 from renew.inputs.vessel import Vessel
 from renew.results.route import Route
-from renew.turns.reach_quantile import TurnSampler
+from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
 from renew.turns.turn_reach import normals_away
 
 # Number of draws: enough for a smooth picture.
@@ -97,13 +97,14 @@ def tightest(
         route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
     )
     headings, currents = sampler.draws(statistics, np.array([course]))
-    reaches = sampler.reaches(
+    asked = TurnsAtEdges(
         statistics,
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),
         replace(vessel, speed=float(route.speeds[leg])),
     )
+    reaches = sampler.reaches(asked)
     return Tightest(
         point=point,
         edge=edges[nearest],

@@ -144,9 +144,7 @@ def contingency(
     own = speeds_by_leg(speeds, vessel, len(path) - 1)
     speed = speeds_along(points, path, own)
     vessel = replace(vessel, speed=float(own.max()))
-    times = reading_times(
-        points, field, vessel, drift=drift, departure=departure, speeds=speed[:-1]
-    )
+    times = reading_times(points, field, vessel, drift, departure, speed[:-1])
     passed: tuple[FloatArray, ...] = (times,)
     if not field.is_steady:
         early, late = early_and_late(times, departure, lateness, min_lateness)

@@ -21,7 +21,7 @@ from renew.inputs.current import CurrentField, CurrentStatistics
 from renew.inputs.options import PlanOptions
 from renew.inputs.vessel import Vessel
 from renew.kernels.traversal import Visits
-from renew.turns.reach_quantile import TurnSampler
+from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
 from renew.turns.soft_no_go import PaddedEdges
 from renew.turns.turn_reach import normals_away
 
@@ -259,6 +259,5 @@ class PaddingModel:
         travel = leave - enter
         heading = np.arctan2(travel[:, 1], travel[:, 0])
         normals = normals_away(edges, ((enter + leave) / 2)[row])
-        return self.sampler.quantile(
-            statistics, heading, row, normals, self._vessel, self._options.risk
-        )
+        asked = TurnsAtEdges(statistics, heading, row, normals, self._vessel)
+        return self.sampler.quantile(asked, self._options.risk)

@@ -18,7 +18,7 @@ from renew.inputs.current import CurrentStatistics
 from renew.kernels.capsules import nearest_on_segments
 from renew.turns.contingency import stations
 from renew.turns.passage_windows import passage_windows
-from renew.turns.reach_quantile import TurnSampler
+from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
 from renew.turns.soft_no_go import PaddedEdges
 from renew.turns.verification import in_soft_endpoints
 from renew.voyage.voyage import Voyage
@@ -80,7 +80,8 @@ def risky_edges(
     for pairs in _parts(row, sampler.count):
         some, own = np.unique(row[pairs], return_inverse=True)
         near = route.chosen(some)
-        reaches = sampler.reaches(near.current, near.course, own, towards[pairs], voyage.vessel)
+        asked = TurnsAtEdges(near.current, near.course, own, towards[pairs], voyage.vessel)
+        reaches = sampler.reaches(asked)
         reaches -= gap[pairs, None]
         first = np.flatnonzero(np.diff(own, prepend=-1))
         # A turn counts that reaches any of the edges around; the one most reached is to blame.

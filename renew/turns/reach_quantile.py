@@ -7,6 +7,7 @@ at which a turn begins about the course.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -31,6 +32,20 @@ _STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
 _SAFETY = 0.85
 # Largest number of turns that are held in memory at a time: 160 MB.
 _MAX_TURNS = 4_000_000
+
+
+class TurnsAtEdges(NamedTuple):
+    """Turns of a vessel towards edges.
+
+    Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there, and is looked
+    at along the unit normal p of `normals` (p, 2), m.
+    """
+
+    statistics: CurrentStatistics
+    course: FloatArray
+    row: IntArray
+    normals: FloatArray
+    vessel: Vessel
 
 
 class TurnSampler:
@@ -58,20 +73,11 @@ class TurnSampler:
             return cls(seed, max(_MIN_DRAWS, count))
         return cls(seed, _STRETCHED_DRAWS, float(ndtri(risk) / ndtri(_STRETCHED_SHARE)))
 
-    def reaches(
-        self,
-        statistics: CurrentStatistics,
-        course: FloatArray,
-        row: IntArray,
-        normals: FloatArray,
-        vessel: Vessel,
-    ) -> FloatArray:
-        """Reach (p, draws) of turns along unit normals (p, 2), m, the worse of both sides.
-
-        Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there.
-        """
-        turns = self._turns(statistics, course)
-        return np.asarray(_reaches(row, normals, turns, vessel.speed, vessel.turn_rate))
+    def reaches(self, asked: TurnsAtEdges) -> FloatArray:
+        """Reach (p, draws) of turns towards edges, m, the worse of both sides."""
+        turns, vessel = self._turns(asked.statistics, asked.course), asked.vessel
+        reaches = _reaches(asked.row, asked.normals, turns, vessel.speed, vessel.turn_rate)
+        return np.asarray(reaches)
 
     def draws(
         self, statistics: CurrentStatistics, course: FloatArray
@@ -80,23 +86,15 @@ class TurnSampler:
         turns = self._turns(statistics, course)
         return turns.heading, np.stack([turns.u, turns.v], axis=-1)
 
-    def quantile(
-        self,
-        statistics: CurrentStatistics,
-        course: FloatArray,
-        row: IntArray,
-        normals: FloatArray,
-        vessel: Vessel,
-        risk: float,
-    ) -> FloatArray:
+    def quantile(self, asked: TurnsAtEdges, risk: float) -> FloatArray:
         """Reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
 
-        As in `reaches`; the rows ascend.
+        The rows ascend.
         """
         rows = max(1, _MAX_TURNS // self.count)
         parts = [
-            self._quantile(statistics, course, row, normals, vessel, risk, slice(at, at + rows))
-            for at in range(0, len(course), rows)
+            self._quantile(asked, risk, slice(at, at + rows))
+            for at in range(0, len(asked.course), rows)
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
 
@@ -107,17 +105,9 @@ class TurnSampler:
         at = np.minimum((beyond <= _SAFETY * risk).sum(axis=1), self.count - 1)
         return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(at)), at])
 
-    def _quantile(
-        self,
-        statistics: CurrentStatistics,
-        course: FloatArray,
-        row: IntArray,
-        normals: FloatArray,
-        vessel: Vessel,
-        risk: float,
-        rows: slice,
-    ) -> FloatArray:
+    def _quantile(self, asked: TurnsAtEdges, risk: float, rows: slice) -> FloatArray:
         """Quantiles for some of the rows."""
+        statistics, course, row, normals, vessel = asked
         turns = self._turns(CurrentStatistics(*(of[rows] for of in statistics)), course[rows])
         first, last = np.searchsorted(row, (rows.start, rows.stop))
         own, towards = row[first:last] - rows.start, normals[first:last]

@@ -138,26 +138,30 @@ def _durations(
     return durations
 
 
-def passage_times(
-    path: FloatArray,
-    current: CurrentLike,
-    vessel: Vessel,
-    *,
-    drift: Drift = "projected",
-    departure: float = 0.0,
-    speeds: FloatArray | None = None,
-    guess: FloatArray | None = None,
-) -> FloatArray:
-    """Time over each leg of a path (n, 2): shape (n - 1,), s; inf where no way can be made."""
-    leg, arrival = passage(
-        path, current, vessel, drift=drift, departure=departure, speeds=speeds, guess=guess
-    )
-    with np.errstate(invalid="ignore"):
-        durations = np.diff(arrival)
-    times = np.zeros(len(path) - 1)
-    # Nothing is known of what lies behind a leg that can't be passed.
-    np.add.at(times, leg, np.where(np.isfinite(durations), durations, math.inf))
-    return times
+class Passage(NamedTuple):
+    """Times (p + 1,), s, at the ends of the pieces of a path, and the leg (p,) that each is of.
+
+    The first time is the departure, on the current's clock; infinite is what no way leads to.
+    """
+
+    leg: IntArray
+    times: FloatArray
+
+    @property
+    def durations(self) -> FloatArray:
+        """Time (n - 1,), s, over each leg; inf where no way can be made."""
+        with np.errstate(invalid="ignore"):
+            lasts = np.diff(self.times)
+        durations = np.zeros(self.leg[-1] + 1)
+        # Nothing is known of what lies behind a leg that can't be passed.
+        np.add.at(durations, self.leg, np.where(np.isfinite(lasts), lasts, math.inf))
+        return durations
+
+    @property
+    def at_points(self) -> FloatArray:
+        """Times (n,), s, at the points of the path."""
+        first = np.searchsorted(self.leg, np.arange(self.leg[-1] + 1))
+        return np.append(self.times[first], self.times[-1])
 
 
 def passage(
@@ -165,16 +169,15 @@ def passage(
     current: CurrentLike,
     vessel: Vessel,
     *,
-    drift: Drift = "projected",
-    departure: float = 0.0,
     speeds: FloatArray | None = None,
     guess: FloatArray | None = None,
-) -> tuple[IntArray, FloatArray]:
-    """Legs (p,) of the pieces into which a path (n, 2) is cut, and times (p + 1,) at their ends, s.
+    drift: Drift = "projected",
+    departure: float = 0.0,
+) -> Passage:
+    """Passage along a path (n, 2), with the clock running, at the departure (s) and on.
 
-    The first time is the departure, on the current's clock; the clock runs along the path. Legs are
-    sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. From a `guess` of the
-    times (n,) at the path's points, s, the same is found sooner.
+    Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. From a `guess`
+    of the times (n,) at the path's points, s, the same is found sooner.
     """
     path = as_path(path)
     for fault in choice_faults("drift", drift):
@@ -197,9 +200,9 @@ def passage(
     if guess is not None:
         first = np.searchsorted(leg, np.arange(len(path)))
         guess = np.interp(np.arange(len(leg) + 1), first, guess)
-    return leg, times_under_way(
-        durations, len(leg), departure, is_steady=field.is_steady, guess=guess
-    )
+    is_steady = field.is_steady
+    times = times_under_way(durations, len(leg), departure, is_steady=is_steady, guess=guess)
+    return Passage(leg, times)
 
 
 def speeds_by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
@@ -218,20 +221,19 @@ def reading_times(
     path: FloatArray,
     current: CurrentField,
     vessel: Vessel,
-    *,
-    drift: Drift = "projected",
-    departure: float = 0.0,
-    speeds: FloatArray | None = None,
+    drift: Drift,
+    begin: float,
+    speeds: FloatArray,
 ) -> FloatArray:
     """Times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
-    Those of passage; of a steady current all are alike. Where no way can be made the clock stops.
+    Those of passage at speeds (n - 1,), m/s, from the time it begins; of a steady current all are
+    alike. Where no way can be made the clock stops.
     """
     if current.is_steady or len(path) < 2:
-        return np.full(len(path), departure)
-    leg, times = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
-    at_points = times[np.searchsorted(leg, np.arange(len(path)))]
-    return np.asarray(np.minimum(at_points, times[np.isfinite(times)][-1]))
+        return np.full(len(path), begin)
+    passed = passage(path, current, vessel, drift=drift, departure=begin, speeds=speeds)
+    return np.asarray(np.minimum(passed.at_points, passed.times[np.isfinite(passed.times)][-1]))
 
 
 def times_under_way(

@@ -19,7 +19,7 @@ from renew.kernels.capsules import segment_distance
 from renew.kernels.current_table import CurrentTable, changes
 from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
-from renew.voyage.fuel import Pieces, passage_times
+from renew.voyage.fuel import Pieces, passage
 
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
 # steps that a way across the chart has at most, and a change (m/s²) that counts as none.
@@ -282,15 +282,15 @@ class Voyage:
         times = None
         if not self.current.is_steady:
             times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
-        durations = passage_times(
+        passed = passage(
             path,
             self.current,
             self.vessel,
+            guess=times,
             drift=self.drift,
             departure=self.departure,
-            guess=times,
         )
-        return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(durations)]))
+        return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(passed.durations)]))
 
     def duration(self, path: FloatArray) -> float:
         """Time under way (s) along a path (n, 2), by the table; inf where no way can be made."""

@@ -96,11 +96,11 @@ def triangulators() -> Iterator[Figure]:
 
 def _quantile_errors() -> tuple[float, float]:
     """Root mean square errors of the quantile, %, of even and of random draws."""
-    true = np.quantile(TurnSampler(0, _DENSE_DRAWS).reaches(*TURNS), 1 - _RISK, axis=1)
+    true = np.quantile(TurnSampler(0, _DENSE_DRAWS).reaches(TURNS), 1 - _RISK, axis=1)
 
     def error() -> float:
         found = [
-            np.quantile(TurnSampler(seed, _DRAWS).reaches(*TURNS), 1 - _RISK, axis=1)
+            np.quantile(TurnSampler(seed, _DRAWS).reaches(TURNS), 1 - _RISK, axis=1)
             for seed in range(_REPEATS)
         ]
         return float(100 * np.sqrt(np.mean((np.array(found) / true - 1) ** 2)))

@@ -119,12 +119,12 @@ def sailed(
     The pieces' ends (m, 2) are in the plane, and their speeds (m - 1,) through water. Where the
     plane is stretched, a planar metre takes less true time.
     """
-    from renew.voyage.fuel import passage_times
+    from renew.voyage.fuel import passage
 
     projection = scene.projection
-    planar = passage_times(
+    planar = passage(
         pieces, scene.currents[season], scene.vessel_in(season), drift=drift, speeds=speeds
-    )
+    ).durations
     middles = projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
     true = planar * projection.scale / projection.point_scale(middles)
     planner_s = np.add.reduceat(planar, first)

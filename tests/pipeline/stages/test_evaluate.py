@@ -18,7 +18,7 @@ from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.outcome import Outcome
 from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
 from renew.turns.reach_bound import TurnReach
-from renew.voyage.fuel import passage_times
+from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
 from tests.true_scale import clearance_m
 
@@ -74,7 +74,7 @@ def test_lengths_clearances_and_times_are_true_ones(
         assert row.clearance_m == pytest.approx(apart, rel=0.01)
         # Times in the plane, stretched step by step as the plane's metres are.
         planar = shapely.get_coordinates(path)
-        times = passage_times(planar, scene.currents["still"], VESSEL)
+        times = passage(planar, scene.currents["still"], VESSEL).durations
         steps = GEOD.line_lengths(*lonlat.T) / np.linalg.norm(np.diff(planar, axis=0), axis=1)
         assert row.duration_s == pytest.approx((times * steps).sum(), rel=1e-4)
         assert row.duration_s == pytest.approx(route.duration * SCALE, rel=2e-3)

@@ -19,7 +19,7 @@ from renew.classes.resolution import Resolution
 from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.inputs.current import as_field
-from renew.voyage.fuel import passage_times
+from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
 from tests.eddies import eddy_scene
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
@@ -83,7 +83,7 @@ def test_times_are_those_of_eq_4_both_ways() -> None:
     for leg in range(0, len(tails), 997):
         for a, b, time in ((tails, heads, graph.time), (heads, tails, graph.back)):
             path = np.stack([a[leg], b[leg]])
-            exact = passage_times(path, current, PAPER_VESSEL, drift="projected").sum()
+            exact = passage(path, current, PAPER_VESSEL).durations.sum()
             assert time[leg] == pytest.approx(exact, rel=0.01)
 
 
@@ -96,7 +96,7 @@ def test_times_of_long_legs_through_small_eddies_are_those_of_eq_4() -> None:
     assert len(long) > 20
     for leg in long.tolist():
         path = np.stack([tails[leg], heads[leg]])
-        exact = passage_times(path, scene.current, PAPER_VESSEL, drift="projected").sum()
+        exact = passage(path, scene.current, PAPER_VESSEL).durations.sum()
         assert graph.time[leg] == pytest.approx(exact, rel=0.01)
 
 

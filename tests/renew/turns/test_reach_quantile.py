@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from renew.inputs.current import CurrentStatistics
-from renew.turns.reach_quantile import HEADING_SPREAD, TurnSampler
+from renew.turns.reach_quantile import HEADING_SPREAD, TurnSampler, TurnsAtEdges
 from renew.turns.turn_reach import TurnStarts, reach_along, turn_reach
 from tests.strategies import PAPER_VESSEL, seeds
 
@@ -26,15 +26,15 @@ STATISTICS = CurrentStatistics(
 COURSE = np.array([0.2, 1.5])
 ROW = np.array([0, 0, 1, 1])
 NORMALS = np.array([[0.0, 1.0], [-1.0, 0.0]] * 2)
-TURNS = (STATISTICS, COURSE, ROW, NORMALS, PAPER_VESSEL)
+TURNS = TurnsAtEdges(STATISTICS, COURSE, ROW, NORMALS, PAPER_VESSEL)
 
 
 @settings(max_examples=20)
 @given(seed=seeds, risk=st.floats(0.002, 0.98), count=st.integers(50, 600))
 def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count: int) -> None:
     sampler = TurnSampler(seed, count)
-    reaches = sampler.reaches(*TURNS)
-    found = sampler.quantile(*TURNS, risk)
+    reaches = sampler.reaches(TURNS)
+    found = sampler.quantile(TURNS, risk)
     assert reaches.shape == (4, count)
     assert (reaches == found[:, None]).any(axis=1).all()
     # On the safe side, and not by more than a fifth of the risk.
@@ -44,7 +44,7 @@ def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count
 
 def test_few_even_draws_spread_as_many_random_ones_do() -> None:
     rng = np.random.default_rng(0)
-    few = np.quantile(TurnSampler(0, 4096).reaches(*TURNS), 0.95, axis=1)
+    few = np.quantile(TurnSampler(0, 4096).reaches(TURNS), 0.95, axis=1)
     for row, normal, quantile in zip(ROW, NORMALS, few, strict=True):
         draws = 100_000
         speed = rng.normal(STATISTICS.speed[row], STATISTICS.speed_std[row], draws).clip(min=0)
@@ -57,7 +57,7 @@ def test_few_even_draws_spread_as_many_random_ones_do() -> None:
 
 
 def test_draws_depend_on_the_seed_alone() -> None:
-    one, same, other = (TurnSampler(seed, 100).reaches(*TURNS) for seed in (1, 1, 2))
+    one, same, other = (TurnSampler(seed, 100).reaches(TURNS) for seed in (1, 1, 2))
     assert (one == same).all()
     assert (one != other).any()
 
@@ -75,9 +75,8 @@ def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float
     )
     course, bearing = rng.uniform(-3, 3, (2, places))
     normals = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
-    quantile = TurnSampler.for_risk(0, risk).quantile(
-        spread, course, np.arange(places), normals, PAPER_VESSEL, risk
-    )
+    asked = TurnsAtEdges(spread, course, np.arange(places), normals, PAPER_VESSEL)
+    quantile = TurnSampler.for_risk(0, risk).quantile(asked, risk)
     for at in range(places):
         speed = rng.normal(spread.speed[at], spread.speed_std[at], draws).clip(min=0)
         towards = rng.normal(spread.direction[at], spread.direction_std[at], draws)

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 import renew
 from renew.inputs.options import Drift
-from renew.voyage.fuel import passage_times
+from renew.voyage.fuel import passage
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, angles, seeds, speeds
 
 
@@ -67,7 +67,7 @@ def test_a_current_that_the_vessel_cannot_overcome_costs_infinite_fuel() -> None
 
 def test_times_are_given_leg_by_leg_and_a_leg_of_no_length_takes_none() -> None:
     path = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
-    times = passage_times(path, renew.UniformCurrent(0.5, 0.0), PAPER_VESSEL)
+    times = passage(path, renew.UniformCurrent(0.5, 0.0), PAPER_VESSEL).durations
     assert times == pytest.approx([20, 0, 40])
 
 
