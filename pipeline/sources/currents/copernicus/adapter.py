@@ -283,19 +283,9 @@ class Copernicus(CurrentSource):
     def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
         """What the file must contain."""
         steps = _obtained(request, metadata)
-        return Expected(
-            labels=steps.labels,
-            weights=steps.weights,
-            label_format=self._resolution.label_format,
-            region=region.bounds,
-            cell_deg=self.spec.cell_deg,
-            eastward=self.spec.eastward,
-            northward=self.spec.northward,
-            speed_limit_m_s=self.spec.speed_limit_m_s,
-            missing_boxes=tuple(tuple(box) for box in metadata["missing_boxes"]),
-            gaps_vary=self.spec.gaps_vary,
-            outline=region,
-        )
+        boxes = tuple(tuple(box) for box in metadata["missing_boxes"])
+        label_format = self._resolution.label_format
+        return Expected(self.spec, steps.labels, steps.weights, label_format, region, boxes)
 
     def _valid(self, season: Season, steps: SelectedSteps) -> str:
         """The time that the fields are valid for, which may be near the one asked for."""
