@@ -23,7 +23,13 @@ from pipeline.sources.currents.cf.axes import coordinate_axis
 from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.currents.cf.grid import Window, find_window, read_window
 from pipeline.sources.currents.cf.time import decoded_times
-from pipeline.sources.quality.coverage import Bounds, around_missing, sides_beyond, widened
+from pipeline.sources.quality.coverage import (
+    Bounds,
+    around_missing,
+    cell_bounds,
+    sides_beyond,
+    widened,
+)
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import count_misplaced, dilated
@@ -270,9 +276,9 @@ def _depth_faults(dataset: xr.Dataset) -> list[str]:
 
 def _extent_faults(window: Window, expected: Expected) -> list[str]:
     """Whether the cells cover the region."""
-    lon, lat, half = window.lon, window.lat, expected.spec.cell_deg / 2
-    grid = widened((lon[0], lat[0], lon[-1], lat[-1]), half, half)
-    lacking = sides_beyond(expected.region.bounds, grid)
+    cell_deg = expected.spec.cell_deg
+    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    lacking = sides_beyond(expected.region.bounds, cells)
     return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 

@@ -27,7 +27,7 @@ from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.copernicus.acceptance import AcceptedFields, Expected, accept
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
+from pipeline.sources.currents.copernicus.account import LOGIN, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
 from pipeline.sources.currents.copernicus.steps import (
@@ -90,10 +90,7 @@ class Copernicus(CurrentSource):
         """Say that there is no account, if so."""
         if has_account():
             return ""
-        return (
-            f"{self.spec.name} needs a free Copernicus Marine account: set {USERNAME} and "
-            f"{PASSWORD}, or run `copernicusmarine login` once"
-        )
+        return f"{self.spec.name} needs a free Copernicus Marine account: set {LOGIN} once"
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
