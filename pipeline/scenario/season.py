@@ -23,6 +23,8 @@ from pipeline.scenario.strict import (
 )
 
 TimeMethod = Literal["mean", "nearest", "linear"]
+"""How a season's field is made of time steps: the mean of those in its period, the step nearest to
+the middle of the period, or linear interpolation between the two around that middle."""
 STILL = "still"
 """The source of the catalogue that has no current at all, at any time."""
 

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.period import Period
-from pipeline.sources.interfaces import TimeMethod
+from pipeline.scenario.season import TimeMethod
 
 _LABEL_FORMATS: dict[StepLength, str] = {
     "month": "%Y-%m",
