@@ -17,9 +17,8 @@ import renew
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.nightly.request.config import CaseTable, NightTable
 from pipeline.nightly.request.departures import DepartureSpec
-from pipeline.scenario import reference
 from pipeline.scenario.vessel import VesselSpec
-from tests import claims, command_reference
+from tests import claims, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
 from tests.bench.record import COLUMNS, FOLDER
 from tests.conftest import ROOT
@@ -196,7 +195,7 @@ def test_keys_of_a_night_are_on_their_page() -> None:
 
 def _keys() -> dict[str, set[str]]:
     """Keys of a scenario's tables by their paths."""
-    return {table.path: _names(table.model) for table in reference.tables()}
+    return {table.path: _names(table.model) for table in scenario_reference.tables()}
 
 
 def _names(model: type[BaseModel]) -> set[str]:
