@@ -6,7 +6,14 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    model_validator,
+)
 
 from pipeline.scenario.departures import DepartureTimes
 from pipeline.scenario.interval import Interval
@@ -83,9 +90,9 @@ def _as_files(given: object) -> object:
     return (given,) if isinstance(given, str) and looks_like_path(given) else given
 
 
-def _usable_files(given: str | tuple[str, ...]) -> str | tuple[str, ...]:
+def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
     """Refuse texts that can't be paths; not inside the union, which adds a fault per member."""
-    return given if isinstance(given, str) else tuple(usable_path(text) for text in given)
+    return given if isinstance(given, str) else tuple(usable_path(text, info) for text in given)
 
 
 Valid = Annotated[str, AfterValidator(_valid_period)]
