@@ -22,7 +22,6 @@ from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
-from pipeline.scenario.season import Season
 
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
@@ -77,9 +76,9 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     RequestError
         One line for each faulty key; or, where all keys are valid, for each fault between them.
     """
-    folder = folder or working_directory()
+    context = {"folder": folder or working_directory()}
     try:
-        scenario = _with_paths(Scenario.model_validate(data), folder)
+        scenario = Scenario.model_validate(data, context=context)
     except ValidationError as error:
         raise RequestError(model_faults(error, Scenario, data)) from None
     faults = [
@@ -98,41 +97,6 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     chart = data.get("chart", {})
     source = {"path": str(resolved(charts, "--charts"))}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
-
-
-def _with_paths(scenario: Scenario, folder: Path) -> Scenario:
-    """Make the paths of charts, of currents and of areas absolute."""
-    chart = scenario.chart
-    source = tuple(
-        one.model_copy(update={"path": _absolute(one.path, folder)}) if one.path else one
-        for one in chart.source
-    )
-    depths = _absolute(chart.depths, folder) if chart.depths else ""
-    return scenario.model_copy(
-        update={
-            "chart": chart.model_copy(update={"source": source, "depths": depths}),
-            "seasons": tuple(_with_files(season, folder) for season in scenario.seasons),
-            "avoid": tuple(
-                area.model_copy(update={"path": _absolute(area.path, folder)})
-                for area in scenario.avoid
-            ),
-        }
-    )
-
-
-def _with_files(season: Season, folder: Path) -> Season:
-    """Make the paths of a season's currents absolute."""
-    currents = tuple(
-        named if isinstance(named, str) else tuple(_absolute(path, folder) for path in named)
-        for named in season.currents
-    )
-    return season.model_copy(update={"currents": currents})
-
-
-def _absolute(path: str, folder: Path) -> str:
-    """Resolve a path, or a pattern of paths, relative to a folder or to the home folder (~)."""
-    is_relative = not path.startswith(("~", "/"))
-    return str(resolved(folder / path if is_relative else path, "scenario"))
 
 
 def _missing_paths(chart: ChartSpec) -> Iterator[str]:

@@ -230,12 +230,14 @@ def check(
 ) -> None:
     """List all faults of a scenario's file, and whether its start and goal are in water."""
     with reported_errors(), still_at_work():
-        from pipeline.errors import RequestError
         from pipeline.loading import load_scenario
+
+        found = load_scenario(file)
+        # After loading, so that what is wrong in the file is said at once.
+        from pipeline.errors import RequestError
         from pipeline.stages.choosing.coverage import uncovered_seasons
         from pipeline.stages.endpoint_look import endpoints_on_land
 
-        found = load_scenario(file)
         if faults := [*uncovered_seasons(found), *endpoints_on_land(found)]:
             raise RequestError(faults)
         seasons = ", ".join(season.name for season in found.seasons)

@@ -6,7 +6,14 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    model_validator,
+)
 
 from pipeline.scenario.departures import DepartureTimes
 from pipeline.scenario.interval import Interval
@@ -23,6 +30,8 @@ from pipeline.scenario.strict import (
 )
 
 TimeMethod = Literal["mean", "nearest", "linear"]
+"""How a season's field is made of time steps: the mean of those in its period, the step nearest to
+the middle of the period, or linear interpolation between the two around that middle."""
 STILL = "still"
 """The source of the catalogue that has no current at all, at any time."""
 
@@ -81,9 +90,9 @@ def _as_files(given: object) -> object:
     return (given,) if isinstance(given, str) and looks_like_path(given) else given
 
 
-def _usable_files(given: str | tuple[str, ...]) -> str | tuple[str, ...]:
+def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
     """Refuse texts that can't be paths; not inside the union, which adds a fault per member."""
-    return given if isinstance(given, str) else tuple(usable_path(text) for text in given)
+    return given if isinstance(given, str) else tuple(usable_path(text, info) for text in given)
 
 
 Valid = Annotated[str, AfterValidator(_valid_period)]
@@ -195,26 +204,20 @@ class Season(StrictModel):
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
-        if self.is_changing:
-            self._check_changing()
-            return self
-        self._check_steady()
+        if faults := [*(self._changing_faults() if self.is_changing else self._steady_faults())]:
+            how = "has time_method = 'changing' and " if self.is_changing else ""
+            raise ValueError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
 
-    def _check_changing(self) -> None:
-        """Refuse what changing currents lack, or can't have; all at once."""
-        faults = []
+    def _changing_faults(self) -> Iterator[str]:
+        """Find what changing currents lack, or can't have."""
         if self.departure is None and self.departures is None:
-            faults.append("lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z")
+            yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
         if not self.currents:
-            faults.append("gives its current as numbers, which don't change; name 'currents'")
+            yield "gives its current as numbers, which don't change; name 'currents'"
         if self.valid:
-            faults.append("has 'valid', which its departure says already; leave it out")
-        faults += [*self._window_faults(), *self._speed_faults(), *self._arrival_faults()]
-        if faults:
-            raise ValueError(
-                f"(season {self.name!r}) has time_method = 'changing' and " + "; it ".join(faults)
-            )
+            yield "has 'valid', which its departure says already; leave it out"
+        yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
 
     def _window_faults(self) -> Iterator[str]:
         """Find what is wrong with the departures to choose from."""
@@ -263,26 +266,24 @@ class Season(StrictModel):
             elif self.arrive_by - first > timedelta(hours=MAX_HOURS):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
-    def _check_steady(self) -> None:
-        """Refuse what a current without times lacks, or can't have; all at once."""
-        faults = [*self._speed_faults()]
+    def _steady_faults(self) -> Iterator[str]:
+        """Find what a current without times lacks, or can't have."""
+        yield from self._speed_faults()
         given = [
             repr(name)
             for name in ("departures", "to_within", "arrive_by")
             if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
         ]
         if given:
-            faults.append(
+            yield (
                 f"has {' and '.join(given)}, which need{'s' * (len(given) == 1)} currents that "
                 "change; add time_method = 'changing', or leave them out"
                 + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
             )
         else:
-            faults += self._arrival_faults()
+            yield from self._arrival_faults()
         if not self.valid and any(named != STILL for named in self.currents):
-            faults.append("lacks 'valid'; add the month as 'YYYY-MM'")
-        if faults:
-            raise ValueError(f"(season {self.name!r}) " + "; it ".join(faults))
+            yield "lacks 'valid'; add the month as 'YYYY-MM'"
 
     @property
     def is_changing(self) -> bool:

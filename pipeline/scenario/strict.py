@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
 
-from pipeline.paths import shown, unusable_reason
+from pipeline.paths import resolved, shown, unusable_reason
 
 # Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"
@@ -67,11 +67,14 @@ def looks_like_path(text: str) -> bool:
     return bool(set(text) & set("/\\.~"))
 
 
-def usable_path(text: str) -> str:
-    """Refuse a text that can't be a path."""
+def usable_path(text: str, info: ValidationInfo) -> str:
+    """Refuse a text that can't be a path; make it absolute where the context names a `folder`."""
     if reason := unusable_reason(text):
         raise ValueError(f"= '{shown(text)}' {reason}")
-    return text
+    if not (text and info.context):
+        return text
+    is_relative = not text.startswith(("~", "/"))
+    return str(resolved(info.context["folder"] / text if is_relative else text, "scenario"))
 
 
 PathText = Annotated[str, AfterValidator(usable_path)]

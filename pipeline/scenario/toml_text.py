@@ -33,7 +33,9 @@ def scenario_text(scenario: Scenario) -> str:
 
 def _lines(table: dict[str, Any], path: str) -> Iterator[str]:
     """Yield the lines of a table: its values first, then the tables in it."""
-    inner = {key: value for key, value in table.items() if _is_table(value) or _is_list(value)}
+    inner = {
+        key: value for key, value in table.items() if isinstance(value, dict) or _is_list(value)
+    }
     for key, value in table.items():
         if key not in inner:
             yield f"{key} = {inline(value)}"
@@ -43,11 +45,6 @@ def _lines(table: dict[str, Any], path: str) -> Iterator[str]:
             yield ""
             yield f"[[{name}]]" if _is_list(value) else f"[{name}]"
             yield from _lines(one, name)
-
-
-def _is_table(value: object) -> bool:
-    """Whether a value gets a table of its own."""
-    return isinstance(value, dict)
 
 
 def _is_list(value: object) -> bool:

@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 from shapely.geometry import Polygon
 
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.quality.coverage import Bounds
-
-TimeMethod = Literal["mean", "nearest", "linear"]
-"""How a season's field is made of time steps: the mean of those in its period, the step nearest to
-the middle of the period, or linear interpolation between the two around that middle."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
 from pipeline.loading import parse_scenario
@@ -118,6 +118,8 @@ class _Expansion:
             is_named = asked in catalogue.names("scenarios")
             path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
             data = catalogue.read_toml(path)
+            if self._table.departures is not None:
+                data = _with_times(data)
             scenario = parse_scenario(data, path.parent)
             require_covered(_without_files(scenario))
             return self._with_own_currents(scenario)
@@ -248,6 +250,26 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
         for name, place in (("start", pair.start), ("goal", pair.goal))
         if not area.covers(shapely.Point(place))
     ]
+
+
+def _with_times(data: dict[str, Any]) -> dict[str, Any]:
+    """Give seasons of files a time where they have none: a case takes that of its departure."""
+    given = data.get("seasons")
+    seasons = [
+        {"valid": "1970-01", **season}
+        if isinstance(season, dict)
+        and season.get("time_method") != "changing"
+        and any(not isinstance(one, str) or looks_like_path(one) for one in _listed(season))
+        else season
+        for season in (given if isinstance(given, list) else ())
+    ]
+    return {**data, "seasons": seasons} if seasons else data
+
+
+def _listed(season: dict[str, Any]) -> list[Any]:
+    """Return the currents of a season's table; none where they are no list."""
+    currents = season.get("currents")
+    return currents if isinstance(currents, list) else []
 
 
 def _without_files(scenario: Scenario) -> Scenario:

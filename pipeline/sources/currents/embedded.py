@@ -107,7 +107,7 @@ class EmbeddedTable(CurrentSource):
     def _bounds(self, part: str) -> Bounds:
         """Outer edges of the cells of one of the table's seasons."""
         lon, lat, _, _ = self._grid(part)
-        return cell_bounds(lon, lat)
+        return cell_bounds(lon, lat, (float(lon[1] - lon[0]), float(lat[1] - lat[0])))
 
     def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""

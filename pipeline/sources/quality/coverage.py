@@ -19,15 +19,10 @@ def widened(bounds: Bounds, lon_deg: float, lat_deg: float) -> Bounds:
     return west - lon_deg, south - lat_deg, east + lon_deg, north + lat_deg
 
 
-def cell_bounds(lon: FloatArray, lat: FloatArray) -> Bounds:
-    """Outer edges of a regular grid's cells: half a cell beyond its nodes."""
-    half_lon, half_lat = (lon[1] - lon[0]) / 2, (lat[1] - lat[0]) / 2
-    return (
-        float(lon[0] - half_lon),
-        float(lat[0] - half_lat),
-        float(lon[-1] + half_lon),
-        float(lat[-1] + half_lat),
-    )
+def cell_bounds(lon: FloatArray, lat: FloatArray, cell_deg: tuple[float, float]) -> Bounds:
+    """Outer edges of the cells around a grid's ascending nodes: half a cell beyond these."""
+    nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
+    return widened(nodes, cell_deg[0] / 2, cell_deg[1] / 2)
 
 
 def around_missing(steps: Sequence[str], missing: str) -> str:

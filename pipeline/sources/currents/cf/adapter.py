@@ -28,7 +28,6 @@ from pipeline.sources.currents.cf.grid import (
     covered_bounds,
     find_window,
 )
-from pipeline.sources.currents.cf.reference_time import reference_time
 from pipeline.sources.currents.cf.slices import SelectedSlices, select_slices
 from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
@@ -65,7 +64,7 @@ class CfFiles(CurrentSource):
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
         try:
-            contents = _read(find_files(self.paths))
+            contents = self._contents()
         except RequestError as error:
             return "; ".join(error.faults)
         faults = coverage_faults(contents, region.bounds)
@@ -79,19 +78,18 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del season
         try:
-            return covered_bounds(_read(find_files(self.paths)), region.bounds)
+            return covered_bounds(self._contents(), region.bounds)
         except RequestError:
             return None
 
     def issue(self, season: Season) -> Issue:
         """Return the files' reference time, their first and last time step, and their hash."""
         del season
-        files = find_files(self.paths)
-        moments = _read(files).steps.moments
-        reference = reference_time(files)
-        hashes = "".join(_hash(file, _stamp(file)) for file in files)
+        contents = self._contents()
+        moments = contents.steps.moments
+        hashes = "".join(_hash(file, _stamp(file)) for file in contents.files)
         return Issue(
-            reference,
+            contents.reference_time,
             moments[0] if moments else None,
             moments[-1] if moments else None,
             hashlib.sha256(hashes.encode()).hexdigest(),
@@ -140,8 +138,13 @@ class CfFiles(CurrentSource):
 
     def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
         """Read what the files contain, and select the season's fields."""
-        contents = _read(find_files(self.paths))
+        contents = self._contents()
         return contents, select_slices(contents, season)
+
+    def _contents(self) -> Contents:
+        """Read what the files contain, again only when they have changed."""
+        files = find_files(self.paths)
+        return _read_version(files, tuple(_stamp(file) for file in files))
 
 
 def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
@@ -151,11 +154,6 @@ def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str,
     parts += [contents.v[contents.v_index[step][0]] for step in steps]
     used = sorted({part.file for part in parts})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
-
-
-def _read(files: tuple[Path, ...]) -> Contents:
-    """Read what files contain, again only when they have changed."""
-    return _read_version(files, tuple(_stamp(file) for file in files))
 
 
 @lru_cache(maxsize=4)

@@ -51,7 +51,7 @@ def missing_bytes(path: Path) -> int:
         steps = number()
         if steps == 2 ** (8 * struct.calcsize(count)) - 1:
             return 0  # written as a stream: its end is the end of the file
-        lengths = list[int]()
+        lengths: list[int] = []
         fixed, records = [(0, 0)], list[tuple[int, int]]()
         number(">I")
         for _ in items():
@@ -71,8 +71,9 @@ def missing_bytes(path: Path) -> int:
             (records if grows else fixed).append((begin, size * math.prod(shape[grows:])))
     # A step's parts are padded, unless there is one only.
     step_bytes = sum(_padded(size) if len(records) > 1 else size for _, size in records)
-    last = [(begin + (steps - 1) * step_bytes, size) for begin, size in records if steps]
-    return max(0, max(begin + size for begin, size in fixed + last) - path.stat().st_size)
+    ends = [begin + size for begin, size in fixed]
+    ends += [begin + (steps - 1) * step_bytes + size for begin, size in records if steps]
+    return max(0, max(ends) - path.stat().st_size)
 
 
 def _padded(size: int) -> int:

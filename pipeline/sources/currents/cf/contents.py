@@ -11,6 +11,7 @@ import glob
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,7 @@ from pipeline.sources.currents.cf.dataset import (
     open_dataset,
 )
 from pipeline.sources.currents.cf.probe import fatal_files
+from pipeline.sources.currents.cf.reference_time import reference_time
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
 
 if TYPE_CHECKING:
@@ -110,6 +112,7 @@ class Contents:
     v_index: tuple[tuple[int, int], ...]
     notes: tuple[str, ...]
     attributes: dict[str, str]
+    reference_time: datetime | None = None
 
     @property
     def largest_cell(self) -> tuple[float, float]:
@@ -183,9 +186,8 @@ def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Cont
                     faults.append(f"{file.name}: {error}")
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
-    attributes = {str(k): str(v) for k, v in datasets[files[0]].attrs.items()}
     try:
-        return _combined(files, *found, _kind_notes(pair), attributes)
+        return _combined(datasets, *found, _kind_notes(pair))
     except ValueError as error:
         raise RequestError([f"{name_of(files)}: {error}"]) from None
 
@@ -310,11 +312,10 @@ def _unit_m_s(array: xr.DataArray) -> tuple[float, list[str]]:
 
 
 def _combined(
-    files: tuple[Path, ...],
+    datasets: dict[Path, xr.Dataset],
     u: Sequence[Component],
     v: Sequence[Component],
     notes: tuple[str, ...],
-    attributes: dict[str, str],
 ) -> Contents:
     """Combine both components of all files; ValueError where they don't match each other."""
     first = u[0]
@@ -335,7 +336,7 @@ def _combined(
             "for the same times"
         )
     return Contents(
-        files=files,
+        files=tuple(datasets),
         lon=first.lons_deg,
         lat=first.lats_deg,
         u=tuple(u),
@@ -344,5 +345,6 @@ def _combined(
         u_index=u_index,
         v_index=v_index,
         notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
-        attributes=attributes,
+        attributes={str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()},
+        reference_time=reference_time(datasets.values()),
     )

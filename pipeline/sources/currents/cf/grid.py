@@ -17,7 +17,13 @@ from pipeline._types import FloatArray, IndexArray
 from pipeline.sources.currents.cf.axes import SAME_SHARE
 from pipeline.sources.currents.cf.contents import Component, Contents
 from pipeline.sources.currents.cf.dataset import open_dataset, reading
-from pipeline.sources.quality.coverage import Bounds, common_bounds, sides_beyond, widened
+from pipeline.sources.quality.coverage import (
+    Bounds,
+    cell_bounds,
+    common_bounds,
+    sides_beyond,
+    widened,
+)
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
@@ -87,8 +93,8 @@ def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) ->
 
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
-    lon_step, lat_step = contents.largest_cell
-    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
+    cell = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, *cell))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
         fault = (
@@ -98,8 +104,8 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
         return [fault]
     if lon.size == 0 or lat.size == 0:
         return ["it has no data there at all; give a file of the region"]
-    lacking = sides_beyond(region, _outer_edges(around, lon_step, lat_step))
-    gaps = np.diff(lon) > _GAP_STEPS * lon_step
+    lacking = sides_beyond(region, cell_bounds(lon, lat, cell))
+    gaps = np.diff(lon) > _GAP_STEPS * cell[0]
     if gaps.any():
         first = int(gaps.argmax())
         lacking.append(f"between {lon[first]:g} and {lon[first + 1]:g} E")
@@ -112,18 +118,11 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
-    lon_step, lat_step = contents.largest_cell
-    around = find_window(contents.lon, contents.lat, widened(region, lon_step, lat_step))
+    cell = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, *cell))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
-    return common_bounds(region, _outer_edges(around, lon_step, lat_step))
-
-
-def _outer_edges(window: Window, lon_step: float, lat_step: float) -> Bounds:
-    """Bounds of a window's cells: half a step beyond its nodes."""
-    lon, lat = window.lon, window.lat
-    nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
-    return widened(nodes, lon_step / 2, lat_step / 2)
+    return common_bounds(region, cell_bounds(around.lon, around.lat, cell))
 
 
 class FieldReader:

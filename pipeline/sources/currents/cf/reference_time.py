@@ -7,12 +7,11 @@ global attribute.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.errors import RequestError
-from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset
+from pipeline.sources.currents.cf.dataset import coordinate_values
 from pipeline.sources.currents.cf.time import decoded_times
 
 if TYPE_CHECKING:
@@ -24,23 +23,11 @@ _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference",
 _DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
 
-def reference_time(files: tuple[Path, ...]) -> datetime | None:
-    """Return the newest reference time (aware, UTC) of files; None where one does not say it.
-
-    Raises
-    ------
-    RequestError
-        A file can't be opened.
-    """
-    found = []
-    for file in files:
-        try:
-            with open_dataset(file) as dataset:
-                found.append(_from_variable(dataset) or _from_attributes(dataset))
-        except ValueError as error:
-            raise RequestError([f"{file.name}: {error}"]) from None
-    times = [time for time in found if time is not None]
-    return max(times) if len(times) == len(files) and times else None
+def reference_time(datasets: Iterable[xr.Dataset]) -> datetime | None:
+    """Return the newest reference time (aware, UTC) of open files; None where one says none."""
+    times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
+    known = [time for time in times if time is not None]
+    return max(known) if known and len(known) == len(times) else None
 
 
 def _from_variable(dataset: xr.Dataset) -> datetime | None:

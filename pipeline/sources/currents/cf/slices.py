@@ -11,10 +11,9 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from pipeline.scenario.period import Period
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Season, TimeMethod
 from pipeline.sources.currents.cf.contents import Contents
 from pipeline.sources.currents.cf.time import TimeSteps, label
-from pipeline.sources.interfaces import TimeMethod
 
 # Distance between steps, in median distances, from which one is missing between them.
 _MISSING_STEP = 1.5

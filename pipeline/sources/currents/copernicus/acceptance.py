@@ -13,17 +13,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.model import Land
+from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.cf.axes import coordinate_axis
 from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.currents.cf.grid import Window, find_window, read_window
 from pipeline.sources.currents.cf.time import decoded_times
-from pipeline.sources.quality.coverage import Bounds, around_missing, sides_beyond, widened
+from pipeline.sources.quality.coverage import (
+    Bounds,
+    around_missing,
+    cell_bounds,
+    sides_beyond,
+    widened,
+)
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask
 from pipeline.sources.quality.gaps import water_without_data
 from pipeline.sources.quality.plausibility import count_misplaced, dilated
@@ -58,25 +64,19 @@ _DIMS, _KEPT_CELLS = ("latitude", "longitude"), 5
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What was requested: time steps, a region, and how the dataset behaves.
+    """What was requested of a dataset: time steps, and a region in lon/lat degrees.
 
     The field is the sum of the steps times their `weights`; without any each step is a field of
     its own. `labels` are the steps' times in `label_format` (strftime). `missing_boxes` hold the
-    centres of the cells for which the service has no chunk, which should be land. `gaps_vary` where
-    ice comes and goes. `outline` is the region's shape where that is no box.
+    centres of the cells for which the service has no chunk, which should be land.
     """
 
+    spec: CopernicusSpec
     labels: tuple[str, ...]
     weights: tuple[float, ...]
     label_format: str
-    region: Bounds
-    cell_deg: float
-    eastward: str
-    northward: str
-    speed_limit_m_s: float
+    region: Polygon
     missing_boxes: tuple[Bounds, ...] = ()
-    gaps_vary: bool = False
-    outline: Polygon | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,18 +113,15 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     except ValueError as error:
         raise StageError(f"{path.name}: {error}") from None
     if fields is not None:
-        mask = LandMask.from_land(land, expected.region)
+        mask = LandMask.from_land(land, expected.region.bounds)
         first = next(fields.at_each_time())
         faults = _missing_chunk_faults(first, expected, mask) + faults + _gap_faults(first, mask)
         if not faults:
             labels = expected.labels[: len(fields.u)]
-            assessment = assess_series(
-                fields.at_each_time(), labels, mask, expected.speed_limit_m_s
-            )
+            limit_m_s = expected.spec.speed_limit_m_s
+            assessment = assess_series(fields.at_each_time(), labels, mask, limit_m_s)
             faults = list(assessment.faults)
-            lacking = water_without_data(
-                first, mask, expected.outline or shapely.box(*expected.region)
-            )
+            lacking = water_without_data(first, mask, expected.region)
             gaps = (lacking.note,) if lacking else ()
             fields = replace(fields, warnings=(*assessment.warnings, *gaps))
     if faults or fields is None:
@@ -134,7 +131,7 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
 
 def _read(dataset: xr.Dataset, expected: Expected) -> tuple[list[str], AcceptedFields | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
-    wanted = {"eastward": expected.eastward, "northward": expected.northward}
+    wanted = {"eastward": expected.spec.eastward, "northward": expected.spec.northward}
     needed = (*wanted.values(), "longitude", "latitude", "time")
     if absent := [name for name in needed if name not in dataset.variables]:
         return [f"no variable {name!r}" for name in absent], None
@@ -146,15 +143,15 @@ def _read(dataset: xr.Dataset, expected: Expected) -> tuple[list[str], AcceptedF
             for direction, name in wanted.items()
             for fault in _variable_faults(dataset[name], direction)
         ),
-        *_step_faults("longitude", lon, expected.cell_deg),
-        *_step_faults("latitude", lat, expected.cell_deg),
+        *_step_faults("longitude", lon, expected.spec.cell_deg),
+        *_step_faults("latitude", lat, expected.spec.cell_deg),
         *_time_faults(dataset, expected),
         *_depth_faults(dataset),
     ]
     if faults:
         return faults, None
-    margin = _KEPT_CELLS * expected.cell_deg
-    window = find_window(lon, lat, widened(expected.region, margin, margin))
+    margin = _KEPT_CELLS * expected.spec.cell_deg
+    window = find_window(lon, lat, widened(expected.region.bounds, margin, margin))
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
     faults, u, v = _read_fields(dataset, expected, window)
@@ -172,29 +169,29 @@ def _read_fields(
     shape = (window.lat.size, window.lon.size)
     count = 1 if expected.weights else len(expected.labels)
     u_fields, v_fields = np.zeros((count, *shape)), np.zeros((count, *shape))
-    first_gap = None
+    first_gap, fastest_m_s = None, expected.spec.speed_limit_m_s
     for step, label in enumerate(expected.labels):
         u, v = (
             read_window(dataset.variables[name].isel(time=step), _DIMS, window).reshape(shape)
-            for name in (expected.eastward, expected.northward)
+            for name in (expected.spec.eastward, expected.spec.northward)
         )
         gap = ~np.isfinite(u)
         first_gap = gap if first_gap is None else first_gap
         faults = []
         if (gap == np.isfinite(v)).any():
             faults.append("one component has gaps where the other has none")
-        if not expected.gaps_vary and (changed := int((gap != first_gap).sum())):
+        if not expected.spec.gaps_vary and (changed := int((gap != first_gap).sum())):
             faults.append(
                 f"{changed} cells have gaps either at {label} or at {expected.labels[0]}, not at "
                 "both: a part was not delivered"
             )
         strongest = float(np.max(np.hypot(u, v), initial=0.0, where=np.isfinite(u * v)))
-        if strongest > expected.speed_limit_m_s:
+        if strongest > fastest_m_s:
             faults.append(
-                f"at {label} speeds reach {strongest:.3g} m/s, above {expected.speed_limit_m_s:g}: "
-                "another unit, or damaged"
+                f"at {label} speeds reach {strongest:.3g} m/s, above {fastest_m_s:g}: another "
+                "unit, or damaged"
             )
-        limit_m_s = _SPIKE_SHARE * expected.speed_limit_m_s
+        limit_m_s = _SPIKE_SHARE * fastest_m_s
         if spike := max(largest_spike(u, limit_m_s), largest_spike(v, limit_m_s)):
             faults.append(
                 f"at {label} a cell stands out from its neighbours by {spike:.3g} m/s: damaged"
@@ -279,9 +276,9 @@ def _depth_faults(dataset: xr.Dataset) -> list[str]:
 
 def _extent_faults(window: Window, expected: Expected) -> list[str]:
     """Whether the cells cover the region."""
-    lon, lat, half = window.lon, window.lat, expected.cell_deg / 2
-    grid = widened((lon[0], lat[0], lon[-1], lat[-1]), half, half)
-    lacking = sides_beyond(expected.region, grid)
+    cell_deg = expected.spec.cell_deg
+    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    lacking = sides_beyond(expected.region.bounds, cells)
     return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 
@@ -306,7 +303,7 @@ def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> l
     """
     if not expected.missing_boxes:
         return []
-    cell = expected.cell_deg
+    cell = expected.spec.cell_deg
     missing = np.zeros(field.u.shape, dtype=bool)
     for west, south, east, north in expected.missing_boxes:
         # Counted eastward from the box's west edge, as both may be whole turns apart.
@@ -314,7 +311,7 @@ def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> l
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
     # Further out the field is not used, and the land is not known.
-    west, south, east, north = widened(expected.region, cell, cell)
+    west, south, east, north = widened(expected.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)
     wet = missing & row[:, None] & column[None, :]

@@ -27,7 +27,7 @@ from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.copernicus.acceptance import AcceptedFields, Expected, accept
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
+from pipeline.sources.currents.copernicus.account import LOGIN, has_account
 from pipeline.sources.currents.copernicus.cache import CachedDownload
 from pipeline.sources.currents.copernicus.download import download, last_step
 from pipeline.sources.currents.copernicus.steps import (
@@ -90,10 +90,7 @@ class Copernicus(CurrentSource):
         """Say that there is no account, if so."""
         if has_account():
             return ""
-        return (
-            f"{self.spec.name} needs a free Copernicus Marine account: set {USERNAME} and "
-            f"{PASSWORD}, or run `copernicusmarine login` once"
-        )
+        return f"{self.spec.name} needs a free Copernicus Marine account: set {LOGIN} once"
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
@@ -283,19 +280,9 @@ class Copernicus(CurrentSource):
     def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
         """What the file must contain."""
         steps = _obtained(request, metadata)
-        return Expected(
-            labels=steps.labels,
-            weights=steps.weights,
-            label_format=self._resolution.label_format,
-            region=region.bounds,
-            cell_deg=self.spec.cell_deg,
-            eastward=self.spec.eastward,
-            northward=self.spec.northward,
-            speed_limit_m_s=self.spec.speed_limit_m_s,
-            missing_boxes=tuple(tuple(box) for box in metadata["missing_boxes"]),
-            gaps_vary=self.spec.gaps_vary,
-            outline=region,
-        )
+        boxes = tuple(tuple(box) for box in metadata["missing_boxes"])
+        label_format = self._resolution.label_format
+        return Expected(self.spec, steps.labels, steps.weights, label_format, region, boxes)
 
     def _valid(self, season: Season, steps: SelectedSteps) -> str:
         """The time that the fields are valid for, which may be near the one asked for."""

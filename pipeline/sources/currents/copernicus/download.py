@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from pipeline.errors import StageError
 from pipeline.interpreters import run_python
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
+from pipeline.sources.currents.copernicus.account import LOGIN, without_secrets
 from pipeline.sources.currents.copernicus.steps import SelectedSteps
 from pipeline.sources.currents.copernicus.subset import NO_ANSWER
 
@@ -26,10 +26,9 @@ _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
 # Errors of the client that another attempt does not solve, and what does.
-_LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
 _PERMANENT_ERRORS = {
-    "InvalidUsernameOrPassword": f"check {_LOGIN}",
-    "CredentialsCannotBeNone": f"set {_LOGIN}",
+    "InvalidUsernameOrPassword": f"check {LOGIN}",
+    "CredentialsCannotBeNone": f"set {LOGIN}",
     "CoordinatesOutOfDatasetBounds": "shrink the region, or name another source in 'currents'",
     "NotCoveredError": "name another time, or another source in 'currents'",
     "DatasetVersionNotFound": "correct `version` in its entry in the catalogue",
@@ -135,7 +134,7 @@ def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | 
         return _Failure(reason, is_permanent=False)
     if result.exit_code == NO_ANSWER:
         reason = "the client gave up without a reason, as it does where it finds no credentials"
-        return _Failure(f"{reason}; set {_LOGIN}", is_permanent=True)
+        return _Failure(f"{reason}; set {LOGIN}", is_permanent=True)
     if result.exit_code < 0:
         name = signal.Signals(-result.exit_code).name
         reason = f"the client was ended from outside, by {name}: check what did, and the memory"

@@ -11,7 +11,7 @@ import os
 import sys
 
 from pipeline.interpreters import run_python
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, without_secrets
+from pipeline.sources.currents.copernicus.account import LOGIN, without_secrets
 
 _VALID, _REFUSED, _UNREACHABLE = 0, 3, 4
 # Maximum length of the client's message in a fault, characters.
@@ -30,7 +30,7 @@ def login_fault(deadline_s: float) -> tuple[str, str]:
         _VALID: ("", ""),
         _REFUSED: (
             "the service refuses the user name or the password",
-            f"check {USERNAME} and {PASSWORD}, or run `copernicusmarine login`",
+            f"check {LOGIN}",
         ),
         _UNREACHABLE: ("the service can't be reached", _REACH),
     }.get(result.exit_code, (f"the client failed: {last}", "install copernicusmarine again"))

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.period import Period
-from pipeline.sources.interfaces import TimeMethod
+from pipeline.scenario.season import TimeMethod
 
 _LABEL_FORMATS: dict[StepLength, str] = {
     "month": "%Y-%m",
@@ -72,7 +72,7 @@ class SelectedSteps:
         return not self.weights
 
     def until(self, last: datetime) -> SelectedSteps:
-        """Those that start at a moment or before, where each is a field of its own."""
+        """Keep the steps that start at a moment or before it, where each is a field of its own."""
         if not self.are_fields:
             return self
         count = sum(start <= last for start in self.starts)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import pytest
+
+from pipeline.errors import RequestError
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.request.expansion import expand
-from tests.pipeline.nightly.nights import plane_night
+from tests.pipeline.nightly.nights import plane_night, region_night
 
 
 def test_a_case_is_found_among_millions_at_once(tmp_path: Path) -> None:
@@ -20,3 +23,17 @@ def test_a_case_is_found_among_millions_at_once(tmp_path: Path) -> None:
     assert len(expand(config, only="quick/still/p0007/", yes=True)) == 10_000
     assert len(expand(config, only="quick/still", yes=True)) == 10_000_000
     assert time.process_time() - begun < 5
+
+
+def test_files_of_currents_may_come_later_and_need_no_time_of_their_own(tmp_path: Path) -> None:
+    file = region_night(tmp_path, departures=2)
+    scenario = tmp_path / "region.toml"
+    steady = 'valid = "2024-07"\ncurrents = ["still"]'
+    text = scenario.read_text()
+    scenario.write_text(text.replace(steady, 'currents = ["./later.nc"]'))
+    (block,) = expand(load_config(file, tmp_path / "out")).blocks
+    assert block.scenario.seasons[0].currents == ((str(tmp_path / "later.nc"),),)
+    # What the catalogue has is asked at once.
+    scenario.write_text(text.replace(steady, 'valid = "2024-07"\ncurrents = ["embedded-hansando"]'))
+    with pytest.raises(RequestError, match="embedded-hansando has no "):
+        expand(load_config(file, tmp_path / "out"))

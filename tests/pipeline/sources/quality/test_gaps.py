@@ -143,7 +143,8 @@ def test_a_download_with_a_hole_at_a_coast_is_noted(
 ) -> None:
     path = test_acceptance.write(tmp_path / "field.nc", change(test_acceptance.field()))
     # Of a region that is no box, the part outside does not count.
-    east = replace(test_acceptance.EXPECTED, outline=shapely.box(119.6, 8, 120, 11))
+    corner = shapely.box(117, 8, 120, 11) - shapely.box(117, 8.05, 119.6, 11)
+    east = replace(test_acceptance.EXPECTED, region=corner)
     for expected, is_noted_there in ((test_acceptance.EXPECTED, is_noted), (east, False)):
         found = accept(path, expected, test_acceptance.LAND)
         assert any("has no data for" in warning for warning in found.warnings) is is_noted_there

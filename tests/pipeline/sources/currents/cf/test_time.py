@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.scenario.period import period
+from pipeline.scenario.season import TimeMethod
 from pipeline.sources.currents.cf.slices import select_steps
 from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
-from pipeline.sources.interfaces import TimeMethod
 
 HOUR = timedelta(hours=1)
 

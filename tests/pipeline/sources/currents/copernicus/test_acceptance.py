@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
+from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.copernicus.acceptance import Expected, accept, largest_spike
 from pipeline.sources.quality.field import Field
 
@@ -23,16 +24,23 @@ REGION = shapely.box(117, 8, 120, 11)
 ISLAND = shapely.box(118, 9, 119.5, 10.5)
 LAND = Land((ISLAND,), (Credit("an island", "land", "", ""),), 0.0)
 STEP = 1 / 12
-EXPECTED = Expected(
-    labels=("2024-07",),
-    weights=(1.0,),
-    label_format="%Y-%m",
-    region=REGION.bounds,
+SPEC = CopernicusSpec(
+    schema_version=1,
+    name="monthly",
+    title="Months",
+    adapter="copernicus",
+    credit="",
+    licence="",
+    product="",
+    doi="",
+    dataset="",
+    step="month",
+    kind="mean",
+    covers="",
     cell_deg=STEP,
-    eastward="uo",
-    northward="vo",
     speed_limit_m_s=3.0,
 )
+EXPECTED = Expected(SPEC, labels=("2024-07",), weights=(1.0,), label_format="%Y-%m", region=REGION)
 DAYS = replace(
     EXPECTED,
     labels=("2024-07-01", "2024-07-02", "2024-07-03"),
@@ -218,7 +226,7 @@ def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
     path = write(tmp_path / "hole.nc", *days)
     with pytest.raises(StageError, match="1 cells have gaps"):
         accept(path, DAYS, LAND)
-    icy = accept(path, replace(DAYS, gaps_vary=True), LAND)
+    icy = accept(path, replace(DAYS, spec=SPEC.model_copy(update={"gaps_vary": True})), LAND)
     assert np.isnan(icy.u[0, 2, 3]), "a gap in one step is a gap in the mean"
 
 

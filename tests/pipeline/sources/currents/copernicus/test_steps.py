@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.period import period
+from pipeline.scenario.season import TimeMethod
 from pipeline.sources.currents.copernicus.steps import TimeResolution, select_steps
-from pipeline.sources.interfaces import TimeMethod
 
 MONTHS, DAYS, HOURS = (
     TimeResolution("month", "mean"),
