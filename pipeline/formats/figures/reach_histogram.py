@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30
-# Maximum distance to the coast that is drawn, in greatest reaches; beyond it is only written.
+# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; a greater one
+# is only written.
 _MAX_GAP_REACHES = 2.0
 # Position of a line, as a share of the axis, from which its text is on the left.
 _TEXT_LEFT_FROM = 0.4

@@ -61,7 +61,7 @@ def write_departures_json(result: RunResult, path: Path) -> None:
 
 
 def _rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
-    """Yield a row for each departure; the way is told of classes that the best one has, too."""
+    """Yield a row for each departure; a way is given if the best departure has that class, too."""
     ways = {
         one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
     }

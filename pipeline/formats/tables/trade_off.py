@@ -30,7 +30,7 @@ def write_trade_off_csv(result: RunResult, path: Path) -> None:
 
 
 def write_trade_off_json(result: RunResult, path: Path) -> None:
-    """Write the same as JSON, by season, with the speeds to choose from and those of the route."""
+    """Write the trade-offs as JSON, by season, with the speeds allowed and those of the route."""
     seasons = [
         {
             "season": found.season,

@@ -58,7 +58,7 @@ class SeasonPart:
     says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
     whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
     plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
-    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` say so of the speed,
+    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` do so for the speed,
     and `speeds` are the lowest and highest of the best route, m/s.
     """
 

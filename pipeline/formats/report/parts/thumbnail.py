@@ -66,7 +66,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> st
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
-    """The chart's bounds, cropped along a side that is much the longer where no route needs it."""
+    """The chart's bounds; a side that is much the longer is cropped where no route needs it."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
