@@ -10,13 +10,13 @@ format of QGroundControl's developer guide, version 1; MAVLink's file formats, "
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.formats.exchange.text import wrapped_longitude
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground
 
@@ -86,7 +86,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
         "geoFence": {"version": 2, "circles": [], "polygons": []},
         "rallyPoints": {"version": 2, "points": []},
     }
-    path.write_text(json.dumps(plan, allow_nan=False, indent=2) + "\n", encoding="utf-8")
+    write_json(path, plan)
 
 
 def write_mission(result: RunResult, season: str, path: Path) -> None:

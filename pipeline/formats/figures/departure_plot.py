@@ -14,6 +14,7 @@ from pipeline.formats.shared.text import hours, moment_text
 from pipeline.model import DepartureChoice
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0
@@ -27,7 +28,7 @@ _MAX_DEPTH = 3.0
 _MARGIN = 0.12
 
 
-def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> str:
+def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Markup | str:
     """Plot a choice of departures; "" where there was but one."""
     if len(choice.departures_s) < 2:
         return ""

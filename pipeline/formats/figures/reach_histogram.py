@@ -21,6 +21,7 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, percent
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -35,7 +36,9 @@ _TEXT_LEFT_FROM = 0.4
 _AXIS_FACTOR = 1.06
 
 
-def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
+def padding_svg(
+    result: RunResult, ranked: RankedRoute, *, identity: str, label: str
+) -> Markup | str:
     """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
     found = tightest_place(result, ranked)
     if found is None:
