@@ -32,6 +32,7 @@ _PACKAGES = (
     "contourpy",
     "copernicusmarine",
     "dask",
+    "geopandas",
     "gpxpy",
     "jinja2",
     "lxml",
