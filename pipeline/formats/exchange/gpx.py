@@ -1,8 +1,8 @@
 """Routes for a plotter or a phone, and the best one as planned, as a track: GPX 1.1.
 
-`<scenario>-<season>.gpx` has the best route and the other side's best, the same with `-all` all
-routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of its points: the
-extensions that OpenCPN reads have the speed, and the departure where one is given.
+`<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
+`-all` has all routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of
+its points: the extensions that OpenCPN reads have the speed, and the departure where one is given.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def write_kml(
 
 
 def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
-    """The legs of a route as one line (n, 2) in degrees; what crosses 180 degrees in parts."""
+    """The legs of a route as one line (n, 2) in degrees, in parts if it crosses 180 degrees."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
     moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)

@@ -1,7 +1,7 @@
 """The season's best route as a mission: QGroundControl's `.plan`, ArduPilot's `.waypoints`.
 
 Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
-speed is that over ground which the vessel makes there, in the season's current, at its planned
+speed is the speed over ground that the vessel makes there: in the season's current, at its planned
 speed through the water. Altitudes are 0 above home: a surface vessel has none.
 
 Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
@@ -10,18 +10,18 @@ format of QGroundControl's developer guide, version 1; MAVLink's file formats, "
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.formats.exchange.text import wrapped_longitude
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground
 
-# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, of the latter speed over ground and a throttle
-# that stays as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
+# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
+# throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
 _WAYPOINT, _CHANGE_SPEED = 16, 178
 _OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
 _ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
@@ -35,7 +35,7 @@ _SPEED_DIGITS = 3
 
 @dataclass(frozen=True)
 class _Command:
-    """A mission's command with its seven parameters; of a position, the last three."""
+    """A mission's command with its seven parameters; a position is the last three."""
 
     number: int
     frame: int
@@ -86,7 +86,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
         "geoFence": {"version": 2, "circles": [], "polygons": []},
         "rallyPoints": {"version": 2, "points": []},
     }
-    path.write_text(json.dumps(plan, allow_nan=False, indent=2) + "\n", encoding="utf-8")
+    write_json(path, plan)
 
 
 def write_mission(result: RunResult, season: str, path: Path) -> None:

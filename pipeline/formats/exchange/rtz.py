@@ -36,7 +36,8 @@ _Attributes: TypeAlias = dict[str, str]
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
-# How routes are found; in the same place follows what is not known, as a route has no notes.
+# How routes are found. What is not known of a route follows in the same attribute, since RTZ has no
+# place for notes on a route.
 _METHOD = "least fuel in the current, sea room for a hard-over turn everywhere"
 # Maximum length of a text, in characters: checkers refuse files of 400 kB.
 _MAX_TEXT_LENGTH = 4_000

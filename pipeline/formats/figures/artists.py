@@ -165,9 +165,9 @@ def drawable(text: str, limit: int = 60) -> str:
 
 
 def in_season_colour(drawn: Artist, colour: str) -> None:
-    """Draw what a figure, or a part of it, has in the best route's colour in a season's.
+    """Recolour what a figure or a part of it has in the best route's colour, by a season's.
 
-    As a page does by `var(--map-best)`.
+    A page does so by `var(--map-best)`.
     """
     from matplotlib.colors import same_color
 

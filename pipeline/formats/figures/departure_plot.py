@@ -14,20 +14,21 @@ from pipeline.formats.shared.text import hours, moment_text
 from pipeline.model import DepartureChoice
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0
 _HOUR_S, _DAY_S = 3600.0, 86_400.0
 # Windows longer than this have an axis in days.
 _DAYS_FROM_S = 3 * _DAY_S
-# Depth of the bound under the least duration up to which it is drawn, as a multiple of the range of
-# durations.
+# The bound is drawn if it lies no further below the least duration than this multiple of the range
+# of durations.
 _MAX_DEPTH = 3.0
 # Space above and below the durations, as a share of their range.
 _MARGIN = 0.12
 
 
-def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> str:
+def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Markup | str:
     """Plot a choice of departures; "" where there was but one."""
     if len(choice.departures_s) < 2:
         return ""
@@ -37,7 +38,8 @@ def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> str:
 def departure_figure(choice: DepartureChoice) -> Figure:
     """Figure for `departure_svg`: time under way by departure, and the bound between them.
 
-    Where speeds are chosen, fuel: time is all that there is, or nearly.
+    Where speeds are chosen it shows fuel: each voyage then takes all the time that it may, or
+    nearly.
     """
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     is_long = np.ptp(choice.departures_s) > _DAYS_FROM_S

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 # Parts of matplotlib's SVG that a page must not have: a style rule for every element, which would
@@ -22,7 +23,7 @@ _UNWANTED = (
 )
 
 
-def page_svg(figure: Figure, *, identity: str, label: str) -> str:
+def page_svg(figure: Figure, *, identity: str, label: str) -> Markup:
     """Draw a figure as an `<svg>` element whose colours the page sets.
 
     `identity` (letters, digits, hyphens) prefixes its ids, so that they are unique in the page;
@@ -31,7 +32,7 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> str:
     `var(--text)`.
     """
     import matplotlib as mpl
-    from markupsafe import escape
+    from markupsafe import Markup, escape
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     FigureCanvasSVG(figure)
@@ -53,7 +54,8 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> str:
     box = re.search(r'viewBox="[^"]*"', head)
     if box is None:
         raise ValueError("matplotlib wrote an SVG without a viewBox")
-    return (
+    # The only text from elsewhere is the label.
+    return Markup(  # noqa: S704 - our own
         f'<svg class="map" xmlns="http://www.w3.org/2000/svg" {box[0]} role="img"'
         f' aria-label="{escape(label)}">{body.strip()}'
     )

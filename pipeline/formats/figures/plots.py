@@ -23,6 +23,7 @@ from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.transforms import Transform
@@ -47,7 +48,7 @@ _FUEL_UNITS = (
 )
 
 
-def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
+def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> Markup:
     """Plot fuel, speed, current and distance to land of a route against the distance run."""
     return page_svg(profile_figure(result, ranked), identity=identity, label=label)
 

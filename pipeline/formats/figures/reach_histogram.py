@@ -21,12 +21,14 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, percent
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30
-# Maximum distance to the coast that is drawn, in greatest reaches; beyond it is only written.
+# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; a greater one
+# is only written.
 _MAX_GAP_REACHES = 2.0
 # Position of a line, as a share of the axis, from which its text is on the left.
 _TEXT_LEFT_FROM = 0.4
@@ -34,7 +36,9 @@ _TEXT_LEFT_FROM = 0.4
 _AXIS_FACTOR = 1.06
 
 
-def padding_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> str:
+def padding_svg(
+    result: RunResult, ranked: RankedRoute, *, identity: str, label: str
+) -> Markup | str:
     """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
     found = tightest_place(result, ranked)
     if found is None:

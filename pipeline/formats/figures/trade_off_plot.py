@@ -20,6 +20,7 @@ from pipeline.formats.shared.text import fuel, hours, moment_text
 from pipeline.formats.shared.trade_offs import TradeOff
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0
@@ -29,7 +30,7 @@ _UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 6
 _MARGIN = 0.12
 
 
-def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> str:
+def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> Markup | str:
     """Plot a trade-off; "" where there is but one arrival."""
     if len(found.durations_s) < 2:
         return ""

@@ -155,7 +155,7 @@ def draw_reaches(
 
 
 def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
-    """The tightest place of a route; an error where its padding is none."""
+    """The tightest place of a route; an error if it has no padding."""
     found = tightest_place(result, ranked)
     if found is None:
         raise NothingToDrawError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.gis.layers.passage_layers import waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
-from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 
 if TYPE_CHECKING:
@@ -56,8 +55,7 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
             *_features("waypoint", waypoints.set_geometry(shapely.points(places))),
         ],
     }
-    text = json.dumps(json_value(collection), ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_json(path, collection, indent=None)
 
 
 def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:

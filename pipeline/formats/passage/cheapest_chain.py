@@ -3,10 +3,10 @@
 Two candidates see each other if the leg between them, drawn as it will be sailed, stays inside the
 route's safe corridor and passes every hole of it on the same side as the path. To find that, and
 the leg's clearance, takes long, and of all pairs few matter. So each leg first has a lower bound of
-its cost, since it is no clearer than its ends; those on the cheapest chains by these bounds are
-looked at, some at once, until no leg of the cheapest chain is unknown. Then no other chain can be
-cheaper (Dellin and Srinivasa 2016, "A unifying formalism for shortest path problems with expensive
-edge evaluations via lazy best-first search", ICAPS).
+its cost, since it is no clearer than its ends; legs on the cheapest chains by these bounds are
+examined, several at once, until every leg of the cheapest chain has been. Then no other chain can
+be cheaper (Dellin and Srinivasa 2016, "A unifying formalism for shortest path problems with
+expensive edge evaluations via lazy best-first search", ICAPS).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from pipeline.formats.passage.safe_corridor import SafeCorridor
 from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.shared.legs import metres_along
 
-# Costs of a leg beside 1 for being one: among chains of equally many legs the shorter one is taken,
-# and a leg with half the wanted clearance costs one more, with a third two more. A clearance below
-# the minimum share counts as that share.
+# Costs of a leg, added to the 1 that each leg costs: among chains of equally many legs the shorter
+# one is taken, and a leg with half the wanted clearance costs one more, with a third two more. A
+# clearance below the minimum share counts as that share.
 _LENGTH_WEIGHT = 0.5
 _CLEARANCE_WEIGHT = 1.0
 _MIN_CLEARANCE_SHARE = 0.05

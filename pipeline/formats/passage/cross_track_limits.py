@@ -91,7 +91,7 @@ class _Sides:
     """Both sides of k legs: all port sides, then all starboard sides.
 
     `areas`, `lines` (2k,): the area beside a leg, and the leg; `chords` (2k, 2, 2) from its start
-    to its end, `offsets` (2k,) the most that it departs from there.
+    to its end, `offsets` (2k,) its greatest distance from the chord.
     """
 
     areas: Geometries
@@ -130,7 +130,7 @@ class _Sides:
         return edges[near]
 
     def least_distance(self, side: IndexArray, ends: FloatArray) -> FloatArray:
-        """Distance (n,) that edges (n, 2, 2) have at least from the legs of their sides."""
+        """Lower bound of the distance (n,) of edges (n, 2, 2) from the legs of their sides."""
         half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
         begin, chord = self.chords[side, 0], self.chords[side, 1] - self.chords[side, 0]
         way = ends.mean(axis=1) - begin
@@ -178,8 +178,8 @@ def _side_areas(
 def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
     """Lower the limit of a side to its leg's distance from the parts of edges inside it.
 
-    What of an edge lies inside takes long to find: the edges that may be nearest come first, a few
-    of each area at once, until no other can be nearer.
+    To find the part of an edge that lies inside takes long: the edges that may be nearest come
+    first, a few of each area at once, until no other can be nearer.
     """
     area, edge = edges.tree.query(sides.areas, predicate="intersects")
     least = sides.least_distance(area, edges.ends[edge])

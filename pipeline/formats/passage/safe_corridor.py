@@ -31,9 +31,9 @@ _QUADRANT_SEGMENTS = 4
 
 
 class Obstacles:
-    """Land, hard no-go zone and chart edge of a scene, indexed once for all its routes.
+    """Land, no-go zone and edge of a scene's chart, planar metres, indexed once for all its routes.
 
-    Planar metres. So are `areas` that are shut when a route passes them.
+    `areas` are shut when a route passes them, and count as land then.
     """
 
     def __init__(self, scene: Scene, areas: Sequence[BaseGeometry] = ()) -> None:

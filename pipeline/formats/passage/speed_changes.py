@@ -1,6 +1,6 @@
 """Waypoints where the speed through water changes, so that a leg is sailed at about one speed.
 
-They lie on the legs that there are: the way stays the same.
+They are put on the existing legs, so that the way stays the same.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from renew.voyage.fuel import speeds_along
 # Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
 # changes fuel by a few thousandths, by the propeller law.
 _SAME_SPEED = 1.1
-# Number of places along a leg at which its speed is looked up, and of those that its first and last
-# part have at least.
+# Number of places along a leg at which its speed is looked up, and the least number of them in its
+# first and its last part.
 _PLACES, _MIN_PART = 200, 10
 
 
 def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:
     """Add points to waypoints (n, 2), degrees, where the speed of a route has changed by a tenth.
 
-    Each part of a leg then has speeds that are within that of each other, or hardly more.
+    Within each part of a leg, speeds then differ by a tenth at the most, or hardly more.
     """
     if route.speeds.max() <= _SAME_SPEED * route.speeds.min():
         return lonlat

@@ -86,7 +86,7 @@ class Waypoints:
 def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
     """Waypoints of a season's routes, best first.
 
-    Computed once a result and cached with it, since every exchange format needs them.
+    Computed once for each result and cached with it, since every exchange format needs them.
     """
     attributes = vars(result)
     if _CACHE not in attributes:

@@ -1,11 +1,19 @@
-"""Values that JSON can hold."""
+"""Files of JSON, and values that JSON can hold."""
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+
+def write_json(path: Path, content: object, indent: int | None = 2) -> None:
+    """Write a new file of JSON (UTF-8), with `null` for numbers that are not finite."""
+    text = json.dumps(json_value(content), indent=indent, ensure_ascii=False, allow_nan=False)
+    path.write_text(f"{text}\n", encoding="utf-8")
 
 
 def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON knows out

@@ -98,7 +98,7 @@ def times_at(
 def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
     """Steps between points (n, 2) of a route's path; their true times add up to its duration.
 
-    Where the current changes, the planner's own times count, by whose clock it was read.
+    Where the current changes, the planner's own times count: the current was read by them.
     """
     scene, drift = result.scene, result.scenario.planner.drift
     found = sailed(*at_speeds_sailed(points, ranked), scene, ranked.season, drift)

@@ -181,9 +181,9 @@ class RunResult:
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).
 
-        Of a current that changes, that at departure. Velocity is in m/s towards east and north. The
-        points are those of the source's grid that have figures; without a grid, 25 by 25 over the
-        chart; none if the season has no current.
+        A current that changes is given as at departure. Velocity is in m/s towards east and north.
+        The points are those of the source's grid that have figures; without a grid, 25 by 25 over
+        the chart; none if the season has no current.
         """
         for grid in self.fetched.currents:
             if grid.season == season:

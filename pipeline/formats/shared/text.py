@@ -142,7 +142,7 @@ def zone_text(zone: Zone) -> str:
 
 
 def gap_text(shares: GapShares, no_go: str) -> str:
-    """Say in a sentence what an optimality gap is made of, on a chart of so named no-go."""
+    """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
     whole = shares.chart + shares.padding + shares.bound
     if whole > USEFUL_GAP:
         return "The bound on fuel is too loose here to be told apart."
@@ -157,7 +157,7 @@ def gap_text(shares: GapShares, no_go: str) -> str:
 def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Moment], str]:
     """Return how the planner's moments are spelled: as dates, or in seconds without a departure.
 
-    A second of the planner's is `stretch` true ones.
+    One second of the planner is `stretch` true seconds.
     """
     if departure is None:
         return in_seconds
@@ -201,5 +201,5 @@ def season_text(season: str) -> str:
 
 
 def about_season(season: str, scenario: Scenario) -> str:
-    """Begin a note on a season by its name; with nothing where the scenario has no other."""
+    """Begin a note on a season by its name; empty where the scenario has only that season."""
     return f"{season_text(season)}: " if len(scenario.seasons) > 1 else ""

@@ -15,8 +15,8 @@ from pipeline.model import SpeedChoice
 
 # Share of the time under way by which an arrival is earlier or later, to say what that is worth.
 _MORE_OR_LESS = 0.1
-# Share of the time by which an arrival counts as that which was asked for, and of the fuel from
-# which a difference is said.
+# An arrival within this share of the time counts as in time; a difference in fuel below this share
+# is not mentioned.
 _IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
 
 

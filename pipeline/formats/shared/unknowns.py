@@ -12,7 +12,7 @@ from pipeline.scenario.model import Scenario
 MAX_STRAITS = 10
 """Largest number of straits that are listed, the widest first."""
 
-# Share below which a route counts as none of it: a thousandth, as percentages have one decimal.
+# Shares of a route below this count as none: a thousandth, as percentages have one decimal.
 _NONE = 5e-4
 
 
@@ -60,7 +60,7 @@ def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[str, ...]:
 
 
 def has_all_depths(metrics: RouteMetrics) -> bool:
-    """Whether depths are charted all along a route; not where the chart has none."""
+    """Whether depths are charted all along a route; False in a chart without depths."""
     return metrics.uncharted_share <= _NONE
 
 

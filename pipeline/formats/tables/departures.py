@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import DepartureChoice
 
@@ -42,7 +41,7 @@ def write_departures_csv(result: RunResult, path: Path) -> None:
 
 
 def write_departures_json(result: RunResult, path: Path) -> None:
-    """Write the same as JSON, by season."""
+    """Write all departures as JSON, by season."""
     seasons = [
         {
             "season": choice.season,
@@ -56,12 +55,11 @@ def write_departures_json(result: RunResult, path: Path) -> None:
         }
         for choice in result.departures
     ]
-    text = json.dumps(json_value(seasons), indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_json(path, seasons)
 
 
 def _rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
-    """Yield a row for each departure; the way is told of classes that the best one has, too."""
+    """Yield a row for each departure; a way is given if the best departure has that class, too."""
     ways = {
         one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
     }

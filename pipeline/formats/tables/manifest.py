@@ -33,6 +33,7 @@ _PACKAGES = (
     "contourpy",
     "copernicusmarine",
     "dask",
+    "geopandas",
     "gpxpy",
     "jinja2",
     "lxml",

@@ -2,7 +2,7 @@
 
 `uo` and `vo` (lat, lon) on the source's own grid, as the source has them: a file for each season,
 since seasons may come from different sources on different grids, and GDAL, and so QGIS, places a
-grid only if its lines are evenly spaced. Of a current that changes the file has that at departure.
+grid only if its lines are evenly spaced. A current that changes is given as at departure.
 """
 
 from __future__ import annotations
@@ -157,8 +157,8 @@ def _put_component(
 def _period(grid: CurrentGrid) -> Period | None:
     """Read the period of the values, or the first and last of several ('2024-01-03/2024-01-28').
 
-    None for any other text, as sources name their periods freely; and of a current that changes, of
-    which the values are those of the departure.
+    None for any other text, as sources name their periods freely, and for a current that changes,
+    whose values are those at departure.
     """
     first, _, last = grid.valid.partition("/")
     try:

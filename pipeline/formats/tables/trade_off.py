@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.trade_offs import TradeOff, trade_offs
 
 COLUMNS = ("season", "arrival", "hours", "fuel", "of_chosen", "is_chosen")
-"""Arrivals are UTC, `hours` those under way, fuel is in the planner's units; `of_chosen` is it as a
-share of the best route's, whose own row is the one that is chosen."""
+"""Arrivals are UTC, `hours` those under way, fuel is in the planner's units; `of_chosen` is a share
+of the best route's fuel, which has the row that is chosen."""
 
 
 def write_trade_off_csv(result: RunResult, path: Path) -> None:
@@ -30,7 +29,7 @@ def write_trade_off_csv(result: RunResult, path: Path) -> None:
 
 
 def write_trade_off_json(result: RunResult, path: Path) -> None:
-    """Write the same as JSON, by season, with the speeds to choose from and those of the route."""
+    """Write the trade-offs as JSON, by season, with the speeds allowed and those of the route."""
     seasons = [
         {
             "season": found.season,
@@ -44,8 +43,7 @@ def write_trade_off_json(result: RunResult, path: Path) -> None:
         }
         for found in trade_offs(result)
     ]
-    text = json.dumps(json_value(seasons), indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_json(path, seasons)
 
 
 def _rows(found: TradeOff) -> Iterator[dict[str, Any]]:

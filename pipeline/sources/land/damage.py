@@ -1,6 +1,6 @@
 """Damaged and hostile charts: what libraries raise about a user's file becomes one line.
 
-And of GDAL's drivers only those are used that read a file, and do not follow what it says.
+GDAL's drivers that would do what a file says, instead of only reading it, are not used.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def repaired(
 ) -> tuple[Geometries, int]:
     """Make invalid areas valid, covering all that their rings enclose; count the invalid ones.
 
-    A line of no length becomes a point. Which are valid (n,) is looked for if it isn't known.
+    A line of no length becomes a point. `is_valid` (n,) is computed if it isn't given.
     """
     is_invalid = ~(shapely.is_valid(geometries) if is_valid is None else is_valid)
     if not is_invalid.any():

@@ -3,8 +3,9 @@
 IHO S-57 3.1, appendix A (object catalogue). Depth areas and dredged areas cover the sea without a
 gap. So the safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its
 safety depth, and everything else is no-go: land, drying and shoal water, unsurveyed areas and those
-of unknown depth. Objects that stand in the safe water are taken out of it, and those on its bed
-that are not known to lie deep enough. Where cells overlap, the larger scale takes precedence.
+of unknown depth. Objects that stand in the safe water are taken out of it; so are objects on its
+bed, unless they are known to lie deep enough. Where cells overlap, the larger scale takes
+precedence.
 """
 
 from __future__ import annotations

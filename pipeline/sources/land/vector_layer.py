@@ -32,7 +32,7 @@ _PIECES_PER_SIDE = 200
 _MAX_PLANAR = 1e9
 # Bounds beyond any coordinate.
 _EVERYWHERE = (-1e300, -1e300, 1e300, 1e300)
-# Largest number of features that are all read when some have no bounds, to see why.
+# A file with more features than this is not read again to see why some have no bounds.
 _MAX_REREAD = 100_000
 # Number of features that a message names.
 _MAX_NUMBERS = 3
@@ -135,7 +135,7 @@ class VectorLayer:
 
     @cached_property
     def _is_suspect(self) -> npt.NDArray[np.bool_]:
-        """Which features (n,) have no geometry or an empty one, as those that can't be read."""
+        """Which features (n,) have no geometry or an empty one; unreadable ones look so, too."""
         return np.asarray(self._is_blank | (self.extents == 0).all(axis=0))
 
     def _unread_reason(self) -> str:

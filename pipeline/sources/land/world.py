@@ -4,12 +4,15 @@ The package carries each of its shorelines as one WKB MultiPolygon: OpenStreetMa
 whole polygons (cut at 180 degrees only), 9.6 million vertices, 154 MB. To unpack and walk through
 it takes seconds and a gigabyte. So it is done once: the polygons go, as they are, into a file in
 the user's cache, behind a table of their bounds and of which are valid: to look for that in a
-continent anew takes a second. From it a region is read in some 50 ms.
+continent anew takes a second. From it a region is read in some 70 ms.
 
-The file is named by the package's release and the format's version, written under a temporary name
-and renamed, so that several processes may make it at once. The table and each polygon have a
-checksum: a damaged file is made again. Where the cache can't be written the package is read each
-time, and a note says so.
+FlatGeobuf was measured (GDAL 3.12): a region is read as fast, but the file has no checksum, so that
+a flipped bit would be land in another place, and GDAL takes it in one piece only: making it peaks
+at 1.25 GB where this takes 0.7 GB, and the night's pod has 1 GiB.
+
+The file is named by the package's release and the format's version; several processes may make it
+at once. The table and each polygon have a checksum: a damaged file is made again. Where the cache
+can't be written the package is read each time, and a note says so.
 """
 
 from __future__ import annotations

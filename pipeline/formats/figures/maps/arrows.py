@@ -17,7 +17,7 @@ from pipeline.formats.shared.result import RunResult
 # Number of arrows along the chart's longer side.
 _COUNT_ACROSS = 22
 _MAX_CLASSES = 5
-# Strongest current, m/s, for which the classes are made at least: weaker ones are none to speak of.
+# The classes of speed reach at least to this current, m/s: a weaker one hardly matters.
 _MIN_STRONGEST = 0.05
 # Length of the strongest class's arrows, as a share of their spacing.
 _LENGTH_SHARE = 1.05

@@ -272,9 +272,9 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
 def _free_side(
     axes: Axes, position: tuple[float, float], text: str, drawn: BaseGeometry
 ) -> tuple[int, int]:
-    """Side (across, up) of a position where a text is inside the map and off what is drawn.
+    """Side (across, up) of a position on which its text is inside the map and off the paths.
 
-    The first of right, left, above and below that is; else the first that is inside the map.
+    The first such side of right, left, above and below; else the first that is inside the map.
     """
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     # The mean width of a bold letter of the default font is 0.7 of its size.

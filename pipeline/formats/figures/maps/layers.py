@@ -62,7 +62,10 @@ def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = No
 
 
 def _no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> list[Artist]:
-    """Hard no-go zone, clipped to an area if one is given; in a plane it is the land, and none."""
+    """Hard no-go zone, clipped to an area if one is given.
+
+    None in a planar scenario, where it is the land itself.
+    """
     if result.scenario.is_planar:
         return []
     no_go = visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))

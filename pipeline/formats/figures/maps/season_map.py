@@ -29,13 +29,14 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, fuel
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
 
 
-def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> str:
+def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> Markup:
     """Draw a season as an `<svg>` element for a page; see `page_svg`."""
     figure, [(axes, sea)] = map_figure(result)
     draw_season(axes, sea, result, season)

@@ -49,8 +49,8 @@ def frame(
     geometry
         A geometry for each feature, or an array of geometries for each route or season.
     columns
-        For each of these a value, or an array with a value for each of its geometries. Numbers
-        that are not finite become NaN, which is written as NULL.
+        Column by column, for each entry of `geometry` a value, or an array with a value for each of
+        its geometries. Numbers that are not finite become NaN, which is written as NULL.
     """
     import geopandas
 

@@ -29,7 +29,7 @@ _MAX_TURNS = 80
 # Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
 # number of vertices of all routes' zones together.
 _SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
-# Tolerance of the hard no-go zone where it has more vertices than these, as a share of the same.
+# Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
 _NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
 # Number of points along the best route, and along others.
 _POINTS_BEST, _POINTS = 200, 100
@@ -206,8 +206,8 @@ def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArr
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
     """The planner's own current on a regular lattice over the water, in whole cm/s.
 
-    If it changes, that at departure.
-    `u` and `v` are along the plane's axes, row by row from below; 0, 0 is land or still water.
+    A current that changes is given as at departure. `u` and `v` are along the plane's axes, row by
+    row from below; 0, 0 is land or still water.
     """
     scene = result.scene
     if season not in scene.currents:

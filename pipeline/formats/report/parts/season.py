@@ -58,7 +58,7 @@ class SeasonPart:
     says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
     whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
     plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
-    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` say so of the speed,
+    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` do so for the speed,
     and `speeds` are the lowest and highest of the best route, m/s.
     """
 
@@ -77,8 +77,8 @@ class SeasonPart:
     rejected: tuple[RejectedGroup, ...]
     thumbnail: Markup
     picture: Markup
-    profile: Markup
-    padding: Markup
+    profile: Markup | str
+    padding: Markup | str
     departure: tuple[str, ...] = ()
     departure_plot: Markup | str = ""
     how_fast: tuple[str, ...] = ()
@@ -93,8 +93,6 @@ class SeasonPart:
 
 def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
     """Gather a season's part."""
-    from markupsafe import Markup
-
     from pipeline.formats.figures.maps.season_map import season_svg
     from pipeline.formats.report.parts.thumbnail import thumbnail
 
@@ -103,7 +101,6 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     anchor = f"season-{number}"
     title = result.season_title(entry.season)
     label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
-    picture = season_svg(result, entry.season, identity=anchor, label=f"Map of {label}")
     profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
     passage = result.scenario.passage(entry.season, round(metrics[0].duration_s)) if ranked else ()
     said = _sentences(result, metrics)
@@ -123,11 +120,10 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
         remarks=_remarks(result, ranked[0]) if ranked else (),
         rows=_rows(result, metrics),
         rejected=_rejected(result, entry),
-        # The only text from elsewhere in figures is their label, which they escape.
-        thumbnail=Markup(thumbnail(result, shown, label)),  # noqa: S704 - our own SVG
-        picture=Markup(picture),  # noqa: S704 - our own
-        profile=Markup(profile),  # noqa: S704 - our own
-        padding=Markup(padding),  # noqa: S704 - our own
+        thumbnail=thumbnail(result, shown, label),
+        picture=season_svg(result, entry.season, identity=anchor, label=f"Map of {label}"),
+        profile=profile,
+        padding=padding,
         **_departure(result, entry.season, anchor),
         **_how_fast(result, entry.season, anchor),
     )
@@ -135,8 +131,6 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
 
 def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     """When to leave, as text and plot; nothing where the departure was given."""
-    from markupsafe import Markup
-
     from pipeline.formats.figures.departure_plot import departure_svg
 
     choice = result.departure_choice(season)
@@ -144,13 +138,11 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
         return {}
     sentences = departure_text(choice)
     plot = departure_svg(choice, identity=f"{anchor}-departure", label=sentences[0])
-    return {"departure": sentences, "departure_plot": Markup(plot)}  # noqa: S704 - our own SVG
+    return {"departure": sentences, "departure_plot": plot}
 
 
 def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     """How fast, as text and plot; nothing where the vessel has no choice."""
-    from markupsafe import Markup
-
     from pipeline.formats.figures.trade_off_plot import trade_off_svg
 
     found = trade_off(result, season)
@@ -160,7 +152,7 @@ def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     plot = trade_off_svg(found, identity=f"{anchor}-trade-off", label=" ".join(sentences))
     return {
         "how_fast": sentences,
-        "trade_off_plot": Markup(plot),  # noqa: S704 - our own SVG
+        "trade_off_plot": plot,
         "speeds": (found.slowest, found.fastest),
     }
 
@@ -182,7 +174,9 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
     )
 
 
-def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> tuple[str, str]:
+def _plots(
+    result: RunResult, best: RankedRoute, title: str, anchor: str
+) -> tuple[Markup, Markup | str]:
     """Plot the best route's profile, and the reach of turns at its tightest place."""
     from pipeline.formats.figures.plots import profile_svg
     from pipeline.formats.figures.reach_histogram import padding_svg

@@ -20,8 +20,8 @@ from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
 # Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
 _SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
-# Mean speed of the current, as a share of the vessel's, below which there is none to speak of, if
-# no route gains or loses as much by it either.
+# A current is not mentioned if its mean speed is below this share of the vessel's, and no route
+# gains or loses that much by it.
 _NO_CURRENT = 0.01
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -11,6 +12,9 @@ from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.encode import coarser, within
 from pipeline.formats.shared.result import RankedRoute, RunResult
 
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
 # Longer side, in units of the picture, and size of its details, as a share of that side.
 _SIDE, _DETAIL = 100.0, 0.006
 _MAX_VERTICES = 900
@@ -18,12 +22,12 @@ _MAX_VERTICES = 900
 _MAX_RATIO = 1.6
 
 
-def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> str:
+def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Markup:
     """An `<svg>` element; its colours are the page's, the first of the routes is in the season's.
 
     `label` says what it shows, escaped here.
     """
-    from markupsafe import escape
+    from markupsafe import Markup, escape
 
     frame = _frame(result, shown)
     xmin, ymin, xmax, ymax = frame
@@ -52,7 +56,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> st
     start, goal = placed(result.scene.start), placed(result.scene.goal)
     width, height = scale * (xmax - xmin), scale * (ymax - ymin)
     classes = ("way", "rival")
-    return (
+    return Markup(  # noqa: S704 - our own
         f'<svg class="thumbnail" viewBox="0 0 {width:.1f} {height:.1f}" role="img" '
         f'aria-label="{escape(label)}"><path class="sea" d="{water}"/><path class="shore" '
         f'd="{coast}"/>'
@@ -66,7 +70,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> st
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
-    """The chart's bounds, cropped along a side that is much the longer where no route needs it."""
+    """The chart's bounds; a side that is much the longer is cropped where no route needs it."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])

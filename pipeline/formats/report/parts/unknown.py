@@ -45,7 +45,7 @@ class Unknown:
 
     @classmethod
     def of(cls, result: RunResult) -> Unknown:
-        """Gather what is not known of a run; of its routes, those of which anything is missing."""
+        """Gather what is not known of a run, and those of its routes that lack figures."""
         rows = [
             RouteShares(
                 result.season_title(row.season), row.rank, row.filled_share, row.uncharted_share
