@@ -19,7 +19,7 @@ from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.choosing.region_search import search_region
 from pipeline.stages.compare import compare
 from pipeline.stages.fetch import fetch
-from pipeline.stages.plan_seasons import plan_seasons
+from pipeline.stages.plan import plan_seasons
 from pipeline.stages.project import projected
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify

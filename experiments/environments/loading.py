@@ -19,9 +19,9 @@ from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.model import Scenario
-from pipeline.stages import planar
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
+from pipeline.stages.projecting import planar
 from pipeline.stages.simplify import simplify_land
 from pipeline.storage.store import Store
 from renew.voyage.voyage import Voyage, Waters

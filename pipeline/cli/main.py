@@ -236,7 +236,7 @@ def check(
         # After loading, so that what is wrong in the file is said at once.
         from pipeline.errors import RequestError
         from pipeline.stages.choosing.coverage import uncovered_seasons
-        from pipeline.stages.endpoint_look import endpoints_on_land
+        from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 
         if faults := [*uncovered_seasons(found), *endpoints_on_land(found)]:
             raise RequestError(faults)

@@ -9,16 +9,16 @@ from datetime import UTC, datetime
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.formats.shared.trade_offs import speed_notes
-from pipeline.stages.avoided_areas import shut_notes
 from pipeline.stages.choosing.departures import Chosen
-from pipeline.stages.overpowering_current import waiting_notes
-from pipeline.stages.plan_seasons import Planned
-from pipeline.stages.second_shoreline import crossing_notes
-from pipeline.stages.shut_straits import shut_straits
-from pipeline.stages.side_bounds import side_bounds
+from pipeline.stages.comparing.overpowering_current import waiting_notes
+from pipeline.stages.comparing.second_shoreline import crossing_notes
+from pipeline.stages.comparing.shut_straits import shut_straits
+from pipeline.stages.comparing.side_bounds import side_bounds
+from pipeline.stages.comparing.unresolved_straits import unresolved_strait_notes
+from pipeline.stages.comparing.way_names import with_way_names
+from pipeline.stages.plan import Planned
+from pipeline.stages.projecting.avoided_areas import shut_notes
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.stages.unresolved_straits import unresolved_strait_notes
-from pipeline.stages.way_names import with_way_names
 from pipeline.storage.store import Made, Store, artefact_key
 
 

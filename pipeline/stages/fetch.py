@@ -21,9 +21,9 @@ from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm_adapter import OsmLand
 from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
-from pipeline.stages import planar
-from pipeline.stages.avoided_areas import avoided_zones
-from pipeline.stages.overpowering_current import overpowering_notes
+from pipeline.stages.comparing.overpowering_current import overpowering_notes
+from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.avoided_areas import avoided_zones
 from pipeline.storage.store import DOWNLOADS, Made, Store, artefact_key
 
 # Longest voyage in changing currents where no limit is given: times as long as straight through

@@ -1,61 +1,126 @@
-"""Fourth stage: one season's plan."""
+"""Fifth stage: every season's plan and evaluation, as independent tasks."""
 
 from __future__ import annotations
 
-import math
-import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
-import renew
-from pipeline.formats.shared.text import moments_of, season_text
-from pipeline.model import Scene, SeasonPlan
-from pipeline.model.for_planner import plan_options
-from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.endpoints import is_shut_in
-from pipeline.stages.speed_choices import largest_stretch, planned_in_time
-from renew.errors import TooLateError
+from pipeline.errors import NoWayError, RequestError, StageError
+from pipeline.formats.shared.text import seasons_text
+from pipeline.model import Evaluation, SeasonPlan
+from pipeline.stages.choosing.departures import Chosen
+from pipeline.stages.project import scene_inputs
+from pipeline.stages.projecting.speed_choices import speed_choices
+from pipeline.stages.seasons.evaluate_season import combine_seasons
+from pipeline.stages.seasons.runner import run_tasks
+from pipeline.stages.seasons.task import SeasonTask, Status
+from pipeline.stages.simplify import SimplifiedLand
+from pipeline.storage.store import Made, Store, artefact_key
 
-MIN_LATENESS_S = 3600.0
-"""Time by which a vessel may be early or late at least, in currents that change."""
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The plans of all seasons, in the scenario's order, and what was measured of their routes."""
+
+    plans: tuple[SeasonPlan, ...]
+    evaluation: Evaluation
 
 
-def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
-    """Plan one season; where that is impossible, the result's `failure` says why."""
-    started = time.perf_counter()
+def plan_seasons(
+    chosen: Chosen,
+    land: Made[SimplifiedLand],
+    store: Store,
+    on_season: Callable[[Status], None],
+    *,
+    scheduler: str | None = None,
+    limit_s: float | None = None,
+) -> Made[Planned]:
+    """Plan each season and evaluate its routes; each succeeds or fails by itself.
 
-    def planned(arrive_by_s: float) -> renew.Plan:
-        return renew.plan(
-            scene.chart,
-            scene.currents[season],
-            scene.vessel_in(season),
-            scene.start,
-            scene.goal,
-            options=plan_options(options, min_lateness=MIN_LATENESS_S),
-            **scene.itinerary(season),
-            **scene.pace(season, arrive_by_s),
-        )
+    Parameters
+    ----------
+    chosen
+        The complete scenario, its data and its scene.
+    land
+        The simplified land.
+    on_season
+        Called when a season ends that was not in the store.
+    scheduler, limit_s
+        Where the tasks are run, and how long each may take; see `run_tasks`.
 
-    arrive_by_s = math.inf
-    try:
-        if season in scene.speeds:
-            plan, arrive_by_s = planned_in_time(planned, scene, season)
+    Raises
+    ------
+    PipelineError
+        No season has a plan: NoWayError where a wider region might have a way.
+    """
+    tasks = list(_tasks(chosen, land, store, limit_s))
+    done = {task.season: result for task in tasks if (result := task.result()) is not None}
+    waiting = [task for task in tasks if task.season not in done]
+    crashed = dict(chosen.parts.failures)
+
+    def report(status: Status) -> None:
+        if status.crashed:
+            crashed[status.season] = status.failure
+        on_season(status)
+
+    run_tasks(waiting, scheduler, report)
+    for task in waiting:
+        result = None if task.season in crashed else task.result()
+        if result is not None:
+            done[task.season] = result
         else:
-            plan = planned(arrive_by_s)
-    except renew.PlanningError as error:
-        stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
-        moments = moments_of(scene.departures.get(season), stretch)
-        failure = " ".join(error.located(scene.place_text, moments).split())
-        causes = error.causes if isinstance(error, renew.UnreachableError) else ()
-        are_late = [isinstance(cause, TooLateError) for cause in causes]
-        if any(are_late):
-            failure += (
-                f"; {season_text(season)}: its currents end too early: give currents that reach "
-                "further, raise its max_hours where they do, or depart earlier"
-            )
-        if not all(are_late):
-            failure += "; all are keys of [planner], and renew go has --clearance"
-        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
-            scene, [strait.gap for strait in error.straits]
+            crashed.setdefault(task.season, "its result is missing from the store; run again")
+    names = [season.name for season in chosen.scenario.seasons]
+    plans = tuple(
+        done[name][0] if name in done else SeasonPlan(name, None, crashed[name], 0.0)
+        for name in names
+    )
+    if not any(plan.plan is not None for plan in plans):
+        reasons = _reasons(plans)
+        if crashed:
+            raise StageError("; ".join(reasons))
+        raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)
+    key = artefact_key(
+        "planned", [task.evaluation_path.name for task in tasks], [plan.failure for plan in plans]
+    )
+    return Made(
+        key, Planned(plans, combine_seasons(done[name][1] for name in names if name in done))
+    )
+
+
+def _tasks(
+    chosen: Chosen, land: Made[SimplifiedLand], store: Store, limit_s: float | None
+) -> Iterator[SeasonTask]:
+    """Yield a task for each season that has a current."""
+    scenario, parts = chosen.scenario, chosen.parts
+    options, explains_gap = scenario.planner, scenario.outputs.explain_gap
+    for season, current_key in parts.current_keys.items():
+        # Without the scene's key, which depends on the other seasons' currents too.
+        plan_key = artefact_key(
+            "plan",
+            land.key,
+            current_key,
+            scene_inputs(scenario),
+            options.model_dump(mode="json"),
+            speed_choices(scenario).get(season),
         )
-        return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
-    seconds = time.perf_counter() - started
-    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)
+        evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
+        yield SeasonTask(
+            season=season,
+            scene_path=store.path("project", chosen.scene.key),
+            plan_path=store.path("plan", plan_key),
+            evaluation_path=store.path("evaluate", evaluation_key),
+            options=options,
+            scale=scenario.scale,
+            owner=store.owner,
+            limit_s=limit_s,
+            explains_gap=explains_gap,
+        )
+
+
+def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
+    """Say why seasons failed; those that failed for the same reason share a line."""
+    seasons: dict[str, list[str]] = {}
+    for plan in plans:
+        seasons.setdefault(plan.failure, []).append(plan.season)
+    return [f"{seasons_text(names)}: {failure}" for failure, names in seasons.items()]

@@ -22,11 +22,11 @@ from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
 from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import extract_polygons, repaired
-from pipeline.stages import planar
-from pipeline.stages.avoided_areas import area_identities, known_clocks, shut_areas
-from pipeline.stages.endpoints import check_endpoints
+from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.avoided_areas import area_identities, known_clocks, shut_areas
+from pipeline.stages.projecting.endpoints import check_endpoints
+from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.stages.speed_choices import speed_choices
 from pipeline.storage.store import Made, Store
 
 # Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but

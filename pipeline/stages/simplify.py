@@ -33,7 +33,7 @@ from pipeline.model import Land, Simplified
 from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
-from pipeline.stages import planar
+from pipeline.stages.projecting import planar
 from pipeline.storage.store import Made, Store
 
 # Maximum length of an edge when it is projected, m: what is straight in degrees is curved in the

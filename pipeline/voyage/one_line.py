@@ -12,7 +12,7 @@ from pipeline.run import run
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.stages.choosing.coverage import uncovered_seasons
-from pipeline.stages.endpoint_look import endpoints_on_land
+from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 from pipeline.voyage.quantities import RANGE
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures

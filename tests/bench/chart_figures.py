@@ -24,9 +24,9 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land import osm
-from pipeline.stages.evaluate import evaluate_season
-from pipeline.stages.plan import plan_season
 from pipeline.stages.project import project
+from pipeline.stages.seasons.evaluate_season import evaluate_season
+from pipeline.stages.seasons.plan_season import plan_season
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario

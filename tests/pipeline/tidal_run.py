@@ -11,10 +11,10 @@ import shapely
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.stages.clock_worth import clock_worth
-from pipeline.stages.evaluate import combine_seasons, evaluate_season
-from pipeline.stages.plan import plan_season
 from pipeline.stages.project import project
+from pipeline.stages.seasons.clock_worth import clock_worth
+from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
+from pipeline.stages.seasons.plan_season import plan_season
 from tests.pipeline.formats import small_run
 
 BBOX = (119.0, 9.50, 119.10, 9.56)

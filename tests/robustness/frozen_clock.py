@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from unittest.mock import patch
 
 import pipeline.run
-import pipeline.stages.plan
+import pipeline.stages.seasons.plan_season
 
 _NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -22,7 +22,7 @@ def frozen_clock() -> Iterator[None]:
     with (
         patch.object(pipeline.run, "datetime", date),
         patch.object(pipeline.run, "time", timer),
-        patch.object(pipeline.stages.plan, "time", timer),
+        patch.object(pipeline.stages.seasons.plan_season, "time", timer),
     ):
         yield
 

@@ -16,11 +16,11 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.registry import land_source
-from pipeline.stages import planar
 from pipeline.stages.choosing.offing import Offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
+from pipeline.stages.projecting import planar
 from pipeline.stages.simplify import simplify
 from pipeline.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 

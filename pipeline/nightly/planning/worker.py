@@ -32,9 +32,9 @@ from pipeline.nightly.planning.chart import (
 )
 from pipeline.nightly.planning.comparison import Rules, compared, judged
 from pipeline.scenario.strict import Point
-from pipeline.stages.evaluate import combine_seasons, evaluate_season
-from pipeline.stages.plan import plan_season
-from pipeline.stages.way_names import with_way_names
+from pipeline.stages.comparing.way_names import with_way_names
+from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
+from pipeline.stages.seasons.plan_season import plan_season
 from pipeline.stages.workers.fleet import DiedBeforeError
 from pipeline.storage.store import read_checked
 from renew import Route

@@ -11,7 +11,7 @@ from pipeline.nightly.request.config import NightConfig
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
-from pipeline.stages.endpoint_look import endpoints_on_land
+from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 
 # Distance around all places within which land is looked at, m.
 _NEAR_M = 2_000.0

@@ -24,10 +24,10 @@ from pipeline.model.for_planner import plan_options
 from pipeline.scenario.interval import interval
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
-from pipeline.stages.avoided_areas import later
 from pipeline.stages.fetch import FetchedParts
-from pipeline.stages.plan import MIN_LATENESS_S
-from pipeline.stages.speed_choices import speed_choices
+from pipeline.stages.projecting.avoided_areas import later
+from pipeline.stages.projecting.speed_choices import speed_choices
+from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
 from pipeline.storage.store import Made, Store, artefact_key
 
 # Number of plans between two notes on how far the choice is.

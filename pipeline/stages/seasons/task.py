@@ -14,10 +14,10 @@ from pathlib import Path
 from pipeline.errors import PipelineError, StageError
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.clock_worth import clock_worth
-from pipeline.stages.evaluate import SeasonEvaluation, evaluate_season
-from pipeline.stages.gap_shares import gap_shares
-from pipeline.stages.plan import plan_season
+from pipeline.stages.seasons.clock_worth import clock_worth
+from pipeline.stages.seasons.evaluate_season import SeasonEvaluation, evaluate_season
+from pipeline.stages.seasons.gap_shares import gap_shares
+from pipeline.stages.seasons.plan_season import plan_season
 from pipeline.storage.store import load_artefact, save_artefact
 
 

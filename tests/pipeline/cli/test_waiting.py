@@ -31,7 +31,7 @@ def _slow(*_: object, **__: object) -> str:
 @pytest.mark.parametrize(
     ("arguments", "slow"),
     [
-        (["check", "single-gyre"], "pipeline.stages.endpoint_look.endpoints_on_land"),
+        (["check", "single-gyre"], "pipeline.stages.projecting.endpoint_look.endpoints_on_land"),
         (["nightly", "check"], "pipeline.nightly.request.pairs_in_water.pairs_on_land"),
         (["clean"], "pipeline.cli.clean.clean"),
         (["warm"], "pipeline.cli.warm.warm"),

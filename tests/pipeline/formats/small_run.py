@@ -28,8 +28,8 @@ from pipeline.model import (
     current_notes,
 )
 from pipeline.scenario.model import Scenario
+from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
-from pipeline.stages.way_names import with_way_names
 
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
 STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")

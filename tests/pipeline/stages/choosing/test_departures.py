@@ -19,8 +19,8 @@ from pipeline.model import DepartureChoice
 from pipeline.scenario.season import Season
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
-from pipeline.stages.plan import plan_season
-from pipeline.stages.speed_choices import speed_choices
+from pipeline.stages.projecting.speed_choices import speed_choices
+from pipeline.stages.seasons.plan_season import plan_season
 from pipeline.storage.store import Made, Store
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from pipeline.formats.shared.text import distance
-from pipeline.stages.unresolved_straits import straits_of, unresolved_strait_notes
+from pipeline.stages.comparing.unresolved_straits import straits_of, unresolved_strait_notes
 from tests.pipeline.tidal_run import planned, run, tide
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -13,7 +13,7 @@ import shapely
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, ShoreCrossing
-from pipeline.stages.second_shoreline import SecondShoreline, crossing_notes
+from pipeline.stages.comparing.second_shoreline import SecondShoreline, crossing_notes
 
 REGION = shapely.box(23.0, 36.0, 25.0, 38.0)
 # Two islands of the second shoreline; the northern one is in two overlapping pieces.

@@ -18,7 +18,7 @@ from pipeline.loading import load_scenario, parse_scenario
 from pipeline.run import run
 from pipeline.scenario.toml_text import scenario_text
 from pipeline.sources.quality.field import Field
-from pipeline.stages.avoided_areas import later
+from pipeline.stages.projecting.avoided_areas import later
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from tests.pipeline.synthetic_currents import dataset, sea, write
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
-from pipeline.stages.way_names import with_way_names
+from pipeline.stages.comparing.way_names import with_way_names
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 EXTENT = shapely.box(-500, -500, 500, 500)

@@ -10,8 +10,8 @@ import shapely
 
 import renew
 from pipeline.model import Evaluation, SeasonPlan
-from pipeline.stages.side_bounds import side_bounds
-from pipeline.stages.way_names import with_way_names
+from pipeline.stages.comparing.side_bounds import side_bounds
+from pipeline.stages.comparing.way_names import with_way_names
 from tests.pipeline.formats import small_run
 
 

@@ -14,9 +14,9 @@ from pipeline.geo.projection import Projection
 from pipeline.loading import parse_scenario
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages import planar
-from pipeline.stages.evaluate import evaluate_season
-from pipeline.stages.plan import plan_season
+from pipeline.stages.projecting import planar
+from pipeline.stages.seasons.evaluate_season import evaluate_season
+from pipeline.stages.seasons.plan_season import plan_season
 
 SCENARIO = {
     "schema_version": 1,

@@ -17,9 +17,9 @@ from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane
 from pipeline.scenario.season import Season
-from pipeline.stages.avoided_areas import known_clocks
-from pipeline.stages.endpoints import check_endpoints
-from pipeline.stages.speed_choices import speed_choices
+from pipeline.stages.projecting.avoided_areas import known_clocks
+from pipeline.stages.projecting.endpoints import check_endpoints
+from pipeline.stages.projecting.speed_choices import speed_choices
 
 
 def fetched_plane(scenario: Scenario) -> Fetched:

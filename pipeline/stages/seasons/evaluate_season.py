@@ -25,9 +25,9 @@ from pipeline.model import (
     SeasonPlan,
     ShoreCrossing,
 )
-from pipeline.stages.plan import MIN_LATENESS_S
-from pipeline.stages.second_shoreline import SecondShoreline
-from pipeline.stages.speed_choices import true_duration_s
+from pipeline.stages.comparing.second_shoreline import SecondShoreline
+from pipeline.stages.projecting.speed_choices import true_duration_s
+from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
 from renew.inputs.options import Drift
 from renew.turns.reach_bound import TurnReach
 

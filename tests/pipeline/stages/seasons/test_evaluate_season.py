@@ -16,7 +16,11 @@ from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.outcome import Outcome
-from pipeline.stages.evaluate import combine_seasons, evaluate_season, land_within_reach
+from pipeline.stages.seasons.evaluate_season import (
+    combine_seasons,
+    evaluate_season,
+    land_within_reach,
+)
 from renew.turns.reach_bound import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run

@@ -13,7 +13,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
-from pipeline.stages.endpoints import endpoints, not_in_water
+from pipeline.stages.projecting.endpoints import endpoints, not_in_water
 
 # Distance around a position within which a quick look finds water, m.
 _LOOK_M = 20_000.0

@@ -1,0 +1,1 @@
+"""What the routes of all seasons show together: their ways by name, other sides, shut straits."""

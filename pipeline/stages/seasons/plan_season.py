@@ -1,0 +1,61 @@
+"""Fourth stage: one season's plan."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import renew
+from pipeline.formats.shared.text import moments_of, season_text
+from pipeline.model import Scene, SeasonPlan
+from pipeline.model.for_planner import plan_options
+from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.projecting.endpoints import is_shut_in
+from pipeline.stages.projecting.speed_choices import largest_stretch, planned_in_time
+from renew.errors import TooLateError
+
+MIN_LATENESS_S = 3600.0
+"""Time by which a vessel may be early or late at least, in currents that change."""
+
+
+def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
+    """Plan one season; where that is impossible, the result's `failure` says why."""
+    started = time.perf_counter()
+
+    def planned(arrive_by_s: float) -> renew.Plan:
+        return renew.plan(
+            scene.chart,
+            scene.currents[season],
+            scene.vessel_in(season),
+            scene.start,
+            scene.goal,
+            options=plan_options(options, min_lateness=MIN_LATENESS_S),
+            **scene.itinerary(season),
+            **scene.pace(season, arrive_by_s),
+        )
+
+    arrive_by_s = math.inf
+    try:
+        if season in scene.speeds:
+            plan, arrive_by_s = planned_in_time(planned, scene, season)
+        else:
+            plan = planned(arrive_by_s)
+    except renew.PlanningError as error:
+        stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
+        moments = moments_of(scene.departures.get(season), stretch)
+        failure = " ".join(error.located(scene.place_text, moments).split())
+        causes = error.causes if isinstance(error, renew.UnreachableError) else ()
+        are_late = [isinstance(cause, TooLateError) for cause in causes]
+        if any(are_late):
+            failure += (
+                f"; {season_text(season)}: its currents end too early: give currents that reach "
+                "further, raise its max_hours where they do, or depart earlier"
+            )
+        if not all(are_late):
+            failure += "; all are keys of [planner], and renew go has --clearance"
+        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
+            scene, [strait.gap for strait in error.straits]
+        )
+        return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
+    seconds = time.perf_counter() - started
+    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)
