@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
@@ -14,7 +15,6 @@ from pipeline.formats.shared.text import hours, moment_text
 from pipeline.model import DepartureChoice
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0

@@ -6,10 +6,11 @@ import io
 import re
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup, escape
+
 from pipeline.formats.figures.palette import COLOURS
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 # Parts of matplotlib's SVG that a page must not have: a style rule for every element, which would
@@ -32,7 +33,6 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> Markup:
     `var(--text)`.
     """
     import matplotlib as mpl
-    from markupsafe import Markup, escape
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     FigureCanvasSVG(figure)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 
 from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import text_width
@@ -23,7 +24,6 @@ from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.transforms import Transform

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 import renew
 from pipeline.formats.figures.page_svg import page_svg
@@ -21,7 +22,6 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, percent
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+
 from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import (
@@ -20,7 +22,6 @@ from pipeline.formats.shared.text import fuel, hours, moment_text
 from pipeline.formats.shared.trade_offs import TradeOff
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,14 +12,12 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray
 from pipeline.formats.exchange.text import attribution, document_title
 from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.layers.frames import GeoDataFrame
 from pipeline.formats.gis.layers.passage_layers import waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 # Decimals of degrees, a centimetre: RFC 7946 asks for no more precision than is needed.
 _DECIMALS = 7

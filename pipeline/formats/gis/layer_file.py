@@ -6,12 +6,9 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pipeline.formats.gis.layers.frames import GeoDataFrame
 from pipeline.formats.shared.os_errors import os_error
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 def write_layer(

@@ -90,8 +90,6 @@ def write_report(result: RunResult, path: Path) -> None:
 
 def render(report: Report) -> str:
     """Fill in the template; everything but our own figures, scripts and styles is escaped."""
-    from markupsafe import Markup
-
     from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
     from pipeline.formats.shared.templates import environment
 
@@ -120,7 +118,6 @@ def _clearance(metres: float | None) -> Markup:
 
 
 def _quantity(kind: str, written: str, value: float | None) -> Markup:
-    from markupsafe import Markup
 
     if value is None or not math.isfinite(value):
         return Markup(written)  # noqa: S704 - our own
@@ -129,8 +126,6 @@ def _quantity(kind: str, written: str, value: float | None) -> Markup:
 
 def gather(result: RunResult) -> Report:
     """Gather the page's content."""
-    from markupsafe import Markup
-
     from pipeline.formats.figures.maps.arrows import has_arrows, speed_scale
     from pipeline.formats.report.live_map.encode import json_for_script
     from pipeline.formats.report.live_map.map_data import map_data

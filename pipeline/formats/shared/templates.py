@@ -6,11 +6,12 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup, escape
+
 from pipeline.formats.shared.xml_text import xml_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from markupsafe import Markup
 
 # Characters in an attribute that a reader of XML would take for other white space.
 _WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
@@ -41,8 +42,6 @@ def xml_environment(package: str) -> Environment:
 
 def _escaped(value: object) -> Markup:
     """Escape a value for an attribute or an element; what a macro returns is XML already."""
-    from markupsafe import Markup, escape
-
     if isinstance(value, Markup):
         return value
     text = escape(xml_text(str(value)))

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.formats.gis.layer_file import check_count, opened, system_errors, write_layer
+from pipeline.formats.gis.layers.frames import GeoDataFrame
 from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.publishing.changes import rows_of
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+
 from pipeline.formats.figures.artists import in_season_colour, patch
 from pipeline.formats.figures.maps.arrows import arrows, speed_scale
 from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
@@ -29,7 +31,6 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, fuel
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure

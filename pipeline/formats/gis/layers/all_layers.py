@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -20,6 +19,7 @@ from pipeline.formats.gis.layers.chart_layers import (
 from pipeline.formats.gis.layers.frames import (
     ROUTE_STEP_M,
     ZONE_STEP_M,
+    GeoDataFrame,
     Layer,
     frame,
     route_key,
@@ -28,9 +28,6 @@ from pipeline.formats.gis.layers.frames import (
 from pipeline.formats.gis.layers.passage_layers import legs, passage
 from pipeline.formats.shared.legs import legs as planned_legs
 from pipeline.formats.shared.result import RunResult
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from pipeline._types import Geometries
-from pipeline.formats.gis.layers.frames import frame, multi
+from pipeline.formats.gis.layers.frames import GeoDataFrame, frame, multi
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Zone
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 def coast(result: RunResult) -> GeoDataFrame:

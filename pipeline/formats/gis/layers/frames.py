@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,7 @@ from pipeline._types import Geometries
 from pipeline.formats.gis.layers.fields import TYPES
 from pipeline.formats.shared.result import RankedRoute, RunResult
 
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
+GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
 
 ROUTE_STEP_M = 2_000.0
 """Maximum length, true metres, of a segment of a route.

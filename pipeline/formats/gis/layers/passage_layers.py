@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from pipeline._types import Geometries
 from pipeline.formats.exchange.text import waypoint_name
-from pipeline.formats.gis.layers.frames import frame, multi, route_key
+from pipeline.formats.gis.layers.frames import GeoDataFrame, frame, multi, route_key
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 1.0

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from markupsafe import Markup, escape
 
 from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.encode import coarser, within
 from pipeline.formats.shared.result import RankedRoute, RunResult
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 # Longer side, in units of the picture, and size of its details, as a share of that side.
 _SIDE, _DETAIL = 100.0, 0.006
@@ -27,8 +24,6 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Ma
 
     `label` says what it shows, escaped here.
     """
-    from markupsafe import Markup, escape
-
     frame = _frame(result, shown)
     xmin, ymin, xmax, ymax = frame
     scale = _SIDE / max(xmax - xmin, ymax - ymin)
