@@ -135,7 +135,7 @@ def contingency(
     length, lates = shapely.LineString(path).length, (lateness, min_lateness)
     check_turns(chart, vessel, length, spacing=spacing, seed=seed, late=lates)
     if departure is None:
-        departure = float(getattr(route, "times", np.zeros(1))[0])
+        departure = getattr(route, "times", (0.0,))[0]
     if not is_finite(departure):
         raise ParameterError(f"departure = {shown(departure)} s must be finite")
     points, course = stations(path, spacing)

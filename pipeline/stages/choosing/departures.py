@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Any
 
@@ -102,35 +102,11 @@ def _choice(
     first = scene.departures[season.name]
     if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
-        route = renew.plan(*given, **asked, arrive_by=by).best
-        begin = float(route.times[0])
-        return DepartureChoice(
-            season=season.name,
-            first=first,
-            departures_s=np.array([begin]),
-            fuels=np.array([route.fuel]),
-            durations_s=np.array([route.duration]),
-            homotopies=(route.homotopy,),
-            reasons=("",),
-            chosen_s=begin,
-            arrive_by=season.arrive_by,
-        )
+        return _latest(renew.plan(*given, **asked, arrive_by=by).best, first, season)
     if season.departures is None:
         raise ValueError(f"season {season.name!r} leaves no departure open")
     times = season.departures.seconds
     say(f"{len(times)} departures are planned to choose from")
-
-    def progress(count: int, unproven: float) -> None:
-        if count % _TOLD_EVERY:
-            return
-        if count < len(times):
-            say(f"{count} of {len(times)} departures are planned")
-        elif count > len(times):
-            say(
-                f"{count} departures are planned; another may still be better by "
-                f"{unproven / 60:.0f} min"
-            )
-
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
     # All classes at the best one are planned later, at the full second.
     found = renew.plan_departures(
@@ -139,7 +115,7 @@ def _choice(
         **asked,
         **scene.pace(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
         to_within=within,
-        progress=progress,
+        progress=partial(_say_progress, len(times), say),
         with_classes=False,
     )
     moments = moments_of(first)
@@ -158,6 +134,35 @@ def _choice(
         unproven_s=found.unproven,
         has_speeds=season.speed is not None,
     )
+
+
+def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:
+    """The choice of the latest departure that arrives in time: that of the route."""
+    begin = float(route.times[0])
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=np.array([begin]),
+        fuels=np.array([route.fuel]),
+        durations_s=np.array([route.duration]),
+        homotopies=(route.homotopy,),
+        reasons=("",),
+        chosen_s=begin,
+        arrive_by=season.arrive_by,
+    )
+
+
+def _say_progress(asked: int, say: Callable[[str], None], count: int, unproven_s: float) -> None:
+    """Say now and then how many of the departures asked for, or beyond them, are planned."""
+    if count % _TOLD_EVERY:
+        return
+    if count < asked:
+        say(f"{count} of {asked} departures are planned")
+    elif count > asked:
+        say(
+            f"{count} departures are planned; another may still be better by "
+            f"{unproven_s / 60:.0f} min"
+        )
 
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
