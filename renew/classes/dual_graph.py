@@ -40,7 +40,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
 
 
 @kernel
-def on_some_way(neighbours: IntArray, first: int, last: int) -> BoolArray:
+def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
     """Triangles (t,) but for dead ends, which no row without repeats leads through.
 
     `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.

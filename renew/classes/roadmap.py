@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.dual_graph import on_some_way
+from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.resolution import Resolution, Tube
 from renew.classes.triangulation import Triangulation
@@ -71,7 +71,7 @@ def roadmap(
     x, y = _axes(voyage, resolution.cells)
     ends = np.stack([voyage.start, voyage.goal])
     holding = np.array([triangulation.locate(point) for point in ends])
-    is_way = on_some_way(triangulation.neighbours, *holding.tolist())
+    is_way = without_dead_ends(triangulation.neighbours, *holding.tolist())
     gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
     wanted = np.ones((len(y), len(x)), dtype=bool)
     if tube is not None:

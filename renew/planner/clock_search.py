@@ -28,8 +28,8 @@ from renew.steering.steer_in_corridor import steer_as_drawn
 # Largest number of rounds in which path and speeds of a class are improved, and the share of its
 # fuel that one has to save for another to follow.
 _MAX_ROUNDS, _WORTH_IT = 3, 3e-4
-# Number of times that padding may grow for the hours of passage, and for turns at those speeds.
-_MAX_GROWTHS = 8
+# Number of rounds of growing padding for the hours of passage, and for turns at those speeds.
+_GROWTH_ROUNDS = 8
 # How much longer than the quickest one a class may take: it is looked for at such a speed that it
 # arrives before the current ends.
 _LONGER = 1.25
@@ -89,7 +89,7 @@ class ClockSearch(PriceSearch):
             return self._on_schedule(self.in_time(self._replanned(found, corridor)))
 
         turns = "hard-over turns at the speeds and hours of passage"
-        return grown_until_clear(self._on_schedule(found), short, again, _MAX_GROWTHS, turns)
+        return grown_until_clear(self._on_schedule(found), short, again, _GROWTH_ROUNDS, turns)
 
     def _replanned(self, found: ClassPath, corridor: Corridor) -> ClassPath:
         """A path near another, in a corridor that may have more padding."""

@@ -47,16 +47,16 @@ def grown_until_clear(
 ) -> _Path:
     """Grow the padding of a path until it lacks nothing; `plan_again` plans near the last path.
 
-    InfeasibleError where it still lacks some after the path has been checked `most` times.
+    InfeasibleError where it still lacks some in the last of `most` rounds.
     """
-    for growth in range(most):
+    for rounds_left in reversed(range(most)):
         short = shortfall(found)
         if short is None:
             return found
-        if growth < most - 1:
+        if rounds_left:
             found = plan_again(grown(found.corridor, short), found)
     raise InfeasibleError(
-        f"its path is still not clear of {turns} after its padding has grown {most} times"
+        f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"
     )
 
 

@@ -34,8 +34,8 @@ from renew.voyage.voyage import Voyage
 
 # Ratio of a steered path's fuel to that of the path before from which other attempts are made.
 _DEAR = 1.01
-# Number of times that the padding of a class may grow before the class is given up.
-_MAX_GROWTHS = 8
+# Number of rounds of growing padding before a class is given up.
+_MAX_ROUNDS = 8
 
 
 class ClassPath(NamedTuple):
@@ -106,7 +106,7 @@ class ClassPlanner:
             self._found(corridor, near),
             lambda found: self.growth.shortfall(found.corridor, found.path),
             lambda wider, found: self._found(wider, found.path),
-            _MAX_GROWTHS,
+            _MAX_ROUNDS,
         )
 
     def route(self, found: ClassPath) -> Route:

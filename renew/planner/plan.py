@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import Any, TypeAlias, Unpack
 
 import numpy as np
@@ -232,7 +231,7 @@ def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str,
     """Options by their names, with some of them changed."""
     options = PlanOptions() if options is None else options
     check_kind("options", options, PlanOptions)
-    given = {one.name: getattr(options, one.name) for one in fields(PlanOptions)}
+    given = vars(options)
     unknown = ", ".join(map(repr, changes.keys() - given.keys()))
     if unknown:
         raise TypeError(f"a plan has no option {unknown}; it has {', '.join(given)}")

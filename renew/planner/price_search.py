@@ -31,8 +31,8 @@ from renew.results.route import Route
 # Largest number of rounds in which the price is looked for, and its change, as a share of it, from
 # which it counts as settled: fuel differs by the square of that.
 _MAX_ROUNDS, _SETTLED = 4, 0.03
-# Number of times that padding may grow for turns at the speeds that are sailed.
-_MAX_GROWTHS = 4
+# Number of rounds of growing padding for turns at the speeds that are sailed.
+_GROWTH_ROUNDS = 4
 # Number of arrivals at which a trade-off is given.
 _ARRIVALS = 65
 
@@ -131,7 +131,7 @@ class PriceSearch:
             return self.in_time(self.with_speeds(planner.find_in(corridor, found.path)))
 
         return grown_until_clear(
-            found, self.collisions, again, _MAX_GROWTHS, "hard-over turns at the speeds sailed"
+            found, self.collisions, again, _GROWTH_ROUNDS, "hard-over turns at the speeds sailed"
         )
 
     def collisions(self, found: ClassPath) -> Shortfalls | None:

@@ -9,8 +9,8 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.classes.choices import rays_that_matter
 from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.deciding_islands import rays_that_matter
 from renew.classes.h_signature import VIA, Rays, Word
 from renew.classes.overpowered_water import overpowered_water
 from renew.classes.triangulation import Triangulation, triangulate, triangulation_of

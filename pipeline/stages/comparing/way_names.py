@@ -30,7 +30,7 @@ from pipeline.model import (
     SeasonPlan,
     Side,
 )
-from renew.classes.choices import rays_that_matter
+from renew.classes.deciding_islands import rays_that_matter
 from renew.classes.h_signature import Rays
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")

@@ -16,10 +16,10 @@ import renew
 from renew.classes.dual_graph import (
     dual_graph,
     is_connected,
-    on_some_way,
     simple_paths,
     surroundings,
     widest_gap,
+    without_dead_ends,
 )
 from renew.classes.triangulation import triangulate
 from tests.strategies import SIZE, random_islands, seeds
@@ -46,7 +46,7 @@ def test_dead_ends_are_what_is_left_of_no_way(seed: int) -> None:
     first, last = np.random.default_rng(seed).integers(0, len(triangulation.triangles), 2).tolist()
     dual = dual_graph(triangulation)
     assume(first != last and nx.has_path(dual, first, last))
-    found = on_some_way(triangulation.neighbours, first, last)
+    found = without_dead_ends(triangulation.neighbours, first, last)
     assert not found.all()
     # Whatever lies on a cycle, or between two of them, once the ends are joined.
     dual.add_edges_from([(-1, first), (-1, last)])

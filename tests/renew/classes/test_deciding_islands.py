@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 import renew
-from renew.classes.choices import rays_that_matter
+from renew.classes.deciding_islands import rays_that_matter
 from renew.classes.h_signature import Rays
 from renew.inputs.options import DistinctBy
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_islands, seeds
