@@ -49,7 +49,13 @@ def _least_fuel(
 ) -> float:
     """Least fuel off a chart without padding, `clearance` planar metres off it; inf without one."""
     asked = options.model_copy(
-        update={"padding": "none", "clearance": clearance, "classes": _CLASSES, "method": "optimal"}
+        update={
+            "padding": "none",
+            "risk_at": "route",  # the other one needs adaptive padding
+            "clearance": clearance,
+            "classes": _CLASSES,
+            "method": "optimal",
+        }
     )
     vessel = scene.vessel_in(season.season)
     try:

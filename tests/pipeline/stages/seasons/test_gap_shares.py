@@ -39,7 +39,8 @@ def scene(margin: float) -> Scene:
 @pytest.mark.parametrize("padding", ["adaptive", "none"])
 @pytest.mark.parametrize("clearance", [0.0, 4.0])
 def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearance: float) -> None:
-    options = PlannerOptions(padding=padding, clearance=clearance, classes=2)
+    risk_at = "point" if padding == "adaptive" else "route"
+    options = PlannerOptions(padding=padding, clearance=clearance, classes=2, risk_at=risk_at)
     asked = scene(margin)
     season = plan_season(asked, "steady", options)
     assert season.plan is not None
