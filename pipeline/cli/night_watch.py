@@ -11,7 +11,7 @@ from pathlib import Path
 from pipeline.cli.failures import exit_code_of
 from pipeline.cli.interruption import saying_last
 from pipeline.nightly.outcome import BusyError, NightEvent, NightEventHandler, NightOutcome
-from pipeline.nightly.ping import check_url, ping, told_by
+from pipeline.nightly.ping import check_url, ping, report_for
 from pipeline.nightly.prometheus import write_metrics
 
 
@@ -66,7 +66,7 @@ class _Teller:
             # The job that is at work writes the figures of its own night.
             if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
                 _note(write_metrics(self.metrics, outcome), self.on_event)
-            if self.url and (what := told_by(outcome.exit_code)) is not None:
+            if self.url and (what := report_for(outcome.exit_code)) is not None:
                 _note(ping(self.url, what), self.on_event)
             self._told.append(outcome)
 

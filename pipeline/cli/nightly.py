@@ -103,7 +103,7 @@ def run(
                 return run_night(
                     _loaded(config, output),
                     only=only,
-                    part=_share(part),
+                    share=_share(part),
                     scheduler=scheduler,
                     yes=yes,
                     on_event=on_event,
