@@ -90,7 +90,9 @@ class _WayNamer:
         self._rays = Rays.of(scene.chart)
         # Winding numbers: how often each route passes north of each island, eastward less westward.
         # Two routes pass an island on different sides if and only if these differ.
-        self._turns = {key: self._turns_of(route.path) for key, route in routes.items()}
+        self._windings = {
+            key: self._winding_numbers_of(route.path) for key, route in routes.items()
+        }
         self._used: set[int] = set()
         # Caches, as many routes ask for the same islands.
         self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
@@ -100,7 +102,7 @@ class _WayNamer:
         """Return a route's passages: the main island first, the others in order of passing."""
         if self._main is None:
             return ()
-        others = self._telling(key, self._main)
+        others = self._distinguishing(key, self._main)
         islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
         self._used.update(islands)
         found = {
@@ -135,7 +137,7 @@ class _WayNamer:
         return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
 
     @cached_property
-    def _telling_any(self) -> list[int]:
+    def _distinguishing_any(self) -> list[int]:
         """Return the islands that two routes of a season pass differently, the largest first."""
         known = set(self._rays.island.tolist())
         spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
@@ -149,28 +151,30 @@ class _WayNamer:
     @cached_property
     def _main(self) -> int | None:
         """Return the first island of all names; if routes don't differ, the largest on the way."""
-        if self._telling_any or not self._routes:
-            return next(iter(self._telling_any), None)
+        if self._distinguishing_any or not self._routes:
+            return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
         on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
         return next(iter(on_the_way), None)
 
-    def _telling(self, key: RouteKey, main: int) -> list[int]:
+    def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
         """Return a few islands that, with the main one, distinguish a route in its season."""
-        mine = self._turns[key]
+        mine = self._windings[key]
         alike = [
-            turns
-            for other, turns in self._turns.items()
-            if other != key and other[0] == key[0] and turns[main] == mine[main]
+            winding
+            for other, winding in self._windings.items()
+            if other != key and other[0] == key[0] and winding[main] == mine[main]
         ]
         chosen = []
         while alike:
-            told = {i: sum(turns[i] != mine[i] for turns in alike) for i in self._telling_any}
-            best = max(told, key=lambda island: (told[island], -island), default=None)
-            if best is None or not told[best]:
+            differing = {
+                i: sum(winding[i] != mine[i] for winding in alike) for i in self._distinguishing_any
+            }
+            best = max(differing, key=lambda island: (differing[island], -island), default=None)
+            if best is None or not differing[best]:
                 break
             chosen.append(best)
-            alike = [turns for turns in alike if turns[best] == mine[best]]
+            alike = [winding for winding in alike if winding[best] == mine[best]]
         return chosen
 
     def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
@@ -183,11 +187,11 @@ class _WayNamer:
         free = set(islands)
         for pair, gap in sorted(gaps.items(), key=lambda item: item[1].length):
             through = {
-                tuple(turns[island] for island in pair)
-                for other, turns in self._turns.items()
+                tuple(winding[island] for island in pair)
+                for other, winding in self._windings.items()
                 if other[0] == key[0] and _crosses(self._routes[other].path, gap)
             }
-            mine = tuple(self._turns[key][island] for island in pair)
+            mine = tuple(self._windings[key][island] for island in pair)
             if (
                 free.issuperset(pair)
                 and through == {mine}
@@ -202,8 +206,8 @@ class _WayNamer:
         It is the mean direction from the island to all routes with the same winding number, and
         opposite to the direction of the others.
         """
-        mine = self._turns[key][island]
-        values = {turns[island] for turns in self._turns.values()}
+        mine = self._windings[key][island]
+        values = {winding[island] for winding in self._windings.values()}
         direction = self._direction(island, mine)
         if len(values) == 2:
             direction = direction - self._direction(island, *(values - {mine}))
@@ -213,9 +217,9 @@ class _WayNamer:
         bearing = float(np.degrees(np.arctan2(east, north)))
         return _COMPASS[round(bearing / 90) % 4]
 
-    def _direction(self, island: int, turns: int) -> FloatArray:
+    def _direction(self, island: int, winding: int) -> FloatArray:
         """Return the mean direction (2,) to the routes, abeam, with a given winding number."""
-        keys = [key for key, of in self._turns.items() if of[island] == turns]
+        keys = [key for key, of in self._windings.items() if of[island] == winding]
         return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
 
     def _abeam(self, key: RouteKey, island: int) -> FloatArray:
@@ -239,14 +243,14 @@ class _WayNamer:
 
     def _values(self, island: int, season: str) -> list[int]:
         """Return the winding numbers of a season's routes about an island."""
-        return [turns[island] for (of, _), turns in self._turns.items() if of == season]
+        return [winding[island] for (of, _), winding in self._windings.items() if of == season]
 
-    def _turns_of(self, path: FloatArray) -> Counter[int]:
+    def _winding_numbers_of(self, path: FloatArray) -> Counter[int]:
         """Count how often a path passes north of each island, eastward less westward."""
-        turns: Counter[int] = Counter()
+        winding: Counter[int] = Counter()
         for letter in self._rays.word(path):
-            turns[abs(letter)] += 1 if letter > 0 else -1
-        return turns
+            winding[abs(letter)] += 1 if letter > 0 else -1
+        return winding
 
     def _name(self, island: int) -> str:
         """Return an island's name, or its number."""
