@@ -17,7 +17,7 @@ _DIGITS = re.compile(r"\d+")
 
 
 def shortened(text: str) -> str:
-    """Cut long words in a message, and it all if need be: its end is the remedy, and is kept."""
+    """Shorten long words in a message and, if need be, its middle: its end is the remedy."""
     words = _LONG_WORD.sub(lambda word: _without_middle(word[0], _MAX_WORD), text)
     return _without_middle(words, _MAX_FAULT)
 
@@ -28,7 +28,7 @@ def _without_middle(text: str, size: int) -> str:
 
 
 def condensed(faults: Iterable[str]) -> tuple[str, ...]:
-    """Put each fault into a line; say those that are alike once, and count what is too many."""
+    """Put each fault into a line; report similar faults once, and count those beyond a limit."""
     alike: dict[str, list[str]] = {}
     for fault in faults:
         line = " ".join(fault.split())

@@ -1,7 +1,7 @@
-"""Python processes that this program starts: with a deadline, and blind to the working directory.
+"""Python processes that this program starts: with a deadline, and ignoring the working directory.
 
-Whoever plans in a downloaded folder does not mean to run the code in it: no interpreter started
-here, nor any that it starts in turn, looks for modules in the working directory.
+A user who plans in a downloaded folder does not mean to run the code in it: no interpreter started
+here, or by one of them, looks for modules in the working directory.
 """
 
 from __future__ import annotations

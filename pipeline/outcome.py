@@ -34,7 +34,7 @@ EventHandler = Callable[[Event], None]
 
 
 def ignore(event: Event) -> None:
-    """Handle an event by doing nothing."""
+    """Ignore an event."""
     del event
 
 

@@ -1,4 +1,4 @@
-"""Paths that a user gives: what can't be used is refused before a library fails or waits on it."""
+"""Paths given by the user: unusable ones are refused before a library fails or waits on them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
 
-# What is neither a file nor a folder: reading it may wait for ever, or never end.
+# Neither files nor folders: reading one may wait for ever, or never end.
 _OTHER_KINDS = (
     (stat.S_ISFIFO, "a FIFO"),
     (stat.S_ISSOCK, "a socket"),
@@ -61,9 +61,9 @@ def expanded(path: str | Path, key: str) -> Path:
     Raises
     ------
     RequestError
-        It is no path, or there is no such home folder; `key` says who names it.
+        The path is invalid, or there is no such home folder; `key` is the key or option.
     StageError
-        It is relative, and the working directory is gone.
+        The path is relative, and the working directory was removed.
     """
     name = os.fspath(path)
     if reason := unusable_reason(name):

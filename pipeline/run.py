@@ -49,7 +49,7 @@ def run(
     offline
         Use no source that needs the network.
     strict
-        Plan no season on another current than the one that the scenario asks for first.
+        Plan each season only on the current that the scenario asks for first.
     scheduler
         Address of a Dask scheduler whose workers see the same files; else this machine's cores.
     limit_s
@@ -88,8 +88,8 @@ def planned_scenario(
 ) -> Iterator[RunResult]:
     """Give a scenario's result without writing it: from an earlier run, or planned now.
 
-    Takes and raises what `run` does; only the store is written to. In the block no other run
-    replaces the scenario's folder.
+    Parameters and errors are those of `run`; only the store is written. During the block no other
+    run replaces the scenario's folder.
     """
     require_covered(scenario)
     with session(scenario.name, output, origin) as held:

@@ -1,7 +1,8 @@
 """One scenario's exclusive use of an output folder: its locks, leftovers, origin and pruning.
 
-All runs in an output folder share its store. A run holds the store's lock with others and its
-scenario's lock alone; who removes anything that others may use holds the store's lock alone.
+All runs in an output folder share its store. A run holds the store's lock shared and its scenario's
+lock exclusively; a process that removes files that others may use holds the store's lock
+exclusively.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from pipeline.storage.whole_files import write_whole
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
 _STORE_LOCK = "store.lock"
-# Time to wait while another process prunes the store, s: it removes files, no more.
+# Time to wait while another process prunes the store, s: that only removes files.
 _PRUNING_S = 60.0
 
 

@@ -22,17 +22,17 @@ from pipeline.sources.land.world import cache_file
 
 _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)
-# Time after which reading the land is given up, s.
+# Time limit for reading the land, s.
 LAND_S = 15.0
 # Free disk, bytes: a run of the largest scenario writes some 100 MB, and its figures as much.
 _MIN_DISK, _GOOD_DISK = 50e6, 1e9
 # Free memory, bytes: a run on a region of 1,000 km takes about 1 GB.
 _GOOD_MEMORY = 1.5e9
-# Tolerance of the comparison with the time of installation, s.
+# Tolerance of the clock's comparison with the time of installation, s.
 _CLOCK_S = 86_400.0
 _LAST_YEAR = 2100
 
-# Prints the size of the world's land (WKB) and its head: a MultiPolygon, little endian.
+# Prints the size of the world's land (WKB) and its first bytes: a little-endian MultiPolygon.
 _READ_LAND = (
     "from roaring_landmask import LandmaskProvider, Shapes\n"
     "wkb = Shapes.wkb(LandmaskProvider.Osm)\n"
@@ -42,7 +42,7 @@ _LAND_HEAD = "0106000000"
 
 
 def python() -> Finding:
-    """The interpreter."""
+    """Check the version of Python."""
     text = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     if sys.version_info[:2] < _PYTHON:
         return Finding("fault", "Python", text, "use Python 3.11, 3.12 or 3.13")
@@ -52,7 +52,7 @@ def python() -> Finding:
 
 
 def clock() -> Finding:
-    """The clock: it dates what is asked of the service, and the certificates that it shows."""
+    """Check the clock, by which currents are requested and certificates are checked."""
     now, installed = time.time(), Path(__file__).stat().st_mtime
     text = f"{datetime.fromtimestamp(now, UTC):%Y-%m-%d %H:%M} UTC"
     remedy = "set the clock, or start the service after the time is synchronised"
@@ -67,7 +67,7 @@ def clock() -> Finding:
 
 
 def memory() -> Finding:
-    """Memory that a run may take: what is free, and what limits allow."""
+    """Check the memory that a run can use: free memory and limits."""
     limits = {"free": _free_memory(), "limit of the control group": _group_memory()}
     for name, kind in (("ulimit -v", resource.RLIMIT_AS), ("ulimit -d", resource.RLIMIT_DATA)):
         soft = resource.getrlimit(kind)[0]
@@ -104,7 +104,7 @@ def _group_memory() -> float | None:
 
 
 def home() -> Finding:
-    """The user's own folder."""
+    """Check the user's home folder."""
     try:
         home = Path.home()
     except RuntimeError:
@@ -115,7 +115,7 @@ def home() -> Finding:
 
 
 def _home_remedy() -> str:
-    """What to set where there is no home."""
+    """Return the remedy for a missing home folder."""
     return (
         "set NUMBA_CACHE_DIR to a folder that lasts, and give the account by its two variables "
         "(docs/how-to/operation.md)"
@@ -123,7 +123,7 @@ def _home_remedy() -> str:
 
 
 def output(output: Path) -> Finding:
-    """The folder of results: whether it can be written, and the room on its disk."""
+    """Check that the folder of results can be written, and the free space of its disk."""
     what, there = "output folder", _existing(folder_to_write(output, "--output"))
     if not _can_write(there):
         remedy = "give this user the right to, or name another with --output"
@@ -154,7 +154,7 @@ def _can_write(folder: Path) -> bool:
 
 
 def compiler_cache() -> Finding:
-    """Where the machine code of kernels lies."""
+    """Check the folder where the kernels' machine code is cached."""
     from renew._compiled import cache_folder, cache_is_temporary, load_failures
 
     what, folder = "compiler's cache", cache_folder()
@@ -174,7 +174,7 @@ def compiler_cache() -> Finding:
 
 
 def land_cache() -> Finding:
-    """Where the world's land is kept, so that it need not be unpacked for each region."""
+    """Check the cache of the world's land, which saves unpacking it for each region."""
     what, path = "land's cache", cache_file("Osm")
     if path is not None and path.is_file():
         return Finding("ok", what, f"{path} ({path.stat().st_size / 1e6:.0f} MB)")
@@ -191,7 +191,7 @@ def land_cache() -> Finding:
 
 
 def libraries() -> Finding:
-    """The libraries that are declared: there, and no older than required."""
+    """Check that the required libraries are installed, in the required versions."""
     what = "libraries"
     try:
         requirements = distribution(_DISTRIBUTION).requires or []
@@ -215,20 +215,20 @@ def libraries() -> Finding:
 
 
 def _name_and_least(requirement: str) -> tuple[str, str]:
-    """Name of a required distribution, and the least version that will do."""
+    """Return the name of a required distribution, and its lowest version."""
     name = re.match(r"[A-Za-z0-9._-]+", requirement)
     least = re.search(r">=?\s*([\d.]+)", requirement.partition(";")[0])
     return name[0] if name else requirement, least[1] if least else "0"
 
 
 def _numbers(release: str) -> tuple[int, ...]:
-    """A version as numbers that can be compared: 2.10.1rc1 is (2, 10, 1)."""
+    """Return a version as comparable numbers: (2, 10, 1) for 2.10.1rc1."""
     found = re.match(r"\d+(\.\d+)*", release)
     return tuple(int(part) for part in found[0].split(".")) if found else ()
 
 
 def projections() -> Finding:
-    """PROJ and its database, which a PROJ_DATA of another release breaks."""
+    """Check that PROJ finds its database; a PROJ_DATA of another release breaks it."""
     import pyproj
 
     what, text = "projections", f"PROJ {pyproj.proj_version_str}"
@@ -240,7 +240,7 @@ def projections() -> Finding:
 
 
 def triangulator() -> Finding:
-    """Which library triangulates: Triangle where it is installed, else GEOS."""
+    """Report which library triangulates: Triangle if it is installed, else GEOS."""
     import shapely
 
     if find_spec("triangle") is None:
@@ -251,7 +251,7 @@ def triangulator() -> Finding:
 
 
 def land() -> Finding:
-    """The world's land; read in a process of its own, as reading holds up all other threads."""
+    """Check the world's land in a process of its own, as reading it blocks all other threads."""
     what = "land data"
     result = run_python(["-c", _READ_LAND], "", LAND_S)
     if result.exit_code is None:

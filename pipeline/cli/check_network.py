@@ -12,14 +12,14 @@ from pipeline.paths import folder_to_write
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.login import login_fault
 
-# Time within which the service and the scheduler have to answer, s.
+# Time limit for answers of the service and the scheduler, s.
 NETWORK_S = 8.0
 # Libraries whose versions must agree between a run and its workers: results are pickled.
 _SAME_ON_WORKERS = ("distributed", "numba", "numpy", "scipy", "shapely")
 
 
 def account() -> Finding:
-    """Whether there is an account; what it is is never shown."""
+    """Check that there is an account, without showing it."""
     remedy = f"set {USERNAME} and {PASSWORD}, or run `copernicusmarine login`, for its currents"
     try:
         if has_account():
@@ -30,7 +30,7 @@ def account() -> Finding:
 
 
 def login(*, offline: bool) -> Finding:
-    """Whether the service accepts the account."""
+    """Check that the service accepts the account."""
     if offline:
         return Finding("ok", "login", "not checked (--offline)")
     if account().state != "ok":
@@ -42,7 +42,7 @@ def login(*, offline: bool) -> Finding:
 
 
 def scheduler(address: str | None, output: Path) -> Finding:
-    """Whether a Dask scheduler answers, and its workers are of this version."""
+    """Check that a Dask scheduler answers and that its workers have this version."""
     import dask
 
     what, address = "scheduler", address or dask.config.get("scheduler-address", None)
@@ -68,7 +68,7 @@ def scheduler(address: str | None, output: Path) -> Finding:
 
 
 def _worker_states(address: str, folder: str) -> dict[str, object]:
-    """Ask a scheduler's workers for their states; any exception means that none answers in time."""
+    """Ask a scheduler's workers for their states; any exception means no answer in time."""
     from distributed import Client
 
     from pipeline.stages.workers.connection import quiet, scheduler_workers, within
@@ -79,12 +79,12 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
             return answers
 
     with quiet():
-        # Asked first: a client that can't connect prints a traceback when it is thrown away.
+        # Asked before a client is made: one that can't connect prints a traceback when deleted.
         return within(NETWORK_S, ask) if scheduler_workers(address, NETWORK_S - 2) else {}
 
 
 def worker_state(folder: str) -> dict[str, str]:
-    """Return what must be the same on a worker as here; it is called there."""
+    """Return the versions and settings that must be the same here and on a worker."""
     from pipeline.storage.code_identity import code_hash
 
     return {

@@ -15,12 +15,12 @@ _MB = 1e6
 
 
 def clean(output: Path, *, older: str, everything: bool) -> str:
-    """Prune the store of an output folder, and return what was freed in one line.
+    """Prune the store of an output folder; return in one line how much was freed.
 
     Raises
     ------
     RequestError
-        `older` is no age, or there is no store.
+        `older` is not an age, or there is no store.
     StageError
         A run is at work in the folder.
     """

@@ -1,8 +1,8 @@
-"""The command `doctor`: what a run needs of this machine, checked before one is started.
+"""The command `doctor`: checks that this machine can run RENEW.
 
-A fault is what makes every run fail or its results wrong; what only some runs need, such as an
-account, is a warning. Checks that may hang run in threads of their own, all at once, and are given
-up after some seconds.
+A fault makes every run fail or its results wrong. If something is missing that only some runs need,
+such as an account, that is a warning. Checks that may hang run in threads, all at once, and are
+given up after some seconds.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def examine(
     Parameters
     ----------
     output
-        Folder of results; it need not exist, and is not made.
+        Folder of results; it need not exist, and is not created.
     offline
-        Don't ask the service for currents. A scheduler that is named is asked all the same.
+        Don't ask the service for currents; a named scheduler is still asked.
     scheduler
         Address of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, if any.
     """
@@ -79,7 +79,7 @@ def exit_code(findings: Sequence[Finding]) -> int:
 
 
 def guarded(what: str, check: Callable[[], Finding]) -> Finding:
-    """Run a check; one that fails is a finding, too."""
+    """Run a check; if it raises an error, return that as a finding."""
     try:
         return check()
     except PipelineError as error:  # its text ends in the remedy
@@ -90,7 +90,7 @@ def guarded(what: str, check: Callable[[], Finding]) -> Finding:
 
 
 class Background:
-    """A check in a thread of its own, which is given up after some time."""
+    """A check in a thread of its own, given up after some time."""
 
     def __init__(self, what: str, check: Callable[[], Finding], seconds: float) -> None:
         self._what, self._seconds = what, seconds

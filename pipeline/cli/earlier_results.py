@@ -1,4 +1,4 @@
-"""A refused run says from when the files are that lie in the scenario's folder."""
+"""After a refused run, a note with the date of the earlier results in the scenario's folder."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def dating_earlier_results(output: Path, asked: str) -> Iterator[None]:
 
 
 def _note(output: Path, asked: str) -> str:
-    """Say from when a scenario's results are; raise an error where there are none."""
+    """Return a note with the date of a scenario's results; raise an error if there are none."""
     from pipeline.scenario.catalogue import read_toml, scenario_path
     from pipeline.stages.write import MANIFEST, output_directory
 

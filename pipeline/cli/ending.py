@@ -1,4 +1,4 @@
-"""What a run says at its end: its table, where its results are, and what failed."""
+"""The end of a run on the terminal: its table, the folder of its results, and its failures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoRe
 
 
 def short_path(path: Path) -> str:
-    """Return the path as it would be typed in this folder."""
+    """Return a path relative to the working directory where that is shorter."""
     try:
         return str(path.relative_to(Path.cwd()))
     except ValueError:

@@ -16,7 +16,7 @@ from pipeline.cli.interruption import MESSAGE, exit_code
 from pipeline.errors import PipelineError, shortened
 
 _UNEXPECTED = 3
-# Number of a traceback's last frames that are reported.
+# Number of frames, the last of a traceback, that are reported.
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
@@ -24,7 +24,7 @@ _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input
 
 
 class BriefRefusals(TyperGroup):
-    """Refuses wrong words without repeating long ones whole."""
+    """A command group whose refusals cut long words short."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of click, or of typer's own copy of it
         """Read the words before the command."""
@@ -39,11 +39,11 @@ class BriefRefusals(TyperGroup):
 
 @contextlib.contextmanager
 def _brief_refusals() -> Iterator[None]:
-    """Shorten what click says of words that it refuses."""
+    """Shorten click's messages about words that it refuses."""
     try:
         yield
     except Exception as error:
-        # Click's class of such errors is typer's own copy of it, or not, by typer's version.
+        # Depending on its version, typer raises click's class of such errors or its own copy.
         if hasattr(error, "format_message") and isinstance(getattr(error, "message", None), str):
             error.message = shortened(error.message)  # type: ignore[attr-defined]
         raise
@@ -78,7 +78,7 @@ def reported_errors() -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> str:
-    """Return one line of JSON about an error that nobody foresaw."""
+    """Return one line of JSON about an unexpected error."""
     from pipeline.cli.version import program_version
 
     frames = traceback.extract_tb(error.__traceback__)[-_FRAMES:]
@@ -94,5 +94,5 @@ def _unexpected(error: Exception) -> str:
 
 
 def _short(filename: str) -> str:
-    """Return the last folders of a path: where a user's Python lies is nobody's concern."""
+    """Return the end of a path, without the user's own folders."""
     return "/".join(Path(filename).parts[-3:])

@@ -1,4 +1,4 @@
-"""What `renew doctor` finds: one line for each thing it checks."""
+"""A finding of `renew doctor`: one line for each thing that it checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ State = Literal["ok", "warning", "fault"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was checked, how it stands, and what to do if it is not in order."""
+    """The thing that was checked, its state, details, and the remedy if it is not in order."""
 
     state: State
     what: str

@@ -23,15 +23,15 @@ from pipeline.cli.options import (
     VesselOption,
 )
 
-# A minus and a figure: no option of ours begins so.
+# A minus and a digit: no option begins like that.
 _NEGATIVE = re.compile(r"-[\d.]")
 
 
 class NegativeFigures(TyperCommand):
-    """Takes words that begin with a minus and a figure as arguments, not as options."""
+    """Takes words that begin with a minus and a digit as arguments, not as options."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - of click, or of typer's own copy of it
-        """Parse the words; a blank before a minus hides it from the parser of options."""
+        """Parse the words; a space before a minus hides it from the option parser."""
         return super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
 
 
@@ -49,8 +49,8 @@ def go(
     speed: Annotated[
         str,
         typer.Option(
-            help="Speed through water, as 12kn, 6m/s; in place of --vessel. Or a choice, as "
-            "4kn..9kn, also beside it: the speed of each leg, for least fuel from --depart to "
+            help="Speed through water, as 12kn, 6m/s; in place of --vessel. Or a range, as "
+            "4kn..9kn, also with --vessel: each leg gets a speed, for least fuel from --depart to "
             "--arrive-by."
         ),
     ] = "",
@@ -67,18 +67,18 @@ def go(
         str,
         typer.Option(
             help="Departure with its zone, as 2026-11-22T06:00Z: the currents change on the way, "
-            "by all time steps of --currents, or the service's hours; in place of --month."
+            "by the time steps of --currents, or the service's hourly ones; in place of --month."
         ),
     ] = "",
     until: Annotated[
         str,
-        typer.Option(help="Last departure that will do: the best from --depart up to it is found."),
+        typer.Option(help="Latest departure: the best one between --depart and it is chosen."),
     ] = "",
     arrive_by: Annotated[
         str,
         typer.Option(
-            help="When to be there: it leaves as late as will do, not before --depart; or, with a "
-            "choice of --speed, then."
+            help="Latest arrival: the vessel leaves as late as possible, but not before --depart; "
+            "with a range of --speed it leaves at --depart."
         ),
     ] = "",
     currents: CurrentsOption = None,
@@ -86,14 +86,14 @@ def go(
         list[str] | None,
         typer.Option(
             metavar="POSITION",
-            help="Point that the route passes, as START; repeated, they are passed in this order.",
+            help="Point that the route passes, as START; may be repeated, in order of passing.",
         ),
     ] = None,
     avoid: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="GeoJSON or other vector file of areas that no route may enter; repeated.",
+            help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
         ),
     ] = None,
     clearance: Annotated[
@@ -104,7 +104,7 @@ def go(
     depths: Annotated[
         Path | None,
         typer.Option(
-            help="A GEBCO or EMODnet grid (NetCDF): what is too shallow is no-go; needs a draught."
+            help="A GEBCO or EMODnet grid (NetCDF): too shallow water is no-go; needs --draught."
         ),
     ] = None,
     output: OutputOption = Path("outputs"),
@@ -114,9 +114,9 @@ def go(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Plan a voyage from START to GOAL: region, chart and currents are chosen, and said.
+    """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
 
-    The scenario that is made is written beside the results, for `renew run`.
+    The scenario is written beside the results, for `renew run`.
     """
     with reported_errors():
         from pipeline.paths import folder_to_write

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: clean up, say so, and end within seconds, even while threads still plan."""
+"""Ctrl-C and SIGTERM: clean up, print a message, and end within seconds, even during planning."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
-# Time for the main thread to clean up, s; past it the system does: it releases locks, and season
-# processes end when this one does.
+# Time for the main thread to clean up, s. After it the process ends: the system then releases its
+# locks, and the seasons' processes end with it.
 _GRACE_S = 3.0
 # Time between two attempts to interrupt the main thread, s.
 _PAUSE_S = 0.05
-# Time for last words, s: a service that is told of the end may take ten to answer.
+# Time for the last calls, s: a service that gets a report of the end may take ten to answer.
 _LAST_WORDS_S = 20.0
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHOW_CURSOR = "\x1b[?25h"
@@ -28,7 +28,7 @@ _last_words: list[Callable[[int], None]] = []
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asks the program to end: its exit code is 128 plus the signal's number."""
+    """A signal asked the program to end: its exit code is 128 plus the signal's number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -36,7 +36,7 @@ class Stopped(KeyboardInterrupt):
 
 
 def exit_code(error: KeyboardInterrupt) -> int:
-    """Exit code of a program that was stopped."""
+    """Return the exit code of a program that was stopped."""
     return error.exit_code if isinstance(error, Stopped) else 128 + signal.SIGINT
 
 
@@ -44,8 +44,8 @@ def exit_code(error: KeyboardInterrupt) -> int:
 def saying_last(words: Callable[[int], None]) -> Iterator[None]:
     """While in the block, call a function with the exit code as soon as a signal comes.
 
-    It is called in a thread of its own, before anything is cleaned up, and the process does not end
-    before it has returned, or has taken `_LAST_WORDS_S`.
+    It is called in a thread of its own, before anything is cleaned up. The process does not end
+    until it has returned, or `_LAST_WORDS_S` have passed.
     """
     _last_words.append(words)
     try:
@@ -56,10 +56,10 @@ def saying_last(words: Callable[[int], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def ending_promptly() -> Iterator[None]:
-    """Raise `Stopped` in the main thread for the first signal; then end without waiting for others.
+    """Raise `Stopped` in the main thread at the first signal; then end without waiting for threads.
 
-    Code in C may keep the main thread from seeing the signal, and an interpreter that ends waits
-    for its threads: so a thread of its own ends the process where the main thread has not done so.
+    C code may keep the main thread from seeing the signal, and an interpreter waits for its threads
+    before it ends: so an extra thread ends the process if the main thread has not done so in time.
     """
     number, is_raised = 0, False
     said = threading.Event()
@@ -73,7 +73,7 @@ def ending_promptly() -> Iterator[None]:
             raise Stopped(number)
 
     def raise_again(unraisable: sys.UnraisableHookArgs) -> None:
-        """Take note that `Stopped` was lost in a destructor or the garbage collector."""
+        """Note that `Stopped` was lost in a destructor or the garbage collector."""
         nonlocal is_raised
         if isinstance(unraisable.exc_value, Stopped):
             is_raised = False
@@ -94,12 +94,12 @@ def ending_promptly() -> Iterator[None]:
         if number:
             said.wait(_LAST_WORDS_S)
             _end(number)
-        for name in caught:  # nothing is left to clean up while the interpreter ends
+        for name in caught:  # by now everything is cleaned up: later signals end the process
             signal.signal(name, lambda asked, _frame: _end(asked))
 
 
 def _is_in_compiler(frame: FrameType | None) -> bool:
-    """Whether Numba's compiler is at work, whose callers in C crash where it raises an error."""
+    """Whether Numba's compiler is at work: an error raised in it crashes its callers in C."""
     while frame is not None:
         if "/numba/" in frame.f_code.co_filename:
             return True
@@ -108,7 +108,7 @@ def _is_in_compiler(frame: FrameType | None) -> bool:
 
 
 def _end_after_signal(reader: int, said: threading.Event) -> None:
-    """Wait for a signal; end the process if the main thread has not done so some seconds later."""
+    """Wait for a signal; end the process if it still runs some seconds later."""
     while True:
         number = os.read(reader, 1)[0]
         if number in _SIGNALS:
@@ -126,7 +126,7 @@ def _end_after_signal(reader: int, said: threading.Event) -> None:
 
 
 def _say_last(exit_code: int, said: threading.Event) -> None:
-    """Let last words be said."""
+    """Call the function of `saying_last`, if there is one."""
     for words in tuple(_last_words):
         with contextlib.suppress(Exception):
             words(exit_code)

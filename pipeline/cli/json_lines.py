@@ -1,4 +1,4 @@
-"""A log of one JSON object a line, in which no credential appears."""
+"""A log with one JSON object per line, without credentials."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _hide_secrets(
 
 
 def _hidden(value: object) -> object:
-    """The value with credentials hidden in its texts."""
+    """Return the value with credentials hidden in its texts."""
     if isinstance(value, str):
         return without_secrets(value)
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""What `renew list` prints: the catalogue, and what each scenario needs of the network."""
+"""The output of `renew list`: the catalogue, and which scenarios need files or the network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ACCOUNT = "a Copernicus Marine account"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An entry of the catalogue; `needs` is of scenarios alone."""
+    """An entry of the catalogue; only scenarios have `needs`."""
 
     section: str
     name: str
@@ -39,7 +39,7 @@ def listed() -> list[Entry]:
 
 
 def as_text(entries: Sequence[Entry]) -> str:
-    """Spell entries for a reader, a line each."""
+    """Return entries as text, one line each."""
     width = max(len(entry.name) for entry in entries) + 1
     lines: list[str] = []
     for section in catalogue.SECTIONS:
@@ -52,7 +52,7 @@ def as_text(entries: Sequence[Entry]) -> str:
 
 
 def spelled_as_json(entries: Sequence[Entry]) -> str:
-    """Spell entries as one JSON object, by section."""
+    """Return entries as one JSON object, by section."""
     sections = {
         section: [asdict(entry) for entry in entries if entry.section == section]
         for section in catalogue.SECTIONS
@@ -61,7 +61,7 @@ def spelled_as_json(entries: Sequence[Entry]) -> str:
 
 
 def _needs(scenario: dict[str, Any]) -> str:
-    """Say whether a scenario runs offline, or what it needs."""
+    """Say that a scenario runs offline, or what it needs."""
     files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
     seasons = [Season.model_validate(table) for table in scenario["seasons"]]
     offline = [season.name for season in seasons if _runs_offline(season)]

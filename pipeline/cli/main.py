@@ -3,10 +3,11 @@
 Exit codes:
 
 - 0: done.
-- 1: a season failed, the others are written; or this machine could not, or `--strict` refused.
+- 1: a season failed, the others are written; or this machine failed, or `--strict` refused.
 - 2: the request is wrong: nothing is written, every fault has a line of its own.
-- 4, 5, 10: of `renew nightly` only: another job is at work; come again; published, and look.
-- 3: an error that nobody foresaw: one line of JSON says where to report it.
+- 3: an unexpected error: one line of JSON says where to report it.
+- 4, 5, 10: from `renew nightly` only: another job is at work; no new currents yet; published, but
+  somebody should look.
 - 130 and 143: stopped by Ctrl-C and by SIGTERM; what was done is kept.
 
 Results go to standard output; progress, notes and errors to standard error.
@@ -66,7 +67,7 @@ def main() -> None:
 
 
 def _open_missing_streams() -> None:
-    """Open what the caller has closed (`2>&-`): else the next file opened would take its place."""
+    """Open streams that the caller closed (`2>&-`): else the next opened file gets their number."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -96,7 +97,7 @@ def options(
     del version
 
 
-# Shortest limit of a season, s: a process takes as long to begin.
+# Shortest limit of a season, s: starting its process takes as long.
 _MIN_LIMIT_S = 1.0
 
 
@@ -153,7 +154,8 @@ def plot(
     scenario: ScenarioArgument,
     *,
     season: Annotated[
-        list[str] | None, typer.Option(help="A season; may be repeated. All seasons if left out.")
+        list[str] | None,
+        typer.Option(help="A season to draw; may be repeated. All seasons if left out."),
     ] = None,
     figure: Annotated[
         list[Kind] | None,
@@ -170,7 +172,7 @@ def plot(
 ) -> None:
     """Draw a scenario's figures to OUTPUT/<scenario>/figures/.
 
-    They show the results of an earlier run; what has not been planned yet is planned first.
+    They show the results of an earlier run; seasons without results are planned first.
     """
     with reported_errors():
         wanted = _wanted(scenario, output, charts, currents)
@@ -203,7 +205,7 @@ def list_entries(
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """List the catalogue: scenarios with what they need, vessels, sources."""
+    """List the catalogue: scenarios and what they need, vessels, sources."""
     with reported_errors():
         from pipeline.cli.listing import as_text, listed, spelled_as_json
 
@@ -233,7 +235,7 @@ def check(
         from pipeline.loading import load_scenario
 
         found = load_scenario(file)
-        # After loading, so that what is wrong in the file is said at once.
+        # After loading, so that faults in the file are reported at once.
         from pipeline.errors import RequestError
         from pipeline.stages.choosing.coverage import uncovered_seasons
         from pipeline.stages.projecting.endpoint_look import endpoints_on_land
@@ -251,10 +253,11 @@ def clean(
     *,
     output: OutputOption = Path("outputs"),
     older: Annotated[
-        str, typer.Option(help="Remove what was last used longer ago: 30d, 12h, 2w.")
+        str, typer.Option(help="Remove files that were not used for this long: 30d, 12h, 2w.")
     ] = "30d",
     everything: Annotated[
-        bool, typer.Option("--all", help="Remove all that can be computed or fetched again.")
+        bool,
+        typer.Option("--all", help="Remove everything that can be computed or downloaded again."),
     ] = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
@@ -274,7 +277,7 @@ def doctor(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Check what a run needs of this machine; exit code 1 if something would make it fail."""
+    """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
         from pipeline.cli.doctor import examine, exit_code, spelled_as_json
 
@@ -290,7 +293,7 @@ def doctor(
 
 @app.command()
 def warm() -> None:
-    """Compile what planning needs, so that no first plan has to wait for it."""
+    """Compile the code of the planner now, so that the first plan need not wait for it."""
     with reported_errors(), still_at_work():
         from pipeline.cli.warm import warm as warm_up
 
@@ -299,7 +302,7 @@ def warm() -> None:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """A scenario that was asked for, the file that it is in, and which seasons were left out."""
+    """The requested scenario, its file, and the seasons that were left out."""
 
     scenario: Scenario
     origin: Origin
@@ -309,7 +312,7 @@ class _Wanted:
 def _wanted(
     asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
 ) -> _Wanted:
-    """Load a scenario, before the heavy imports, so that a wrong request is reported at once."""
+    """Load a scenario before the heavy imports, so that a wrong request is reported at once."""
     from pipeline.loading import load_scenario
     from pipeline.paths import folder_to_write
     from pipeline.scenario.catalogue import scenario_path

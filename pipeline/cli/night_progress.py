@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pipeline.cli.json_lines import json_lines
 from pipeline.nightly.outcome import NightEvent, NightEventHandler
 
-# Time between two lines that say how far a stage has got, s.
+# Least time between two lines on the progress of a stage, s.
 _PROGRESS_S = 10.0
 
 

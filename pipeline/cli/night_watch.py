@@ -1,4 +1,4 @@
-"""Tells a service (`--ping`) and a file of metrics how a night begins and ends."""
+"""Reports the begin and end of a night to a service (`--ping`) and to a file of metrics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from pipeline.cli.failures import exit_code_of
 from pipeline.cli.interruption import saying_last
 from pipeline.nightly.outcome import BusyError, NightEvent, NightEventHandler, NightOutcome
-from pipeline.nightly.ping import check_url, ping, told_by
+from pipeline.nightly.ping import check_url, ping, report_for
 from pipeline.nightly.prometheus import write_metrics
 
 
@@ -22,12 +22,12 @@ def watched(
     url: str | None,
     on_event: NightEventHandler,
 ) -> NightOutcome:
-    """Run a night; what goes wrong in telling of it is a note, and never fails it.
+    """Run a night and report it; a report that can't be sent is a note, and never fails the night.
 
     Raises
     ------
     RequestError
-        The address is none that can be asked.
+        The address is not valid.
     """
     if url:
         check_url(url)
@@ -50,7 +50,7 @@ def watched(
 
 @dataclass(frozen=True)
 class _Teller:
-    """Tells how a night ended, once: a signal may come while the end is being told."""
+    """Reports the end of a night once, even if a signal comes meanwhile."""
 
     metrics: Path | None
     url: str | None
@@ -59,14 +59,14 @@ class _Teller:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def tell(self, outcome: NightOutcome) -> None:
-        """Tell how the night ended, unless that has been told."""
+        """Report how the night ended, unless that was done before."""
         with self._lock:
             if self._told:
                 return
-            # The job that is at work writes the figures of its own night.
+            # The other job, which is at work, writes the figures of its night.
             if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
                 _note(write_metrics(self.metrics, outcome), self.on_event)
-            if self.url and (what := told_by(outcome.exit_code)) is not None:
+            if self.url and (what := report_for(outcome.exit_code)) is not None:
                 _note(ping(self.url, what), self.on_event)
             self._told.append(outcome)
 

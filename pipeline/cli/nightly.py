@@ -34,7 +34,7 @@ NightOutputOption = Annotated[
 OnlyOption = Annotated[
     str | None,
     typer.Option(
-        metavar="CASE", help="A case, or the first parts of its name: only it is planned."
+        metavar="CASE", help="A case's name, or its first parts: only matching cases are planned."
     ),
 ]
 YesOption = Annotated[bool, typer.Option("--yes", help="Plan more than 100,000 cases.")]
@@ -48,7 +48,7 @@ def check(
     only: OnlyOption = None,
     yes: YesOption = False,
 ) -> None:
-    """List all faults of a night's file, with file and line; write nothing."""
+    """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
         from pipeline.nightly.request.expansion import expand
@@ -86,11 +86,12 @@ def run(
             metavar="URL",
             envvar="RENEW_PING",
             show_envvar=False,
-            help="Check to tell: URL/start, then URL or URL/fail; or the variable RENEW_PING.",
+            help="Address of a monitoring check: URL/start is requested, then URL or URL/fail. Or "
+            "set the variable RENEW_PING.",
         ),
     ] = None,
 ) -> None:
-    """Plan every case on the newest currents; point OUTPUT/latest at them once they are whole."""
+    """Plan every case on the newest currents; at the end point OUTPUT/latest at the results."""
     with reported_errors():
         from pipeline.cli.night_progress import night_progress
         from pipeline.cli.night_watch import watched
@@ -103,7 +104,7 @@ def run(
                 return run_night(
                     _loaded(config, output),
                     only=only,
-                    part=_share(part),
+                    share=_share(part),
                     scheduler=scheduler,
                     yes=yes,
                     on_event=on_event,
@@ -116,7 +117,7 @@ def run(
 
 @app.command()
 def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
-    """Say what `latest` is, whether a job is at work, and how far it has got."""
+    """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
         from pipeline.nightly.status import status_lines
 
@@ -131,7 +132,7 @@ def show(
     config: ConfigOption = None,
     output: NightOutputOption = None,
 ) -> None:
-    """Print what the last cycle says of a case: its route, and what changed."""
+    """Print a case of the last cycle: its route, and what changed."""
     with reported_errors():
         from pipeline.nightly.status import case_lines
 
@@ -147,22 +148,22 @@ def _loaded(config: Path | None, output: Path | None) -> NightConfig:
 
 
 def _is_regular(path: Path) -> bool:
-    """Whether reading a path ends: a file, or a folder, whose refusal is a note at the end."""
+    """Whether a path is a file or a folder, not a pipe; a folder is refused later, by a note."""
     return path.is_file() or path.is_dir()
 
 
 def _refuse_no_file(metrics: Path | None) -> None:
-    """Refuse to replace what is no file: the figures there are read before, and a pipe waits."""
+    """Refuse a path that is not a file: earlier figures are read from it; a pipe would block."""
     from pipeline.errors import RequestError
     from pipeline.paths import shown
 
-    # Not Path.exists, which raises where a name is too long.
+    # Not Path.exists, which raises an error if a name is too long.
     if metrics is not None and os.path.exists(metrics) and not _is_regular(metrics):  # noqa: PTH110
         raise RequestError([f"--metrics: {shown(metrics)} is no file; name one to replace"])
 
 
 def _share(text: str | None) -> tuple[int, int]:
-    """Read `--part`: (i, n)."""
+    """Read `--part` I/N as (i, n)."""
     from pipeline.errors import RequestError
 
     if text is None:

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options of several commands."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _known_names(section: Section) -> Callable[[str], list[str]]:
-    """Completion of a name in the catalogue, for a shell."""
+    """Return a function for a shell that completes a name of the catalogue."""
 
     def completed(incomplete: str) -> list[str]:
         from pipeline.scenario import catalogue
@@ -60,9 +60,9 @@ ChartsOption = Annotated[
 CurrentsOption = Annotated[
     list[str] | None,
     typer.Option(
-        help="A NetCDF file or Zarr store of currents, in place of those chosen; may be repeated "
-        "for files that belong together, or given as a quoted pattern: 'daily/*.nc'. Or a source "
-        "of the catalogue; 'still' plans without any."
+        help="A NetCDF file or Zarr store of currents, in place of the chosen ones; may be "
+        "repeated for files that belong together, or given as a quoted pattern: 'daily/*.nc'. Or a "
+        "source of the catalogue; 'still' plans without currents."
     ),
 ]
 
@@ -71,7 +71,7 @@ ExplainGapOption = Annotated[
     bool,
     typer.Option(
         "--explain-gap",
-        help="Tell what the optimality gap is made of; takes up to as long again as planning.",
+        help="Report the parts of the optimality gap; this may take as long as planning.",
     ),
 ]
 StrictOption = Annotated[

@@ -14,10 +14,10 @@ from pipeline.stages.write import season_stem
 
 
 def outcome_json(outcome: Outcome) -> str:
-    """Spell an outcome as JSON on one line; what is not finite is null.
+    """Return an outcome as JSON on one line; numbers that are not finite are null.
 
-    Lengths are in true metres, durations in seconds. A route's files hold all routes of its season,
-    and the RTZ file the best alone.
+    Lengths are in true metres, durations in seconds. The files of a route hold all routes of its
+    season; the RTZ file holds the best one only.
     """
     files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
     fields = {
@@ -76,7 +76,7 @@ def _route(
 
 
 def _clock_worth(worth: ClockWorth) -> dict[str, object]:
-    """Return what plans without a clock need in a season's changing current."""
+    """Return the fuel of plans without a clock in a season's changing current."""
     return {
         "season": worth.season,
         "best_fuel": worth.best,
@@ -88,5 +88,5 @@ def _clock_worth(worth: ClockWorth) -> dict[str, object]:
 
 
 def _finite(value: float) -> float | None:
-    """Return a figure, or None where there is no such: no land to be clear of, no bound."""
+    """Return a number, or None if it is not finite: no land to be clear of, or no bound."""
     return value if math.isfinite(value) else None

@@ -1,6 +1,6 @@
 """Draw a scenario's figures to files: `renew plot`.
 
-They show the results in the store of an earlier run; what is not in it is planned first.
+They show the results of an earlier run; seasons without results are planned first.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FOLDER = "figures"
 # Resolution of PNG files, dots per inch.
 _DPI = 200
-# Without dates, so that the same figure is the same file.
+# Metadata without dates: the same figure gives the same file.
 _METADATA: dict[str, dict[str, str | None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
@@ -42,7 +42,7 @@ _METADATA: dict[str, dict[str, str | None]] = {
 class Drawn:
     """The files that were written, and one line for each season that could not be drawn.
 
-    `skipped` has one for each figure of which a season has nothing to show.
+    `skipped` has one line for each figure for which a season has no data.
     """
 
     directory: Path
@@ -72,9 +72,9 @@ def plot(
     seasons
         Names of seasons; all if empty.
     kinds, form
-        Which figures, all if empty; and the format of their files.
+        The figures, all if empty; and the format of their files.
     width
-        A journal's column or page, or as large as a screen reads it.
+        Width of a journal's column, of its page, or of a screen.
     offline, origin, on_event
         As for `run`.
 
@@ -93,7 +93,7 @@ def plot(
         planned_scenario, output=output, offline=offline, origin=origin, on_event=on_event
     )
     variants = compared_variants(scenario, selected, planned)
-    # Saved in the block: a run that replaced the folder meanwhile would lose them.
+    # Saved inside the block: another run can't replace the folder meanwhile.
     with planned(scenario) as result:
         failures = {
             entry.season: f"{season_text(entry.season)}: {entry.failure}"
@@ -134,7 +134,7 @@ def _save(drawing: Figure, path: Path, title: str) -> Path:
     form = path.suffix[1:]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Text stays text in PDF files, and ids in SVG files depend on the figure only.
+        # Text stays text in PDF files; ids in SVG files depend only on the figure.
         settings = mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"})
         with settings, whole_file(path) as file:
             about = {**_METADATA[form], "Title": title}

@@ -18,10 +18,10 @@ Planned = Callable[[Scenario], AbstractContextManager[RunResult]]
 def compared_variants(
     scenario: Scenario, kinds: Sequence[Kind], planned: Planned
 ) -> dict[Kind, list[Variant]]:
-    """Plan what the kinds of figures compare; each run is in the store afterwards.
+    """Plan the runs that some kinds of figures compare; the store keeps each.
 
-    The classes are those of a depth-first search, as in the paper. The fixed padding is the widest
-    that adaptive padding has on any season's best route: as safe as that everywhere.
+    Few and many classes are compared by depth-first search, as in the paper. The fixed padding is
+    the widest adaptive padding on any season's best route, and so as safe everywhere.
     """
     variants: dict[Kind, list[Variant]] = {}
     if Kind.CLASSES in kinds:
@@ -44,7 +44,7 @@ def compared_variants(
 
 
 def _variant(scenario: Scenario, planned: Planned, title: str, **options: object) -> Variant:
-    """Plan a scenario with other options of the planner; where that fails, say why."""
+    """Plan a scenario with other options of the planner; if that fails, keep the reason."""
     planner = scenario.planner.model_copy(update=options)
     try:
         with planned(scenario.model_copy(update={"planner": planner})) as result:

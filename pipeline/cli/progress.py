@@ -23,7 +23,7 @@ _DESCRIPTIONS = {
 }
 
 
-# Time without a line after which one says that the run is at work, s.
+# Longest time without a line, s: then one says that the run is at work.
 _HEARTBEAT_S = 30.0
 
 
@@ -31,9 +31,9 @@ _HEARTBEAT_S = 30.0
 def progress(
     scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False
 ) -> Iterator[EventHandler]:
-    """Provide the event handler that suits standard error; report notes on the scenario first.
+    """Provide the event handler for standard error, after notes on the scenario.
 
-    A quiet one reports nothing: errors end the run, and are reported then.
+    If quiet, it reports nothing: errors end the run, and are reported then.
     """
     if quiet:
         yield ignore
@@ -47,7 +47,7 @@ def progress(
 
 
 def _machine_notes() -> Iterator[str]:
-    """Yield what the user of this machine should know."""
+    """Yield notes on this machine for its user."""
     from renew._compiled import cache_is_temporary
 
     if cache_is_temporary():
@@ -77,7 +77,7 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
         def on_event(event: Event) -> None:
             if event.status == "begun":
                 if event.stage == STAGES[0]:
-                    bar.reset(task)  # it begins anew where the region is widened
+                    bar.reset(task)  # the stages start again when the region is widened
                 bar.update(task, description=_DESCRIPTIONS[event.stage])
             elif event.status == "part":
                 bar.update(task, description=f"{_DESCRIPTIONS[event.stage]} {event.detail}")
@@ -91,7 +91,7 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 
 @contextlib.contextmanager
 def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
-    """Write each event as a line of JSON; and one now and then while nothing happens."""
+    """Write each event as a line of JSON, and a line now and then while there is none."""
     from pipeline.cli.json_lines import json_lines
 
     log = json_lines(stream).bind(scenario=scenario)
@@ -125,7 +125,7 @@ def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Ev
 
 
 class _State:
-    """The stage that is at work, since when, and the seasons that have not ended in it."""
+    """The current stage, when it began, and the seasons that have not ended in it."""
 
     def __init__(self, seasons: Sequence[str]) -> None:
         self._all = tuple(seasons)

@@ -1,4 +1,4 @@
-"""The table of seasons that a run prints at its end: plain text, also in a pipe."""
+"""The table of seasons that a run prints at its end, as plain text."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _HEAD = (
     "gap",
     "turns",
 )
-# Number of columns that are aligned left.
+# Number of left-aligned columns, the first ones.
 _LEFT_ALIGNED = 3
-# Length of the longest route below which lengths are in metres, not kilometres.
+# If the longest route is shorter than this, lengths are in metres, not kilometres.
 _SHORT_M = 10_000.0
 
 
 def season_table(outcome: Outcome) -> str:
-    """Return the table: for each season, the best route by each passage of the main island."""
+    """Return the table: for each season, the best route on each side of the main island."""
     lengths = [row.length_m for row in outcome.evaluation.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(name.format(unit=unit) for name in _HEAD)
@@ -89,14 +89,14 @@ def season_table(outcome: Outcome) -> str:
     routes = count(len(outcome.evaluation.routes), "route", "routes")
     classes = count(rejected, "rejected class", "rejected classes")
     lines.append(
-        "\nThe best route by each passage of the main island. In report.html: "
+        "\nThe best route on each side of the main island. In report.html: "
         f"{routes}; {classes}, with reasons."
     )
     return "\n".join(lines)
 
 
 def _unused_currents(outcome: Outcome) -> Iterator[str]:
-    """Yield one line on the currents that the scenario prefers, and that were not used."""
+    """Yield one line on preferred currents that were not used, if there are any."""
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
         for passed in grid.passed_over:
@@ -109,7 +109,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
-    """Return one route's figures; `turns` are hard-over turns that met land, of all simulated."""
+    """Return one route's figures; the last is the number of hard-over turns that met land."""
     kept = clearance(row.clearance_m) if row.has_land else "-"
     return (
         season_name(row.season),

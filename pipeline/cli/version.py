@@ -16,6 +16,6 @@ def program_version() -> str:
         project = tomllib.loads(pyproject.read_text(encoding="utf-8")).get("project", {})
     except OSError:
         return version(_DISTRIBUTION)
-    # The folder around an installed package may hold a pyproject.toml of another project.
+    # An installed package may lie in a folder with another project's pyproject.toml.
     is_own = project.get("name") == _DISTRIBUTION
     return str(project["version"]) if is_own else version(_DISTRIBUTION)

@@ -1,4 +1,4 @@
-"""A word now and then from commands that have no stages to report."""
+"""Regular signs of life from commands that have no stages to report."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import threading
 import time
 from collections.abc import Iterator
 
-# Time between two words, s.
+# Time between two lines, s.
 _PAUSE_S = 30.0
 
 
 @contextlib.contextmanager
 def still_at_work() -> Iterator[None]:
-    """Say on standard error now and then that a command without stages is at work."""
+    """Write a line on standard error now and then while a command is at work."""
     begun, ended = time.monotonic(), threading.Event()
 
     def beat() -> None:

@@ -1,4 +1,4 @@
-"""Compile what planning needs before anybody waits for it: `renew warm`."""
+"""Compile the code of the planner before anybody waits for it: `renew warm`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _MB = 1e6
 
 
 def warm() -> str:
-    """Compile all that is not compiled yet, show how far that is, and say what was done.
+    """Compile everything that is not compiled yet, show the progress, and return a summary.
 
     Raises
     ------
     RequestError
-        The compiler is switched off.
+        The compiler is switched off, or NUMBA_CACHE_DIR can't be written.
     StageError
-        The machine code can't be kept, or not where NUMBA_CACHE_DIR says.
+        The machine code can't be saved.
     """
     from renew._compiled import (
         cache_folder,
@@ -57,7 +57,7 @@ def warm() -> str:
 
 
 def _refuse_elsewhere(folder: Path) -> None:
-    """Refuse to warm up another folder than the one that NUMBA_CACHE_DIR names."""
+    """Refuse if machine code would go to another folder than NUMBA_CACHE_DIR names."""
     asked = os.environ.get("NUMBA_CACHE_DIR")
     if asked and folder.parent.resolve() != Path(asked).resolve():
         raise StageError(
@@ -67,7 +67,7 @@ def _refuse_elsewhere(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _counted_compilations() -> Iterator[Callable[[], int]]:
-    """Count what is compiled meanwhile; functions that are loaded don't count."""
+    """Count the functions compiled in the block, without those loaded from the cache."""
     from numba.core import event
 
     with event.install_recorder("numba:compile") as recorder:
@@ -76,7 +76,7 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
 
 @contextlib.contextmanager
 def _progress(steps: int) -> Iterator[Callable[[str, int], None]]:
-    """Provide what reports a step: a bar on a terminal, a line of JSON elsewhere."""
+    """Provide a function that reports a step: by a bar on a terminal, else as a line of JSON."""
     provider = _bar if sys.stderr.isatty() else _lines
     with provider(steps) as on_step:
         yield on_step

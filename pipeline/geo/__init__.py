@@ -1,1 +1,1 @@
-"""Geodesy and coast: projections, and simplification of land."""
+"""Geodesy and coasts: projections, and simplification of land."""

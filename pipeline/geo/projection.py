@@ -12,9 +12,9 @@ lies in the region's middle.
 | wide, centred within 10 degrees of the equator | Mercator |
 | wide, elsewhere | Lambert conformal conic, parallels at 1/6 and 5/6 of its height |
 
-The scale factor is balanced: lengths are as much too short in one place of the region as they are
-too long in another. Regions across 180 degrees have continuous longitudes (170 to 190); results are
-continuous too, within 180 degrees of the region's centre.
+The scale factor is balanced: its largest and smallest values in the region are reciprocal. Regions
+across 180 degrees have continuous longitudes (170 to 190); results are continuous too, within 180
+degrees of the region's centre.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ _SMALL_WIDTH_M = 1_000_000.0
 # Length of a degree of the equator, m.
 _EQUATOR_DEGREE_M = math.pi / 180 * _GEOD.a
 
-# Half of the step of the central difference, degrees: 11 m, where rounding (1e-10 of it) and
-# curvature (1e-11) are both far below what a heading needs.
+# Half of the step of the central difference, degrees: 11 m, at which the relative errors by
+# rounding (1e-10) and curvature (1e-11) are both negligible for a heading.
 _STEP_DEG = 1e-4
-# Maximum length of the geodesics whose sum is a path's length, m: a straight line of the plane is
-# longer than such a geodesic by (κs)²/24, 1e-7 of it where their curvature κ is that of the earth.
+# Maximum length s of the geodesics whose sum is a path's length, m: a straight line of the plane is
+# longer by (κs)²/24, which is 1e-7 if its curvature κ is the earth's.
 _MAX_LEG_M = 10_000.0
-# Maximum angular distortion of a CRS, degrees: directions are to be right to 0.1 degrees.
+# Maximum angular distortion of a CRS, degrees: directions must be right to 0.1 degrees.
 _MAX_ANGULAR_DISTORTION_DEG = 0.1
 # Number of points per side of the region at which scale and distortion are computed.
 _SAMPLES = 9
@@ -224,7 +224,7 @@ class Projection:
         return distortion
 
     def __dask_tokenize__(self) -> tuple[str, str, float, float]:
-        """Return what identifies a projection in the keys of the store."""
+        """Return the values that identify a projection in the keys of the store."""
         return type(self).__name__, self.crs, self.scale, self.central_longitude
 
     def turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Currents on their grids, with what is to be said of them."""
+"""Currents on their grids, and the notes on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was measured of the routes."""
+"""Measurements of the routes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ RouteKey = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """How a route passes islands, which are given by names or numbers: on a side of all of them.
+    """How a route passes islands: on one side of all of them, or between two.
 
-    Or between two.
+    They are given by names or numbers.
     """
 
     side: Side
@@ -60,8 +60,8 @@ class RouteMetrics:
     speed_m_s : mean speed through water, over time.
     trials, collisions : simulated hard-over turns, and those that touch the original land.
     land_m : metres of the route over original land.
-    passages : what tells it from the season's other routes; how it passes the main island first,
-        and then the others in their order on the way.
+    passages : how it passes the islands that distinguish it from the season's other routes: the
+        main island first, then the others in their order on the way.
     land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
     filled_share : share of its length in cells where the current's source has no figure.
     uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
@@ -121,7 +121,7 @@ class RouteMetrics:
 
 @dataclass(frozen=True, slots=True)
 class NumberedIsland:
-    """An island that tells ways apart: its number in homotopy classes, and a point on it.
+    """An island that distinguishes ways: its number in homotopy classes, and a point on it.
 
     `name` is the chart's, or empty. The point is in planar metres; `place` gives it as text, as the
     scenario gives positions.
@@ -175,10 +175,10 @@ class ClockWorth:
 
 @dataclass(frozen=True, slots=True)
 class SideBound:
-    """The fuel below which no way on the other side of a season's main island can stay.
+    """A lower bound on the fuel of ways on the other side of a season's main island.
 
-    That is, no way that keeps off the water between the island and the chart's edge through which
-    the best route passes; in the planner's units.
+    It holds for every way that avoids the water between the island and the chart's edge through
+    which the best route passes; in the planner's units.
     """
 
     season: str

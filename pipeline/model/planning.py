@@ -1,4 +1,4 @@
-"""What is planned on, and what the planner found."""
+"""The planner's input and its results."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | rene
 class Simplified:
     """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
 
-    `inner_polygons` lie inside the land: what a route that stays off the land must stay off at
-    least.
+    `inner_polygons` lie inside the land: every route that avoids the land avoids them too.
     """
 
     polygons: tuple[Polygon, ...]
@@ -37,12 +36,12 @@ class Simplified:
     margin_m: float
 
 
-# Share of the turning radius within which a path passes a via point again as closely.
+# A path passes a via point again if it comes as close, to within this share of the turning radius.
 _AS_CLOSE = 0.01
 
 
 class Itinerary(TypedDict):
-    """What a plan passes, and what it keeps out of."""
+    """The via points and the shut areas of a plan."""
 
     via: FloatArray
     avoid: tuple[renew.ShutArea, ...]

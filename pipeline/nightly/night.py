@@ -1,4 +1,4 @@
-"""One night, from the newest currents to a new `latest`, or the old one and a plain reason."""
+"""One night, from the newest currents to a new link `latest`; after an error the old one stays."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_night(
     config: NightConfig,
     *,
     only: str | None = None,
-    part: tuple[int, int] = (1, 1),
+    share: tuple[int, int] = (1, 1),
     scheduler: str | None = None,
     yes: bool = False,
     on_event: NightEventHandler | None = None,
@@ -62,10 +62,10 @@ def run_night(
     Parameters
     ----------
     config
-        What is asked for.
+        The request.
     only
-        A case, or the first parts of its name: it alone is planned, below `OUTPUT/only/`.
-    part
+        A case's name, or its first parts: only matching cases are planned, below `OUTPUT/only/`.
+    share
         (i, n): this job plans the i-th of n shares; the last one to end publishes.
     scheduler
         Address of a Dask scheduler whose workers see the same files; else DASK_SCHEDULER_ADDRESS,
@@ -86,7 +86,9 @@ def run_night(
     StageError
         Nothing could be published (1); what was done is kept for the next run.
     """
-    return _Night(config, expand(config, only=only, yes=yes), only, part, scheduler, on_event).run()
+    return _Night(
+        config, expand(config, only=only, yes=yes), only, share, scheduler, on_event
+    ).run()
 
 
 @dataclass
@@ -96,7 +98,7 @@ class _Night:
     config: NightConfig
     cases: Cases
     only: str | None
-    part: tuple[int, int]
+    share: tuple[int, int]
     scheduler: str | None
     handler: NightEventHandler | None
     started: datetime = field(default_factory=lambda: datetime.now(UTC))
@@ -116,7 +118,7 @@ class _Night:
         self._deadline = time.monotonic() + self.config.table.limit_hours * _HOUR_S
 
     def run(self) -> NightOutcome:
-        """Do the whole."""
+        """Run the night, unless its cycle is finished already."""
         with self._stage("look"):
             last_night = finished_at(self.cycles.folder(self.cycles.latest or LATEST))
             self.newest = newest_currents(self.cases, self.started, last_night)
@@ -129,7 +131,7 @@ class _Night:
             if faults := pairs_on_land(self.config, self.cases):
                 raise RequestError(faults)
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
-        is_alone = self.part[1] == 1
+        is_alone = self.share[1] == 1
         with self._alone(shared=not is_alone):
             if (settled := self._settled() or self._named()) is not None:
                 return settled
@@ -142,18 +144,18 @@ class _Night:
 
     @cached_property
     def request(self) -> str:
-        """Hash of what is asked for."""
+        """Hash of the request."""
         return request_hash(self.config, self.cases)
 
     # --- before there is anything to do ---
 
     def _settled(self) -> NightOutcome | None:
-        """Return the outcome where this cycle is in place already; else None.
+        """Return the outcome if this cycle is published already; else None.
 
         Raises
         ------
         ComeAgainError
-            The currents are older than the last cycle's, or have been planned on and are too old.
+            The currents are older than the last cycle's, or were planned on before and are stale.
         """
         latest, newest = self.cycles.latest, self.newest
         if base_of(latest) == base_of(newest.cycle):
@@ -181,7 +183,7 @@ class _Night:
         return reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
 
     def _named(self) -> NightOutcome | None:
-        """Point `latest` at this cycle where a killed job had finished it, and no more."""
+        """Point `latest` at this cycle if a killed job finished it without doing so; else None."""
         for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
             if not self._reason_to_revise(cycle):
                 self.cycles.point_at(cycle)
@@ -255,7 +257,7 @@ class _Night:
     # --- the work ---
 
     def _plan(self, planning: Planning) -> None:
-        """Prepare and plan whatever no part holds."""
+        """Make charts and currents, and plan the cases that are in no part file yet."""
         from pipeline.nightly.cycle.part import gaps
         from pipeline.nightly.planning.night_workers import night_workers
         from pipeline.nightly.planning.planning import Share
@@ -272,19 +274,19 @@ class _Night:
             with self._stage("prepare"):
                 planning.prepare(workers)
             with self._stage("plan"):
-                planning.plan(workers, Share.of_night(total, *self.part))
+                planning.plan(workers, Share.of_night(total, *self.share))
 
     def _publish_if_last(self, planning: Planning) -> NightOutcome:
-        """Publish once all shares are done; else leave it to the one that ends last."""
+        """Publish if all shares are done; else the job that ends last does it."""
         from pipeline.nightly.cycle.part import gaps
 
-        i, n = self.part
+        i, n = self.share
         if not gaps(planning.partial.parts(), 0, len(self.cases)):
             with contextlib.suppress(BusyError), self._alone(shared=False):
                 if (settled := self._settled()) is not None:
                     return settled
                 return self._publish(planning)
-        message = f"part {i}/{n} is done; the last part to end publishes the cycle"
+        message = f"share {i}/{n} is done; the last job to end publishes the cycle"
         return self._outcome(
             self.cycles.latest, DONE, dict.fromkeys(OUTCOMES, 0), message, fresh=False
         )
@@ -326,27 +328,27 @@ class _Night:
         return self._outcome_of(self.newest.cycle, "", fresh=True)
 
     def _prune_store(self, store: Store) -> None:
-        """Prune a store that is too large, but for what this night used."""
+        """Prune the store if it is too large; keep everything that this night used."""
         from pipeline.storage.pruning import MAX_STORE_BYTES, prune
 
         with contextlib.suppress(OSError):
             since = self.started.timestamp()
             prune(store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
 
-    # --- what is said ---
+    # --- outcome and events ---
 
     def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
-        """Return the outcome that a finished cycle states; 0 where this run did nothing."""
-        said = record_of(self.cycles.folder(cycle))
-        counts = {name: int(said["cases_by_outcome"][name]) for name in OUTCOMES}
-        code = int(said["exit_code"]) if fresh else DONE
-        text = message or summary(said)
+        """Return the outcome by a finished cycle's record; exit code 0 if this run did nothing."""
+        record = record_of(self.cycles.folder(cycle))
+        counts = {name: int(record["cases_by_outcome"][name]) for name in OUTCOMES}
+        code = int(record["exit_code"]) if fresh else DONE
+        text = message or summary(record)
         return self._outcome(cycle, code, counts, text, fresh=fresh)
 
     def _outcome(
         self, cycle: str, code: int, counts: dict[str, int], message: str, *, fresh: bool
     ) -> NightOutcome:
-        """Return how this run ended."""
+        """Return the outcome of this run."""
         return NightOutcome(
             cycle,
             self.started,

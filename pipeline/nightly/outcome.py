@@ -1,4 +1,4 @@
-"""How a night ends, and what it reports while it works."""
+"""The outcome of a night, and the events that it reports while it works."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class NightOutcome:
     ----------
     cycle : name of the cycle that is in place now; "" where there is none.
     started, finished : aware datetimes of this run of the program.
-    reference_time : that of the newest currents; None where they have no time.
-    exit_code : 0 done, or nothing to do; 10 published, and some case is *look* or *act*.
+    reference_time : reference time of the newest currents; None if they have no time.
+    exit_code : 0 done, or nothing to do; 10 published, and some case is "look" or "act".
     cases_by_outcome : number of cases that ended as "same", "look" and "act".
     seconds_by_stage : wall time of each stage of this run, s.
     fresh : whether this run made the cycle; False where there was nothing to do.
@@ -48,7 +48,7 @@ class NightOutcome:
 
 @dataclass(frozen=True, slots=True)
 class NightEvent:
-    """A stage began, got on, ended, or has a note; `done` of `total` tasks or cases are behind."""
+    """A stage began, got on, ended, or has a note; `done` of `total` tasks or cases are done."""
 
     stage: NightStage
     status: Literal["begun", "working", "done", "failed", "note"]
@@ -62,7 +62,7 @@ NightEventHandler = Callable[[NightEvent], None]
 
 
 def ignore(event: NightEvent) -> None:
-    """Handle an event by doing nothing."""
+    """Ignore an event."""
     del event
 
 

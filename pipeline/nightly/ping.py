@@ -1,8 +1,8 @@
-"""Tells a service that watches jobs that a night begins, ends well, or fails: `--ping URL`.
+"""Reports to a monitoring service that a night begins, succeeds or fails: `--ping URL`.
 
-In the manner of healthchecks.io and what speaks like it: URL/start, URL, URL/fail. The service
-calls somebody when nothing comes, which no job can do for itself. An address is a credential: no
-message here has more of it than the host.
+It requests URL/start, URL or URL/fail, as healthchecks.io and similar services expect. The service
+alerts somebody if no report comes, which no job can do for itself. An address is a credential:
+messages show no more of it than the host.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from pipeline.nightly.prometheus import SUCCESSES
 Ping = Literal["start", "success", "failure"]
 _ENDINGS: dict[Ping, str] = {"start": "/start", "success": "", "failure": "/fail"}
 # Exit codes that are not reported: another job is at work, and the currents are not there yet.
-# If no later try succeeds, the service misses the success, and says so.
+# If no later try succeeds, the service misses the report of a success, and alerts somebody.
 _UNTOLD = frozenset({4, 5})
-# Time for each step of a connection, and for all of it, s: looking a name up knows no limit.
+# Time for each step of a connection, and for all of it, s: a name lookup has no limit of its own.
 _TIMEOUT_S, _DEADLINE_S = 5.0, 10.0
 
 
 def check_url(url: str) -> None:
-    """Refuse what is no address to be asked.
+    """Refuse a text that is not the address of a check.
 
     Raises
     ------
     RequestError
-        No http or https, no host, no number as its port, or a user's name in it.
+        Not http or https, no host, a port that is not a number, or a user name in it.
     """
     try:
         parts = urlsplit(url)
@@ -55,17 +55,17 @@ def check_url(url: str) -> None:
         raise RequestError([fault])
 
 
-def told_by(exit_code: int) -> Ping | None:
-    """What to tell of a night that ended with an exit code; None for nothing."""
+def report_for(exit_code: int) -> Ping | None:
+    """Return the report for an exit code of a night; None for no report."""
     if exit_code in _UNTOLD:
         return None
     return "success" if exit_code in SUCCESSES else "failure"
 
 
 def ping(url: str, what: Ping) -> str:
-    """Tell the service; "" or one line why it could not be told. It never raises.
+    """Send a report to the service; return "" or, in one line, why that failed. It never raises.
 
-    `url` is one that :func:`check_url` accepts. It ends within `_DEADLINE_S`.
+    `url` must be accepted by :func:`check_url`. It takes at most `_DEADLINE_S`.
     """
     parts = urlsplit(url)
     address = urlunsplit(parts._replace(path=parts.path.rstrip("/") + _ENDINGS[what], fragment=""))
@@ -78,7 +78,7 @@ def ping(url: str, what: Ping) -> str:
 
 
 def _asked(address: str) -> str:
-    """Ask for an address; "" or what went wrong, without the address."""
+    """Request an address; return "" or what went wrong, without the address."""
     try:
         with urllib.request.urlopen(address, timeout=_TIMEOUT_S):  # noqa: S310 - http or https alone
             return ""
@@ -90,10 +90,10 @@ def _asked(address: str) -> str:
             reason.strerror or type(reason).__name__ if isinstance(reason, OSError) else "refused"
         )
     except (OSError, http.client.HTTPException, ValueError) as error:
-        # Not the text of it, which may quote the address.
+        # The error's text is left out: it may quote the address.
         return type(error).__name__
 
 
 def _host(parts: SplitResult) -> str:
-    """The host of an address, and its port where that is given."""
+    """The host of an address, and its port if it has one."""
     return f"{parts.hostname}:{parts.port}" if parts.port else str(parts.hostname)

@@ -1,8 +1,8 @@
-"""A night's figures for a monitoring system: a text file that Prometheus' node exporter reads.
+"""A night's figures for monitoring: a text file that Prometheus' node exporter reads.
 
-Format: https://prometheus.io/docs/instrumenting/exposition_formats/ (text, version 0.0.4). Times
-are given as times, not as ages: an age grows while nobody writes the file, and the monitoring
-system works it out as `time() - ...`.
+Format: https://prometheus.io/docs/instrumenting/exposition_formats/ (text, version 0.0.4). The file
+has points in time, not ages: the monitoring system computes an age as `time() - ...`, which stays
+right while nobody writes the file.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _HELP = {
 
 
 def write_metrics(path: Path, outcome: NightOutcome) -> str:
-    """Replace the file at once by the figures of a night; "" or why that could not be done.
+    """Replace the file by the figures of a night, in one step; return "" or why it failed.
 
-    After a night that failed, the times of the last success stay as they were. A job that left
-    because another one is at work (exit code 4) has no figures: the other writes them.
+    After a night that failed, the times of the last success stay as they were. A job that ended
+    because another one is at work (exit code 4) has no figures: the other job writes them.
     """
     from prometheus_client import generate_latest
 
@@ -74,7 +74,7 @@ def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> CollectorR
 
 
 def _last_success(path: Path) -> dict[str, float]:
-    """Times of the last success that an earlier file gives; none where there is no such file."""
+    """Times of the last success in an earlier file; empty if there is no such file."""
     from prometheus_client.parser import text_string_to_metric_families
 
     try:

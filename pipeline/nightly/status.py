@@ -1,4 +1,4 @@
-"""What `renew nightly status` and `renew nightly show` say of an output folder."""
+"""The output of `renew nightly status` and `renew nightly show`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.publishing.changes import rows_of
 from pipeline.nightly.request.cases import matches
 
-# Most cases that `show` prints.
+# Largest number of cases that `show` prints.
 _MAX_SHOWN = 20
 _SHOWN = (
     "case",
@@ -51,7 +51,7 @@ _SHOWN = (
 
 
 def status_lines(output: Path) -> Iterator[str]:
-    """Say what is there, one line each."""
+    """Yield lines on the latest cycle, the cycles under way, the job at work, and all cycles."""
     cycles = Cycles(output)
     latest = cycles.latest
     if latest:
@@ -67,19 +67,19 @@ def status_lines(output: Path) -> Iterator[str]:
 
 
 def _described(folder: Path) -> str:
-    """Say what a cycle's record says of it."""
+    """Summarise a cycle's record in a line."""
     try:
-        said = record_of(folder)
+        record = record_of(folder)
     except StageError as error:
         return str(error)
-    finished = datetime.fromisoformat(said["finished"])
+    finished = datetime.fromisoformat(record["finished"])
     hours = (datetime.now(UTC) - finished).total_seconds() / 3600
-    counts = ", ".join(f"{said['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
-    return f"{said['cases']:,} cases ({counts}), made {hours:.1f} h ago"
+    counts = ", ".join(f"{record['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
+    return f"{record['cases']:,} cases ({counts}), made {hours:.1f} h ago"
 
 
 def case_lines(output: Path, asked: str) -> Iterator[str]:
-    """Say what the last cycle has of a case, or of those whose names begin like that.
+    """Yield the last cycle's values of a case, or of all cases whose names begin with a text.
 
     Raises
     ------

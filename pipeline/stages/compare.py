@@ -1,4 +1,4 @@
-"""Sixth stage: what the routes of all seasons show together, in names, figures and notes."""
+"""Sixth stage: compares the routes of all seasons, and names their ways."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def compare(
 ) -> Made[RunResult]:
     """Name each route's way, bound the other sides, and find the straits that are shut.
 
-    The result's notes are those on what was chosen, on the data, on the land, and on the routes.
+    The result has the notes on choices, data, land and routes.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
@@ -68,7 +68,7 @@ def compare(
 
 
 def _notes(result: RunResult) -> tuple[str, ...]:
-    """What a reader should know about the routes."""
+    """Return the notes on the routes for a reader."""
     return (
         *speed_notes(result),
         *safety_notes(result),

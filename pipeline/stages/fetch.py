@@ -26,8 +26,8 @@ from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones
 from pipeline.storage.store import DOWNLOADS, Made, Store, artefact_key
 
-# Longest voyage in changing currents where no limit is given: times as long as straight through
-# still water, and a day, as a tide may turn against a short one.
+# Longest voyage in changing currents if no limit is given: this many times the duration straight
+# through still water, plus a day, as the tide may turn against a short voyage.
 _LONGEST_WAY, _DAY_HOURS = 3.0, 24.0
 
 
@@ -49,7 +49,7 @@ class FetchedParts:
 def fetch(
     scenario: Scenario, store: Store, *, offline: bool = False, strict: bool = False
 ) -> FetchedParts:
-    """Fetch land and every season's current; `strict` takes no other than each one's first choice.
+    """Fetch land and every season's current; `strict` allows only each season's first choice.
 
     Raises
     ------

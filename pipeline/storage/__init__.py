@@ -1,1 +1,1 @@
-"""What lies on the disk: the store of artefacts, its pruning, locks, the folder of results."""
+"""Files on the disk: the store of artefacts, its pruning, locks, the folder of results."""

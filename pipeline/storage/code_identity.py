@@ -1,7 +1,7 @@
-"""One hash of all the code that results depend on: that of both packages, with their data files.
+"""One hash of all code that results depend on: both packages with their data files.
 
-After an edit all is computed again. Which stage depends on which module could be read from the
-imports, but an import that is overlooked would let an old result pass for a new one.
+After any edit all stages are computed again. The imports could tell which stage depends on which
+module, but if one import were overlooked, an old result would pass for a new one.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def code_files() -> tuple[Path, ...]:
 
 @cache
 def code_commit() -> str:
-    """Return the commit of this checkout, with "-dirty" if files differ; empty where it is none."""
+    """Return the commit of this checkout, with "-dirty" if files differ; empty outside one."""
     # An installed package may lie inside another project's checkout.
     if _git("rev-parse", "--show-toplevel") != str(_ROOT):
         return ""
@@ -43,7 +43,7 @@ def code_commit() -> str:
 
 
 def _git(*words: str) -> str:
-    """Return what git says of this folder; empty without git, or outside a checkout."""
+    """Return git's output for this folder; empty without git, or outside a checkout."""
     command = ["git", "-C", str(_ROOT), *words]
     try:
         told = subprocess.run(command, capture_output=True, check=True, text=True)  # noqa: S603 - words are this module's

@@ -1,4 +1,4 @@
-"""Locks on files, which the system releases when their process ends, however that happens."""
+"""Locks on files, which the system releases when their process ends for any reason."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pathlib import Path
 
 # Time between two attempts, s.
 _PAUSE_S = 0.05
-# Number of times that the lock's folder may vanish while it is locked: others remove it at most
-# once each. More, and the file system has no room for it at all, as /proc has not.
+# Number of times that the lock's folder may vanish before it is locked: other processes remove it
+# at most once each. If it vanishes more often, the file system can't hold it at all, like /proc.
 _MAX_VANISHED = 20
 
 
 @contextlib.contextmanager
 def file_lock(path: Path, *, shared: bool = False, wait_s: float = 0.0) -> Iterator[bool]:
-    """Hold a lock on a file, made with its folder if needed; give False where others hold it.
+    """Hold a lock on a file, created if needed; yield False if another process holds it.
 
-    A lock file may be removed by whoever holds it alone: others then lock a new one.
+    A process with the exclusive lock may remove the file: others then lock a new one.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def file_lock(path: Path, *, shared: bool = False, wait_s: float = 0.0) -> Itera
 
 
 def _acquire(path: Path, kind: int, wait_s: float) -> int | None:
-    """Open and lock a file; None where others hold it still after the wait."""
+    """Open and lock a file; None if others still hold it after the wait."""
     deadline, vanished = time.monotonic() + wait_s, 0
     while True:
         try:
@@ -63,7 +63,7 @@ def _acquire(path: Path, kind: int, wait_s: float) -> int | None:
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
-    """Whether the open file is the one at a path: it may have been removed before it was locked."""
+    """Whether an open file is still at its path: it may have been removed before it was locked."""
     try:
         return os.path.samestat(path.stat(), os.fstat(descriptor))
     except FileNotFoundError:

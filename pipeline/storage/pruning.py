@@ -1,4 +1,4 @@
-"""Pruning of the store: what was not used for long goes, oldest first."""
+"""Pruning of the store: files are removed in the order of their last use, oldest first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_STORE_BYTES = 2_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Freed:
-    """How many files were removed, their size, and the size of those that remain, bytes."""
+    """Number and size of the removed files, and size of the remaining ones, bytes."""
 
     files: int
     size: int
@@ -35,7 +35,7 @@ class _Item:
 def prune(
     root: Path, *, max_bytes: float, used_before: float | None = None, keep_since: float = 0.0
 ) -> Freed:
-    """Remove artefacts and downloads until a store is small enough; unfinished files always.
+    """Remove unfinished files, and artefacts and downloads until a store is small enough.
 
     Must not be called while a run uses the store.
 
@@ -44,11 +44,11 @@ def prune(
     root
         The store's folder.
     max_bytes
-        Size that may remain; those used longest ago are removed first.
+        Size that may remain; files used longest ago are removed first.
     used_before
-        Time from which on all that was last used before it is removed, s since 1970.
+        All files last used before this time (s since 1970) are removed.
     keep_since
-        What was used after this time stays, whatever its size, s since 1970; 0 to keep nothing.
+        All files used after this time (s since 1970) stay, whatever their size; 0 for no limit.
     """
     remove_unfinished(root)
     items = sorted(_items(root), key=lambda item: item.used)
@@ -73,7 +73,7 @@ def seconds_ago(days: float) -> float:
 
 
 def _items(root: Path) -> Iterator[_Item]:
-    """Yield all that a store holds, but for its locks and notes on who made the results."""
+    """Yield all items of a store, without its locks and its notes on the results' origins."""
     for path in root.glob(f"*/*{SUFFIX}"):
         with contextlib.suppress(OSError):
             state = path.stat()
@@ -85,6 +85,6 @@ def _items(root: Path) -> Iterator[_Item]:
     for files in groups.values():
         with contextlib.suppress(OSError):
             states = [file.stat() for file in files]
-            # A download is read, not touched, when it is used.
+            # Reading a download does not set its modification time.
             used = max(max(state.st_mtime, state.st_atime) for state in states)
             yield _Item(tuple(files), sum(state.st_size for state in states), used)

@@ -29,19 +29,19 @@ _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 
 @contextlib.contextmanager
 def replacing(directory: Path, results: Callable[[], Collection[str]]) -> Iterator[Path]:
-    """Give an empty folder to fill; without an error in the block, it then replaces a directory.
+    """Provide an empty folder to fill; if the block ends without error, it replaces a directory.
 
     Parameters
     ----------
     directory
         The folder of results, as its readers name it.
     results
-        Names of the earlier results in it: they are replaced or dropped, all else is carried over.
+        Returns the names of the earlier results in it: they are dropped, other files are kept.
 
     Raises
     ------
     OSError
-        The disk refuses; the directory is as it was.
+        The disk refuses; the directory is unchanged.
     """
     remove_leftovers(directory)
     hidden = _hidden_folder(directory)
@@ -61,7 +61,7 @@ def replacing(directory: Path, results: Callable[[], Collection[str]]) -> Iterat
 
 
 def remove_leftovers(directory: Path) -> None:
-    """Remove what is not in place: results that were replaced, and those of killed runs.
+    """Remove leftovers: results that were replaced, and unfinished results of killed runs.
 
     Must not be called while another process writes to the same directory.
     """
@@ -81,12 +81,12 @@ def remove_leftovers(directory: Path) -> None:
 
 
 def _hidden_folder(directory: Path) -> Path:
-    """Folder of a directory's results, in place or not."""
+    """Return the hidden folder of all results of a directory, current or not."""
     return directory.parent / _HIDDEN / directory.name
 
 
 def _carry_over(directory: Path, fresh: Path, results: Collection[str]) -> None:
-    """Give the files in a directory that are no results a second name in the new folder."""
+    """Link all files of a directory that are not results into the new folder."""
     if not directory.is_dir():
         return
     journals = {f"{name}{ending}" for name in results for ending in ("-wal", "-shm", "-journal")}
@@ -100,7 +100,7 @@ def _carry_over(directory: Path, fresh: Path, results: Collection[str]) -> None:
 
 
 def _second_name(path: Path | str, copy: Path | str) -> None:
-    """Link a file, or copy it where it can't be linked."""
+    """Link a file, or copy it if it can't be linked."""
     try:
         os.link(path, copy, follow_symlinks=False)
     except OSError:
@@ -108,7 +108,7 @@ def _second_name(path: Path | str, copy: Path | str) -> None:
 
 
 def _put_in_place(fresh: Path, directory: Path) -> None:
-    """Move the link, in one rename, to a complete folder, whose name is on the disk before."""
+    """Point the link at a complete folder by one rename, once the folder's name is on the disk."""
     for folder in (fresh.parent, fresh.parent.parent, directory.parent):
         flush(folder)
     link = directory.with_name(f".{directory.name}.{fresh.name}.link")
@@ -134,7 +134,7 @@ def _put_in_place(fresh: Path, directory: Path) -> None:
 
 
 def _move_aside(directory: Path) -> None:
-    """Move a real folder to the hidden one, from where a next start moves it back if need be."""
+    """Move a real folder to the hidden one; if this run is killed, the next one moves it back."""
     if os.path.lexists(directory):
         directory.rename(_hidden_folder(directory) / f"{_ASIDE}{uuid.uuid4().hex}")
 
@@ -147,7 +147,7 @@ def _remove_if_empty(hidden: Path) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Remove a folder or file, as far as the disk lets it."""
+    """Remove a folder or file, as far as the disk allows."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:

@@ -1,10 +1,10 @@
-"""The store of artefacts, the stages' results: each is named by all that it was computed from.
+"""The store of artefacts, the stages' results: each is named by a hash of all its inputs.
 
-An artefact's key is Dask's token of its stage, that stage's code, the libraries and the inputs;
-inputs that are artefacts themselves are represented by their keys. So a killed run continues where
-it stopped, a second run does nothing, and after a change only what depends on it is computed again.
-Files are written under a temporary name, contain their hash, and are renamed once complete: an
-artefact that is truncated or damaged counts as absent.
+An artefact's key is Dask's token of its stage, the code, the libraries and the inputs; inputs that
+are artefacts themselves are represented by their keys. So a killed run continues where it stopped,
+a second run does nothing, and after a change only the artefacts that depend on it are made again.
+Files are written under a temporary name, contain their hash, and are renamed once complete: a
+truncated or damaged artefact counts as missing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pipeline.storage.whole_files import UNFINISHED, whole_file
 
 ValueT = TypeVar("ValueT")
 
-# Libraries whose releases change results, or the format of a pickle.
+# Libraries whose releases may change results or the format of a pickle.
 _LIBRARIES = (
     "renew-planner",
     "contourpy",
@@ -44,12 +44,12 @@ _MAGIC = b"RENEW artefact 1\n"
 _DIGEST_SIZE = hashlib.sha256().digest_size
 SUFFIX = ".artefact"
 DOWNLOADS = "downloads"
-"""Folder of the store in which sources cache their downloads."""
+"""Folder of the store for the sources' downloads."""
 
 
 @dataclass(frozen=True, slots=True)
 class Made(Generic[ValueT]):
-    """An artefact, and its key, which stands for it in the keys of what is made from it."""
+    """An artefact and its key, which represents it in the keys of artefacts made from it."""
 
     key: str
     value: ValueT
@@ -58,7 +58,7 @@ class Made(Generic[ValueT]):
 class Store:
     """Artefacts in a folder, one file each.
 
-    `owner` is the name of the scenario whose run writes to it; unfinished files are named by it.
+    `owner` is the name of the scenario whose run writes to it; it begins unfinished files' names.
     """
 
     def __init__(self, root: Path, owner: str = "") -> None:
@@ -70,7 +70,7 @@ class Store:
         return self.root / stage / f"{key}{SUFFIX}"
 
     def load(self, stage: str, key: str, kind: type[ValueT]) -> ValueT | None:
-        """Load an artefact; None where it is absent or damaged."""
+        """Load an artefact; None if it is missing or damaged."""
         return load_artefact(self.path(stage, key), kind)
 
     def save(self, stage: str, key: str, value: object) -> Path:
@@ -97,7 +97,7 @@ class Store:
         return Made(key, self.load_or_make(stage, key, kind, make))
 
     def folder(self, name: str) -> Path:
-        """Return a folder of the store, created if needed, for files that a source caches."""
+        """Return a folder of the store, created if needed, for a source's cached files."""
         path = self.root / name
         path.mkdir(parents=True, exist_ok=True)
         return path
@@ -140,9 +140,9 @@ def save_artefact(path: Path, value: object, owner: str = "") -> None:
 
 
 def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
-    """Load a value; None where the file is absent, damaged, or holds another type.
+    """Load a value; None if the file is missing, damaged, or holds another type.
 
-    The file's time says when it was last used, by which the store is pruned.
+    The file's time is set to now: the store is pruned by the time of the last use.
     """
     content = read_checked(path)
     if content is None:
@@ -160,13 +160,13 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
 
 
 def write_checked(path: Path, content: bytes, owner: str = "") -> None:
-    """Write a file, whole, whose content `read_checked` can tell from a damaged one."""
+    """Write a whole file with a hash, by which `read_checked` detects damage."""
     with whole_file(path, owner) as file:
         file.write(_MAGIC + hashlib.sha256(content).digest() + content)
 
 
 def read_checked(path: Path) -> bytes | None:
-    """Return what `write_checked` wrote; None where the file is absent or damaged."""
+    """Return the content that `write_checked` wrote; None if the file is missing or damaged."""
     try:
         stored = path.read_bytes()
     except OSError:

@@ -1,8 +1,8 @@
-"""Reads pickles that may build values only: a store in a downloaded folder runs no code.
+"""Reads pickles that build values only, so that a store in a downloaded folder can't run code.
 
-A pickle names what it calls. Here that may be a class of values of this program (a data class, an
-enumeration, a model, an error, one of the planner's inputs), or one of the few constructors of
-arrays, geometries and times below; see
+A pickle names the functions that it calls. Allowed are this program's classes of values (data
+classes, enumerations, models, errors, the planner's inputs) and the few constructors of arrays,
+geometries and times below; see
 https://docs.python.org/3/library/pickle.html#restricting-globals.
 """
 
@@ -17,8 +17,8 @@ from pydantic import BaseModel
 
 _PACKAGES, _PLANNER_INPUTS = frozenset({"pipeline", "renew"}), "renew.inputs."
 _VALUES = (enum.Enum, BaseException, BaseModel)
-# What NumPy, shapely and the standard library need to build values, by module. `tblib` is how
-# `distributed` makes errors picklable.
+# Names that NumPy, shapely and the standard library need to build values, by module. `distributed`
+# makes errors picklable by `tblib`.
 _ALLOWED = {
     "builtins": {"bytearray", "complex", "frozenset", "range", "set", "slice"},
     "collections": {"OrderedDict"},
@@ -41,16 +41,16 @@ def values_from(content: bytes) -> object:
     Raises
     ------
     pickle.UnpicklingError
-        It names something else than a value.
+        It names anything but a class or constructor of values.
     """
     return _ValueUnpickler(io.BytesIO(content)).load()
 
 
 class _ValueUnpickler(pickle.Unpickler):
-    """Finds classes of values, and nothing else."""
+    """Resolves classes of values only."""
 
     def find_class(self, module: str, name: str) -> object:
-        """Return what a pickle names."""
+        """Return the class or constructor that a pickle names."""
         if name in _ALLOWED.get(module, ()):
             return super().find_class(module, name)
         if module.partition(".")[0] in _PACKAGES:
@@ -61,7 +61,7 @@ class _ValueUnpickler(pickle.Unpickler):
 
 
 def _holds_values(kind: type) -> bool:
-    """Whether a class of this program is one of values: making one has no effect."""
+    """Whether a class of this program holds values only: making one has no side effect."""
     if kind.__module__.partition(".")[0] not in _PACKAGES:  # a library's, which a module imports
         return False
     is_named_tuple = issubclass(kind, tuple) and hasattr(kind, "_fields")

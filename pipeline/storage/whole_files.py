@@ -1,8 +1,8 @@
-"""Files that are whole or not there, also after a power cut.
+"""Writes files that are either whole or missing, even after a power cut.
 
-A file system may put a rename on the disk before the content of the file that was renamed: after a
-power cut a file of length 0 has the right name. So content goes first, then the name, then the
-folder that holds the name.
+A file system may put a rename on the disk before the renamed file's content: after a power cut a
+file of length 0 has the right name. So the content is flushed first, then the file is renamed, then
+its folder is flushed.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from pathlib import Path
 from typing import IO
 
 UNFINISHED = ".tmp"
-"""How the name of a file ends that is being written."""
+"""Suffix of files that are being written."""
 
 
 @contextlib.contextmanager
 def whole_file(path: Path, owner: str = "") -> Iterator[IO[bytes]]:
-    """Give a new file to write; without an error in the block, it then takes its place.
+    """Provide a new file to write; if the block ends without error, it is renamed to the path.
 
     Parameters
     ----------
     owner
-        Begins the name of the unfinished file, by which leftovers of a killed process are found;
-        the file's own name by default.
+        Prefix of the unfinished file's name, by which leftovers of a killed process are found; by
+        default the file's own name.
 
     Raises
     ------
     OSError
-        The disk refuses; what was at the path is as it was.
+        The disk refuses; an earlier file at the path is unchanged.
     """
     fresh = path.with_name(f".{owner or path.name}.{secrets.token_hex(8)}{UNFINISHED}")
     try:
@@ -46,13 +46,13 @@ def whole_file(path: Path, owner: str = "") -> Iterator[IO[bytes]]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file, as `whole_file` does."""
+    """Write a text file, whole or not at all."""
     with whole_file(path) as file:
         file.write(text.encode())
 
 
 def flush_tree(folder: Path) -> None:
-    """Wait until a folder, all files and folders in it, and their names are on the disk."""
+    """Flush a folder, all files and folders in it, and their names to the disk."""
     for path in folder.iterdir():
         if path.is_dir() and not path.is_symlink():
             flush_tree(path)
@@ -62,7 +62,7 @@ def flush_tree(folder: Path) -> None:
 
 
 def flush(path: Path) -> None:
-    """Wait until a file's content, or the names in a folder, are on the disk."""
+    """Flush a file's content, or the names in a folder, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

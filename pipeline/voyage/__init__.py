@@ -1,1 +1,1 @@
-"""A voyage in one line: from what a person types to a scenario, and to its results."""
+"""A voyage in one line: turns what a person types into a scenario, and runs it."""

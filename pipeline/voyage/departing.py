@@ -1,4 +1,4 @@
-"""When a voyage begins: a departure, a window of them, or an arrival; and at which speeds."""
+"""Departure of a voyage: a time, a window of times, or a latest arrival; and its speeds."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pipeline.formats.shared.text import moment_text
 from pipeline.scenario.departures import departure_name
 from pipeline.voyage.quantities import speed_range_m_s
 
-# Largest number of departures that a window is sampled at first, and the least time between two.
+# Largest number of departures in the first sample of a window, and the least time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
-# More follow between them, until the best is proven to within this share of the window, and at
-# most to within an hour: each proves as much of the window as that.
+# More are added between them until the best is proven to within this share of the window, but not
+# more closely than an hour: each departure proves as much of the window as that.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Departing:
-    """Departure, the last one that will do, and the arrival that has to be made; UTC, or None.
+    """Earliest departure, latest departure and latest arrival, UTC; each may be None.
 
-    With speeds to choose from, m/s, the vessel arrives by then whenever it leaves.
+    With a range of speeds, m/s, the vessel arrives in time at any of the departures.
     """
 
     begin: datetime
@@ -72,7 +72,7 @@ class Departing:
 
 
 def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Departing | None:
-    """Read what --depart, --until, --arrive-by and a range of --speed say; None without any.
+    """Read --depart, --until, --arrive-by and a range of --speed; None if none is given.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
 def _speeds(
     speeds: str, depart: str, arrive_by: str, faults: list[str]
 ) -> tuple[float, float] | None:
-    """Read a range of speeds, m/s; note what is wrong with it, and what it lacks beside it."""
+    """Read a range of speeds, m/s; add its faults, and any option that it needs and lacks."""
     if not speeds:
         return None
     if not arrive_by:
@@ -123,7 +123,7 @@ def _speeds(
 
 
 def _time(option: str, text: str, faults: list[str]) -> datetime | None:
-    """Read a time with its zone as UTC; note what is wrong with it."""
+    """Read a time with its zone as UTC; add its faults."""
     if not text:
         return None
     try:

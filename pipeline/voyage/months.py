@@ -17,7 +17,7 @@ def read_months(texts: Sequence[str]) -> dict[str, str]:
     Raises
     ------
     RequestError
-        One line for each text that is no month, or that comes twice.
+        One line for each text that is not a month, or that comes twice.
     """
     titles: dict[str, str] = {}
     faults = []

@@ -1,4 +1,4 @@
-"""From A to B in one line: the scenario is made of what is typed, and run."""
+"""From A to B in one line: makes a scenario of the arguments, and runs it."""
 
 from __future__ import annotations
 
@@ -50,35 +50,35 @@ def go(
     vessel
         A name of the catalogue, the path of a TOML file, a `VesselSpec`, or `VesselFigures`.
     months
-        'YYYY-MM'; each is a season of its own.
+        Months as 'YYYY-MM', each a season of its own.
     depart
         Departure, with its zone, in currents that change on the way; in place of months.
     until, arrive_by
-        The last departure that will do: the best one up to it is found. Or when to be there: the
-        departure is as late as will do, and not before `depart`.
+        Latest departure: the best one between `depart` and it is chosen. Or latest arrival: the
+        vessel leaves as late as possible, but not before `depart`.
     speeds_m_s
-        Lowest and highest speed through water among which the vessel chooses from leg to leg, in
-        place of its own: it leaves at `depart`, and is there by `arrive_by` with least fuel. In
-        the currents of `months`, if they are given, or in such as change.
+        Lowest and highest speed through water, in place of the vessel's own: each leg gets a speed
+        between them, so that the vessel leaves at `depart` and arrives by `arrive_by` with least
+        fuel. The currents are those of `months` if given, else they change on the way.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
-        for none. Chosen where left out.
+        for none. Left out, they are chosen.
     via
-        Positions that the route passes in this order, as `start`.
+        Positions that the route passes in this order, written as `start`.
     avoid
         Vector files of areas that no route may enter.
     clearance_m
-        Minimum distance kept from the charted coast and its margin, true metres; an offing is
-        chosen where left out.
+        Minimum distance from the charted coast and its margin, true metres; left out, an offing is
+        chosen.
     charts
         A vector file or a folder of S-57 cells in place of OpenStreetMap's land.
     depths
-        A grid of depths in NetCDF, as of GEBCO or EMODnet: what is too shallow for the vessel,
+        A grid of depths in NetCDF, such as GEBCO's or EMODnet's: water too shallow for the vessel,
         whose draught must be given, is no-go.
     name
-        Name of the scenario, made of the positions where left out.
+        Name of the scenario; left out, it is made of the positions.
     explain_gap
-        Tell what the optimality gap is made of.
+        Report the parts of the optimality gap.
     output, offline, strict, on_event
         As for `pipeline.run.run`.
 
@@ -129,5 +129,5 @@ def run_voyage(
 
 
 def _text(place: str | tuple[float, float]) -> str:
-    """Write a position as a text."""
+    """Return a position as text."""
     return place if isinstance(place, str) else f"{place[0]!r},{place[1]!r}"

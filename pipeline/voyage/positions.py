@@ -18,7 +18,7 @@ _SPELLINGS = str.maketrans(
     | dict.fromkeys("′’`\N{LEFT SINGLE QUOTATION MARK}\N{MODIFIER LETTER PRIME}", "'")
     | dict.fromkeys("″”“ʺ", '"')
 )
-# Two commas between digits, parted by something else: decimal commas, as in "120,30 12,80".
+# Two commas between digits, with other characters between: decimal commas, as in "120,30 12,80".
 _DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
 # Longitude west of which positions are given eastward, degrees: a scenario's longitudes begin at
 # -180, and the region must have room west of start and goal.
@@ -28,7 +28,7 @@ _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A place in degrees; `note` says how it was read where that may surprise, or is empty."""
+    """A place in degrees; `note` says how the text was understood if that is not obvious, or ""."""
 
     lon: float
     lat: float
@@ -44,19 +44,19 @@ class _Coordinate:
 
     @property
     def axis(self) -> str:
-        """`lon` or `lat` where the letter says so, else ""."""
+        """`lon` or `lat` by the letter, or "" without one."""
         return _AXIS.get(self.letter, "")
 
 
 def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
-    """Read start and goal from the words of a command line: half of them make one position.
+    """Read start and goal from the words of a command line, half of the words for each.
 
-    The goal's longitude continues across 180 degrees where that is the shorter way.
+    The goal's longitude continues beyond 180 degrees if the way across 180 is shorter.
 
     Raises
     ------
     RequestError
-        One line for each position that can't be read, or both positions are the same.
+        A position can't be read (one line for each), or both positions are the same.
     """
     if len(words) < 2 or len(words) % 2:
         given = " ".join(word.strip() for word in words)
@@ -81,7 +81,7 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
 
 
 def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
-    """Read via points, their longitudes continued across 180 degrees towards one that is near.
+    """Read via points; their longitudes continue across 180 degrees to be close to `near`.
 
     Raises
     ------
@@ -120,13 +120,13 @@ def read_position(text: str) -> Position:
 
 
 def _normalised(text: str) -> str:
-    """Spell signs in one way, letters as capitals and decimal commas as points."""
+    """Return a text with one spelling of each sign, capital letters and decimal points."""
     plain = text.strip().translate(_SPELLINGS).replace("''", '"').upper()
     return _DECIMAL_COMMAS.sub(r"\1.\2.\3", plain)
 
 
 def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
-    """Tell longitude from latitude, by their hemispheres or by their size."""
+    """Decide which coordinate is the longitude, by their hemispheres or by their size."""
     axes = (first.axis, second.axis)
     if any(axes) and set(axes) != {"lon", "lat"}:
         raise ValueError("needs one of N and S, and one of E and W, or none of them")

@@ -21,16 +21,16 @@ _LENGTHS = {
 
 
 def speed_m_s(text: str) -> float:
-    """Read a speed, in m/s; without a unit it is refused. ValueError with the remedy."""
+    """Read a speed, m/s; the unit must be given. Raises ValueError with the remedy."""
     return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s or 22km/h")
 
 
 RANGE = ".."
-"""Stands between the lowest and the highest of a range of speeds."""
+"""Separates the lowest and the highest speed of a range."""
 
 
 def speed_range_m_s(text: str) -> tuple[float, float]:
-    """Read a range of speeds, in m/s: 4kn..9kn, or 4..9kn. ValueError as above."""
+    """Read a range of speeds, m/s: 4kn..9kn or 4..9kn. Raises ValueError with the remedy."""
     least, _, most = text.partition(RANGE)
     unit = found[2] if (found := _QUANTITY.fullmatch(most)) else None
     if unit and (bare := _QUANTITY.fullmatch(least)) and not bare[2]:
@@ -44,7 +44,7 @@ def speed_range_m_s(text: str) -> tuple[float, float]:
 
 
 def length_m(text: str) -> float:
-    """Read a length, in metres, which are the unit where none is given. ValueError as above."""
+    """Read a length, m; without a unit it is in metres. Raises ValueError with the remedy."""
     return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
 
 

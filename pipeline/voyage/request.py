@@ -1,4 +1,4 @@
-"""The scenario of a one-line request: what was typed, checked all at once."""
+"""The scenario of a one-line request; all faults of the request are reported at once."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.quantities import RANGE, length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
-# Datasets of the service with monthly means, the best first: the first one that has the month is
-# asked for.
+# Datasets of the service with monthly means, the best first: the first one with the month is used.
 _SERVICE = (
     "copernicus-glorys-monthly",
     "copernicus-forecast-monthly",
@@ -32,32 +31,32 @@ _SERVICE = (
 )
 
 
-# Its dataset of hours, with tide and Stokes drift, for currents that change on the way.
+# The service's hourly dataset, with tide and Stokes drift, for currents that change on the way.
 _SERVICE_STEPS = "copernicus-total-hourly"
 
 
 @dataclass(frozen=True, slots=True)
 class VoyageRequest:
-    """A voyage as it is asked for; all that may be left out is empty.
+    """A requested voyage; options that were left out are empty.
 
     Attributes
     ----------
-    positions : start and goal as words, half of them for each.
+    positions : start and goal as words: the first half is the start, the second the goal.
     vessel : a name of the catalogue, the path of a file, or a whole specification.
-    figures : the vessel's figures in place of these.
+    figures : the vessel's figures, in place of `vessel`.
     months : 'YYYY-MM', each a season.
-    currents : sources of the catalogue in their order of preference, and files that belong
-        together; 'still' plans without any.
-    clearance : a length, "" for an offing that is chosen.
+    currents : sources of the catalogue in order of preference, and files that belong together;
+        'still' plans without currents.
+    clearance : a length; if "", an offing is chosen.
     charts : a vector file or a folder of S-57 cells.
     depths : a grid of depths in NetCDF.
     name : name of the scenario, and of its folder of results.
-    depart : departure with its zone, from which on the currents change; in place of months.
-    until : the last departure that will do: the best one up to it is chosen.
-    arrive_by : when the vessel has to be there: it departs as late as will do, but with a choice
-        of speeds at once.
-    speeds : lowest and highest speed through water, "4kn..9kn", among which it chooses; the
-        currents are those of the months, if they are given, or change.
+    depart : departure with its zone, in currents that change on the way; in place of months.
+    until : the latest departure: the best one between `depart` and it is chosen.
+    arrive_by : the latest arrival: the vessel departs as late as possible or, with a range of
+        speeds, at `depart`.
+    speeds : lowest and highest speed through water, "4kn..9kn", to choose from; the currents are
+        the monthly ones if months are given, else they change on the way.
     via : positions that the route passes in this order.
     avoid : vector files of areas that no route may enter.
     """
@@ -140,23 +139,23 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:
-    """Return the vessel that is asked for."""
+    """Return the requested vessel."""
     if not isinstance(request.vessel, str):
         return request.vessel
     figures = request.figures or VesselFigures()
     if request.speeds and not request.vessel:
-        # The turning circle is that at the highest speed.
+        # The turning circle is given for the highest speed.
         figures = replace(figures, speed=request.speeds.partition(RANGE)[2])
     return vessel_spec(request.vessel, figures)
 
 
 def _has_steady_speeds(request: VoyageRequest) -> bool:
-    """Whether speeds are to be chosen in the currents of months, or in none."""
+    """Whether speeds are chosen in monthly currents, or without currents."""
     return bool(request.speeds) and (bool(request.months) or request.currents == (STILL,))
 
 
 def _clearance_m(text: str) -> float | None:
-    """Read the clearance, true metres; None where it is left out."""
+    """Read the clearance, true metres; None if it is left out."""
     if not text:
         return None
     try:
@@ -169,7 +168,7 @@ def _clearance_m(text: str) -> float | None:
 
 
 def _departing(request: VoyageRequest) -> Departing | None:
-    """Read when the voyage begins in currents that change; None where that is left out."""
+    """Read the departure of a voyage in changing currents; None if it is left out."""
     faults: list[str] = []
     found = None
     try:
@@ -194,7 +193,7 @@ def _departing(request: VoyageRequest) -> Departing | None:
 
 
 def _months(request: VoyageRequest) -> list[tuple[str, str]]:
-    """Return months and titles; still water needs no month."""
+    """Return the months with their titles; still water needs none."""
     titles = list(read_months(request.months).items())
     if titles or request.currents == (STILL,):
         return titles or [("", "")]
@@ -221,10 +220,9 @@ def _season(
 
 
 def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
-    """Return the sources of the catalogue that have a month between start and goal.
+    """Return the sources of the catalogue with currents of a month between start and goal.
 
-    The service's is asked for first; a table that comes with the program stands in for it where
-    there is no account.
+    The service comes first; without an account, a table that comes with the program replaces it.
     """
     start, goal = ends
     between = least_region((start.lon, start.lat), (goal.lon, goal.lat))
@@ -243,12 +241,12 @@ def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
 
 
 def _name(start: Position, goal: Position) -> str:
-    """Return the name of a voyage: degrees and minutes of start and goal."""
+    """Return the name of a voyage, made of the degrees and minutes of start and goal."""
     return f"{_short(start)}-to-{_short(goal)}"
 
 
 def _short(position: Position) -> str:
-    """Spell a position as part of a name: 12n48-120e18."""
+    """Return a position as part of a name: 12n48-120e18."""
     lon = (position.lon + 180) % 360 - 180
     parts = []
     for degrees, letters in ((position.lat, "ns"), (lon, "ew")):
@@ -258,6 +256,6 @@ def _short(position: Position) -> str:
 
 
 def _spelled(position: Position) -> str:
-    """Spell a position for a reader: 12.80 N 120.30 E."""
+    """Return a position for a title: 12.80 N 120.30 E."""
     lon = (position.lon + 180) % 360 - 180
     return f"{abs(position.lat):.2f} {'NS'[position.lat < 0]} {abs(lon):.2f} {'EW'[lon < 0]}"

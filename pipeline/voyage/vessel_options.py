@@ -17,8 +17,8 @@ from pipeline.scenario.strict import looks_like_path
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.voyage.quantities import length_m, speed_m_s
 
-# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
-# hulls, as nothing is known of its engine.
+# Exponent of the fuel law of a vessel given by figures: the propeller law of displacement hulls, as
+# its engine is not known.
 _FUEL_EXPONENT = 3.0
 _REMEDY = (
     "give --vessel NAME (`renew list`), --vessel FILE, or its figures: --speed 12kn --length 90m "
@@ -28,7 +28,7 @@ _REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class VesselFigures:
-    """A vessel's figures as typed, "" where one is not given.
+    """A vessel's figures as typed; those not given are "".
 
     The turning circle is given by its diameter, as in a ship's trial manoeuvres.
     """
@@ -39,17 +39,17 @@ class VesselFigures:
     draught: str = ""
 
     def given(self) -> list[str]:
-        """Return the names of the options that are given."""
+        """Return the names of the given options."""
         return [f"--{name.replace('_', '-')}" for name in self.__slots__ if getattr(self, name)]
 
 
 def vessel_spec(named: str, figures: VesselFigures) -> VesselSpec:
-    """Return the vessel that a catalogue's name, a file's path or figures describe.
+    """Return the vessel given by a name of the catalogue, a file's path or figures.
 
     Raises
     ------
     RequestError
-        None or several of these, or a fault in one: one line for each.
+        None or several of these are given, or one has a fault: one line for each.
     """
     if named and (given := figures.given()):
         raise RequestError(
@@ -82,7 +82,7 @@ def _from_file(path: str) -> VesselSpec:
 
 
 def _from_figures(figures: VesselFigures) -> VesselSpec:
-    """Return the vessel that figures describe: its turn rate is its speed over the radius."""
+    """Return the vessel given by figures; its turn rate is speed over turning radius."""
     faults: list[str] = []
 
     def read(option: str, text: str, reader: Callable[[str], float]) -> float:

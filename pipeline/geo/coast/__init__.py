@@ -1,1 +1,1 @@
-"""How a coast of a hundred thousand vertices becomes some hundred, with no land uncovered."""
+"""Reduces a coast of a hundred thousand vertices to some hundreds that still cover all land."""

@@ -1,7 +1,7 @@
-"""Few vertices around land, and few within it: simplified, then buffered by what was cut.
+"""Polygons of few vertices around land, or inside it: simplified, then buffered by the cut.
 
-Nothing is joined but what overlaps then, and no vertex budget stands behind it: straits that are
-wider than the margin and the tolerance on both sides need stay open, whatever their number.
+Only polygons that overlap afterwards are joined, and there is no limit on vertices: every strait
+stays open that is wider than twice the margin and the tolerance together.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray, Geometries
 from pipeline.geo.coast.douglas_peucker import thinned
 
-# Share of the tolerance that is cut before the buffer; the rest is cut after it, where that also
-# removes what the buffer adds: of the shares that were tried, this one left the fewest vertices.
+# Share of the tolerance that is cut before the buffer. The rest is cut after it, which also removes
+# vertices that the buffer adds. Of the shares that were tried, this left the fewest vertices.
 _BEFORE = 1 / 3
-# Segments per quarter circle of a round corner. A mitre would take fewer, and shut straits between
-# capes that it makes longer; most of the corner's vertices are removed again.
+# Segments per quarter circle of a round corner, most of whose vertices are removed again. A mitre
+# would take fewer, but make capes longer, and so shut straits between them.
 _QUADRANT_SEGMENTS = 5
-# Factor on a buffer's radius, so that its corners, too, reach as far as the radius: GEOS rounds the
-# number of segments of a corner, which may each be half as long again, and thins a line by about
-# 1 % of the radius before it buffers it.
+# Factor on a buffer's radius, so that its corners also reach as far as the radius: GEOS rounds the
+# number of segments of a corner, so that each may be half as long again, and simplifies a line by
+# about 1 % of the radius before it buffers the line.
 _REACH = 1.02 / math.cos(1.5 * math.pi / (4 * _QUADRANT_SEGMENTS))
 
 
 def covering_land(
     polygons: Geometries, tolerance_m: float, margin_m: float, endpoints: FloatArray
 ) -> Geometries:
-    """Cover polygons, and all within the margin of them, by disjoint polygons of fewer vertices.
+    """Cover polygons and a margin around them by disjoint polygons of fewer vertices.
 
-    Their coast is no further than margin and tolerance (planar metres) from the land, or than 1.05
-    times the margin where the tolerance is less than that. What they enclose becomes land but for
-    water that holds one of the endpoints (n, 2); without endpoints it stays.
+    The new coast is at most margin plus tolerance (planar metres) from the land, or 1.05 times the
+    margin if that is more. Enclosed water becomes land, unless it holds one of the endpoints
+    (n, 2); without endpoints it stays water.
     """
-    # The coast moves by the cuts, and by the buffer that covers them; what the buffer's factor adds
-    # to the margin is taken from the tolerance.
+    # The cuts and the buffer that covers them move the coast; the tolerance is reduced by the
+    # amount that the buffer's factor adds to the margin.
     cut_m = max(0.0, tolerance_m - (_REACH - 1) * margin_m) / (1 + _REACH)
     radius_m = (cut_m + margin_m) * _REACH
     rough = thinned(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
@@ -46,15 +46,15 @@ def covering_land(
     )
     land = _without_lakes(_united(grown), endpoints)
     smooth = _united(thinned(land, (1 - _BEFORE) * cut_m).areas)
-    # Where that encloses water anew, its islands are united with the land around.
+    # Filling may enclose other water: its islands are united with the land around.
     return _united(_without_lakes(smooth, endpoints))
 
 
 def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geometries:
-    """Return polygons of fewer vertices inside others, and off their coast by the margin at least.
+    """Return polygons of fewer vertices inside others, at least the margin away from their coast.
 
-    They overlap where those do. Land further from the coast than margin and twice the tolerance
-    (planar metres; 5 % more) is inside, but for narrow necks.
+    They overlap where the given ones do. All land further from the coast than margin plus twice the
+    tolerance (planar metres; 5 % more) is inside, except for narrow necks.
     """
     rough = thinned(polygons, _BEFORE * tolerance_m)
     radius_m = (tolerance_m + margin_m) * _REACH
@@ -70,18 +70,18 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
 
 def _united(areas: Geometries) -> Geometries:
     """Unite areas that overlap; the polygons returned are disjoint."""
-    # Much faster here than the union of all: most of the land is apart from most of the other.
+    # Much faster than one union of all: most polygons are far from each other.
     return _parts(shapely.disjoint_subset_union_all(areas))
 
 
 def _parts(areas: Geometries | BaseGeometry) -> Geometries:
-    """Take areas apart into polygons."""
+    """Split areas into polygons."""
     parts = shapely.get_parts(areas)
     return np.asarray(parts[~shapely.is_empty(parts)])
 
 
 def _without_lakes(polygons: Geometries, endpoints: FloatArray) -> Geometries:
-    """Fill the holes of polygons that hold no endpoint; islands in them stay, and overlap."""
+    """Fill holes of polygons that hold no endpoint; islands in a hole stay and overlap."""
     rings, owner = shapely.get_rings(polygons, return_index=True)
     is_hole = np.diff(owner, prepend=-1) == 0
     if len(endpoints) == 0 or not is_hole.any():

@@ -1,13 +1,13 @@
-"""Simplify areas by Douglas and Peucker's algorithm, so that the cut can be covered or left out.
+"""Simplifies areas by Douglas and Peucker's algorithm; a buffer by the cut bounds the change.
 
 Douglas and Peucker, *Algorithms for the reduction of the number of points required to represent a
 digitized line or its caricature*, 1973.
 
-Every ring is simplified by itself. It can be moved onto the simplified ring without any of its
-points moving by more than the cut, so that a point further than the cut from the simplified ring is
-inside it exactly where it was inside the ring: a buffer outwards by the cut covers the area, one
-inwards lies within it. (shapely's own simplification of polygons drops the lobes of a ring that
-comes to cross itself.)
+Every ring is simplified by itself. The ring can be deformed into the simplified one
+with no point moving by more than the cut. So a point that is further than the cut from the
+simplified ring is inside it if and only if it was inside the original: a buffer outwards by the cut
+covers the area, and a buffer inwards lies within it. (shapely's own simplification of polygons
+drops lobes where a ring crosses itself.)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import shapely
 
 from pipeline._types import Geometries
 
-# Number of coordinates of the shortest ring: a triangle, closed.
+# Number of coordinates of the shortest ring: a closed triangle.
 _MIN_RING = 4
 
 
@@ -28,8 +28,8 @@ _MIN_RING = 4
 class Thinned:
     """Areas (n,) of fewer vertices: valid, some of them empty or in several parts.
 
-    `outlines` are the parts of simplified rings that are no boundary of an area (`owner`, their
-    indices), because a ring crosses itself or collapsed to a line: the cut counts from these, too.
+    `outlines` are parts of simplified rings that bound no area, because a ring crosses itself or
+    collapsed to a line; `owner` has the indices of their areas. The cut is measured from them too.
     """
 
     areas: Geometries
@@ -57,7 +57,7 @@ def thinned(polygons: Geometries, cut_m: float) -> Thinned:
 
 
 def _from_rings(lines: Geometries, owner: npt.NDArray[np.intp], count: int) -> Geometries:
-    """Build polygons (count,) of closed lines, the shell first; empty where there is none."""
+    """Build polygons (count,) of closed lines, the shell first; empty if there are no lines."""
     areas = np.full(count, shapely.Polygon(), dtype=object)
     if len(lines):
         points, ring = shapely.get_coordinates(lines, return_index=True)
@@ -67,7 +67,7 @@ def _from_rings(lines: Geometries, owner: npt.NDArray[np.intp], count: int) -> G
 
 
 def _open_where_collapsed(lines: Geometries) -> Geometries:
-    """Turn lines that lead to a point and back into lines to that point: they have ends, then."""
+    """Turn closed lines that lead to a point and back into open lines to that point."""
     opened = lines.copy()
     collapsed = shapely.get_num_coordinates(lines) < _MIN_RING
     ends = [shapely.get_point(lines[collapsed], i) for i in (0, 1)]

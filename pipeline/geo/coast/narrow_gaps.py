@@ -1,10 +1,10 @@
-"""Where the coasts of different land come close to each other: the narrow straits between them.
+"""Finds the narrow straits between coasts of different land.
 
-Two coasts close to each other make many gaps, most of them between rocks and of no use to anybody.
-Gaps are taken in the order of their width, and each that joins two parts of the land makes them
-one: the others between these two need not be looked at (Kruskal, *On the shortest spanning subtree
-of a graph*, 1956). What is left are the bottlenecks: where all of them are wide enough, so is every
-strait. How far one must go round where one is shut depends on the smaller of the parts it joins.
+Between two close coasts there are many gaps, most of them between rocks and useless. Gaps are taken
+in the order of their width, and each gap between two parts of the land joins them into one: wider
+gaps between these two are skipped (Kruskal, *On the shortest spanning subtree of a graph*, 1956).
+The remaining gaps are the bottlenecks: if all of them are wide enough, so is every strait. The
+detour around a shut gap depends on the smaller of the two parts.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries, IndexArray
 
-# Number of segments of the pieces into which coasts are divided, whose distances are measured.
+# Coasts are divided into pieces of this many segments, to measure distances between pieces.
 _PIECE = 16
 
 
@@ -34,16 +34,16 @@ class Gap:
 
     @property
     def width_m(self) -> float:
-        """Its width."""
+        """Width of the gap."""
         return float(np.linalg.norm(self.line[1] - self.line[0]))
 
 
 def narrow_gaps(
     land: Geometries, widest_m: float, is_shut: Callable[[FloatArray], bool]
 ) -> list[Gap]:
-    """Return the bottlenecks between parts of the land (valid planar polygons) that are shut.
+    """Return the shut bottlenecks between parts of the land (valid planar polygons).
 
-    Gaps up to `widest_m` are looked at, the narrowest first; `is_shut` takes a gap's line (2, 2).
+    Gaps up to `widest_m` wide count, the narrowest first; `is_shut` takes a gap's line (2, 2).
     """
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
     lines, owner = _close_pairs(bodies, widest_m)

@@ -1,4 +1,4 @@
-"""Keep starts and goals in water, and connected, where only a margin or a tolerance covers them."""
+"""Keeps starts and goals in water and connected if only a margin or a tolerance covers them."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray, Geometries
 from pipeline.geo.coast.widest_way import widest_way
 
-# Share of the distance from the original land that is cleared of what was added to it.
+# Share of the distance to the original land that is cleared of added land.
 _CLEARED = 1 / 2
-# How far around an endpoint the coast draws back, as a multiple of what was added to the land: a
-# vessel there has room on all sides, and not only on its way.
+# Radius around an endpoint in which the coast is moved back, as a multiple of the width added to
+# the land: a vessel there has room on all sides, not only on its way.
 _AROUND = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class OpenWater:
-    """Land (m, planar polygons) that leaves starts and goals in water, and connected.
+    """Land (m, planar polygons) that leaves starts and goals in water and connected.
 
-    `narrowest` (x, y) is the narrowest place that had to be opened to connect two of them and
-    `width_m` how wide it is between the original coasts; None and inf where nothing was.
+    `narrowest` (x, y) is the narrowest place that was opened to connect two of them, and `width_m`
+    its width between the original coasts; None and inf if nothing was opened.
     """
 
     land: Geometries
@@ -35,24 +35,24 @@ class OpenWater:
 def opened(
     land: Geometries, original: Geometries, extent: Polygon, endpoints: FloatArray, added_m: float
 ) -> OpenWater:
-    """Take from land what covers the endpoints (n, 2), or parts them, without being original.
+    """Remove added land that covers the endpoints (n, 2) or separates them.
 
-    They are start and goal of each voyage in turn. `added_m` is how far the land extends beyond the
-    original. An endpoint on original land stays on land, and endpoints that original land parts
-    stay apart.
+    These are start and goal of each voyage in turn. `added_m` is how far the land extends beyond
+    the original. Endpoints on original land stay on land; those that original land separates stay
+    separated.
     """
     result = OpenWater(_drawn_back(land, original, endpoints, added_m))
     voyages = endpoints[: len(endpoints) // 2 * 2].reshape(-1, 2, 2)
     apart = parted(result.land, extent, voyages)
     for voyage in sorted(apart - parted(original, extent, voyages) if apart else ()):
-        # The way that was opened for another one may have joined this one's ends as well.
+        # The way opened for another voyage may have joined the ends of this one as well.
         if voyage in parted(result.land, extent, voyages):
             result = _connected(result, original, extent, voyages[voyage], added_m)
     return result
 
 
 def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
-    """Return which voyages (n, 2, 2) no body of water outside the land holds both ends of."""
+    """Return the voyages, of (n, 2, 2), whose ends do not lie in one body of water."""
     bodies = shapely.get_parts(shapely.difference(extent, shapely.union_all(land)))
     points = shapely.points(voyages.reshape(-1, 2))
     held = set(zip(*shapely.STRtree(bodies).query(points, "intersects").tolist(), strict=True))
@@ -63,7 +63,7 @@ def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
 def _connected(
     water: OpenWater, original: Geometries, extent: Polygon, ends: FloatArray, added_m: float
 ) -> OpenWater:
-    """Open the widest way between the ends (2, 2) of a voyage, if there is any."""
+    """Open the widest way between the ends (2, 2) of a voyage, if there is one."""
     way = widest_way(original, extent, ends[0], ends[1], added_m)
     if way is None:
         return water
@@ -84,7 +84,7 @@ def _connected(
 def _drawn_back(
     land: Geometries, original: Geometries, endpoints: FloatArray, added_m: float
 ) -> Geometries:
-    """Draw the coast back around the endpoints that it covers: to half of their distance."""
+    """Move the coast back around covered endpoints, to half of their distance to original land."""
     tree, points = shapely.STRtree(original), shapely.points(endpoints)
     on_land, covered = (
         set(of.query(points, predicate="intersects")[0].tolist())
@@ -103,7 +103,7 @@ def _drawn_back(
 
 
 def _without(land: Geometries, cleared: BaseGeometry) -> Geometries:
-    """Take an area from disjoint polygons."""
+    """Remove an area from disjoint polygons."""
     meets = shapely.intersects(land, cleared)
     parts = shapely.get_parts(shapely.difference(land[meets], cleared))
     return np.concatenate([land[~meets], parts[~shapely.is_empty(parts)]])

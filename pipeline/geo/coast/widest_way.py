@@ -21,10 +21,10 @@ from renew.classes.triangulation import triangulate
 def widest_way(
     land: Geometries, extent: Polygon, start: FloatArray, goal: FloatArray, piece_m: float
 ) -> Geometries | None:
-    """Return the lines (n,), each no longer than `piece_m`, of the widest way; None without one.
+    """Return the widest way as lines (n,) no longer than `piece_m`; None if there is no way.
 
-    Coasts are divided into such pieces, too, so that a gate is little longer than the strait is
-    wide.
+    Coasts are divided into pieces of that length as well, so that a gate is hardly longer than the
+    strait is wide.
     """
     bodies = shapely.get_parts(shapely.difference(extent, shapely.disjoint_subset_union_all(land)))
     holds = shapely.intersects(bodies[:, None], shapely.points([start, goal])).all(axis=1)
@@ -39,7 +39,7 @@ def widest_way(
     width = np.linalg.norm(gate[:, 1] - gate[:, 0], axis=1)
     beyond = mesh.neighbours[triangle, corner]
     size = len(mesh.triangles)
-    # SciPy before 1.17 takes no other indices for a spanning tree than these.
+    # SciPy before 1.17 accepts only this type of index for a spanning tree.
     ends = triangle.astype(np.int32), beyond.astype(np.int32)
     graph = sparse.csr_array((1 / width, ends), shape=(size, size))
     tree = csgraph.minimum_spanning_tree(graph)

@@ -1,1 +1,1 @@
-"""What lies on the disk: cycles, the one under way with its parts, the lock, yesterday's routes."""
+"""A night's files on the disk: cycles, the cycle under way, the lock, yesterday's routes."""

@@ -20,7 +20,7 @@ _COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]
 
 @dataclass(frozen=True)
 class EarlierRoute:
-    """The best route that a case had yesterday; its path (n, 2) is lon/lat."""
+    """A case's best route of yesterday; its path (n, 2) is lon/lat."""
 
     cycle: str
     side: str
@@ -30,7 +30,7 @@ class EarlierRoute:
     path: npt.NDArray[np.float64]
 
     def columns(self) -> Row:
-        """Return the columns that name it."""
+        """Return the columns that describe the route."""
         return {
             "earlier_cycle": self.cycle,
             "earlier_side": self.side,
@@ -41,13 +41,13 @@ class EarlierRoute:
 
 @dataclass(frozen=True, slots=True)
 class EarlierRoutes:
-    """Where yesterday's cases are, in the cycle of that name."""
+    """Yesterday's routes: the file of cases, and the name of its cycle."""
 
     cycle: str
     path: Path
 
     def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
-        """Read the routes of some rows; those without a route, and -1, are left out."""
+        """Read the routes of some rows; rows without a route, and row -1, are left out."""
         wanted = sorted({row for row in rows if row >= 0})
         found: dict[int, EarlierRoute] = {}
         if not wanted:

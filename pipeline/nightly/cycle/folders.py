@@ -1,9 +1,9 @@
 """The folders of a night: finished cycles, the one under way, and the link `latest`.
 
 `OUTPUT/<cycle>.partial/` is renamed to `OUTPUT/<cycle>/` once it is whole, and never touched again;
-then one rename moves the link. A job that is killed between the two leaves a finished cycle that
-`latest` does not name: the next one moves the link. What is found damaged, or in the link's place,
-is moved to `OUTPUT/damaged/`, never removed.
+then one rename moves the link. If a job is killed between the two, the finished cycle is not yet
+named by `latest`: the next job moves the link. Damaged files, and anything in the link's place, are
+moved to `OUTPUT/damaged/`, never removed.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ LATEST = "latest"
 PARTIAL = ".partial"
 DAMAGED = "damaged"
 RECORD = "night.json"
-"""The file of a cycle that says when and from what it was made."""
+"""The file of a cycle that records when and from which inputs it was made."""
 _LINK = ".latest.link"
 _REMOVED = ".removed"
-# What to do about errors of the file system; for others, free some space.
+# Remedies for errors of the file system; for all other errors: free some space.
 _ALLOW = "allow it, or choose another folder with --output"
 _MOVE = "move away what is in its place, and run again"
 _REMEDIES = {
@@ -47,9 +47,9 @@ class Cycles:
 
     @property
     def latest(self) -> str:
-        """Name of the cycle that `latest` leads to; where it leads nowhere, of the newest one.
+        """Name of the cycle that `latest` leads to or, if the link is broken, of the newest cycle.
 
-        "" where there is no finished cycle.
+        Empty if there is no finished cycle.
         """
         try:
             name = (self.output / LATEST).readlink().name
@@ -78,7 +78,7 @@ class Cycles:
         return self.output / f"{cycle}{PARTIAL}"
 
     def finished(self) -> list[str]:
-        """Return the names of finished cycles, oldest first; those without a time by their age."""
+        """Return the names of finished cycles, oldest first: by time or, without one, by age."""
         found = [path for path in self._folders() if is_cycle(path.name)]
         return [path.name for path in sorted(found, key=_age)]
 
@@ -87,7 +87,7 @@ class Cycles:
         return [name for name in self.finished() if base_of(name) == base_of(cycle)]
 
     def free_name(self, cycle: str) -> str:
-        """Return a cycle's name or, where a folder has it already, that of its next revision."""
+        """Return a cycle's name or, if a folder has that name already, its next revision's."""
         name, number = base_of(cycle), 1
         while os.path.lexists(self.folder(name)):
             number += 1
@@ -103,12 +103,12 @@ class Cycles:
         )
 
     def is_older(self, cycle: str, time: datetime | None) -> bool:
-        """Whether a time is before that of a cycle."""
+        """Whether a time is before a cycle's time."""
         that = cycle_time(cycle)
         return that is not None and time is not None and time < that
 
     def publish(self, cycle: str) -> None:
-        """Rename a whole cycle into its place, then point `latest` at it."""
+        """Rename a whole cycle's folder to its final name, then point `latest` at it."""
         partial, folder = self.partial(cycle), self.folder(cycle)
         with writing(self.output):
             flush_tree(partial)
@@ -128,7 +128,7 @@ class Cycles:
             flush(self.output)
 
     def set_aside(self, path: Path) -> None:
-        """Move what is damaged, or in the way, to a folder of its own, as far as the disk lets."""
+        """Move a damaged or obstructing path to `OUTPUT/damaged/`, if the disk allows it."""
         if not os.path.lexists(path):
             return
         name = "-".join(path.relative_to(self.output).parts)
@@ -138,7 +138,7 @@ class Cycles:
             path.rename(aside / f"{name}-{secrets.token_hex(4)}")
 
     def remove_leftovers(self) -> None:
-        """Remove what a killed job left: its link, and cycles that were being removed."""
+        """Remove leftovers of a killed job: its link, and cycles that were being removed."""
         with contextlib.suppress(OSError):
             (self.output / _LINK).unlink(missing_ok=True)
             for path in self._folders():
@@ -146,9 +146,9 @@ class Cycles:
                     shutil.rmtree(path, ignore_errors=True)
 
     def prune(self, keep: int) -> None:
-        """Remove the oldest cycles beyond `keep`, and those that were never finished.
+        """Remove the oldest cycles beyond `keep`, and all that were never finished.
 
-        Never what `latest` names. A cycle is moved aside first, so that none is seen in part.
+        The cycle that `latest` names stays. Each is renamed first, so that nobody sees half of one.
         """
         latest = self.latest
         finished = [cycle for cycle in self.finished() if cycle != latest]
@@ -162,7 +162,7 @@ class Cycles:
                 shutil.rmtree(aside, ignore_errors=True)
 
     def _folders(self) -> Iterator[Path]:
-        """Give the folders in the output folder."""
+        """Yield the folders in the output folder."""
         if self.output.is_dir():
             yield from (p for p in self.output.iterdir() if p.is_dir() and not p.is_symlink())
 
@@ -179,7 +179,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def _age(path: Path) -> tuple[float, int, str]:
-    """Return what cycles are sorted by: their time or, where they have none, their record's."""
+    """Return a cycle's sort key: its time or, without one, the time of its record."""
     time = cycle_time(path.name)
     if time is not None:
         return time.timestamp(), revision(path.name), path.name

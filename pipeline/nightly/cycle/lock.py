@@ -1,4 +1,4 @@
-"""One job at a time in an output folder; a second one is told who is at work, and since when."""
+"""One job at a time in an output folder: a second job's error names the first and its start."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pipeline.nightly.outcome import BusyError
 from pipeline.storage.locks import file_lock
 
 LOCK = ".nightly.lock"
-# Time for `renew nightly status` to let go of the lock, which it tries, s.
+# Time to wait for the lock, s: `renew nightly status` holds it for a moment, to test it.
 _WAIT_S = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who holds the lock: its process, its machine, and since when (UTC)."""
+    """The holder of the lock: its process, its machine, and since when (UTC)."""
 
     pid: int
     host: str
@@ -35,7 +35,7 @@ class Holder:
 
 @contextlib.contextmanager
 def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
-    """Hold the lock of an output folder, alone or with the other parts of a night.
+    """Hold the lock of an output folder, alone or shared with the other jobs of a night.
 
     Raises
     ------
@@ -58,16 +58,16 @@ def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
 
 
 def holder_of(output: Path) -> str:
-    """Name the holder of a lock, as far as it has said so."""
+    """Name the holder of a lock, as its file says."""
     try:
-        said = json.loads((output / LOCK).read_text(encoding="utf-8"))
-        return str(Holder(int(said["pid"]), str(said["host"]), str(said["since"])))
+        holder = json.loads((output / LOCK).read_text(encoding="utf-8"))
+        return str(Holder(int(holder["pid"]), str(holder["host"]), str(holder["since"])))
     except (OSError, ValueError, KeyError, TypeError):
         return "a process that is just beginning"
 
 
 def is_busy(output: Path) -> bool:
-    """Whether a job is at work; touches nothing."""
+    """Whether a job is at work; writes nothing."""
     path = output / LOCK
     if not path.is_file():
         return False

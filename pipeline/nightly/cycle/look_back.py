@@ -1,6 +1,6 @@
-"""What tonight builds on: the newest cycle whose routes can be read, and all of the history.
+"""Finds the earlier results that a night needs: the newest readable cycle, and the history.
 
-What can't be read is set aside and noted; a night goes on without it.
+Files that can't be read are set aside and noted; the night goes on without them.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _CONSEQUENCES = {
 
 @dataclass(frozen=True, slots=True)
 class LookBack:
-    """What there is of earlier nights.
+    """The readable results of earlier nights.
 
     Attributes
     ----------
-    cycle : the newest cycle whose cases can be read, with which tonight is compared; "" for none.
-    history : the newest history that can be read; None for none.
+    cycle : the newest cycle whose cases can be read, with which tonight is compared; or "".
+    history : the newest history that can be read, or None.
     later : cycles since that history, oldest first, whose cases can be read: name and table.
-    notes : what could not be read, a line for each file.
+    notes : one line for each file that could not be read.
     """
 
     cycle: str = ""
@@ -38,9 +38,9 @@ class LookBack:
 
 
 def look_back(cycles: Cycles) -> LookBack:
-    """Find what can be read of earlier nights; set aside what can't.
+    """Find the readable results of earlier nights; set unreadable files aside.
 
-    Only as far back as is needed: as a rule this reads two files of the last cycle.
+    It stops as soon as all is found: usually after two files of the last cycle.
     """
     compared, history, notes = "", None, list[str]()
     later: list[tuple[str, Path]] = []

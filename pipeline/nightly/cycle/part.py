@@ -1,8 +1,8 @@
-"""Parts: rows of cases and of their routes, whole in their place or not there at all.
+"""Part files: rows of neighbouring cases and of their routes; a file is whole or missing.
 
-A part holds neighbouring cases, from `first` up to `end`: a row of rank 0 for each case, and a row
-for each of its routes, rank 1 the best. Geometries are WKB in lon/lat. A file is a hash and a
-Parquet table, so that a damaged part counts as absent: its cases are planned anew.
+A part holds the cases from `first` up to `end`: one row of rank 0 for each case, and one row for
+each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat. A file is a hash
+and a Parquet table: a damaged part counts as missing, and its cases are planned again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pipeline.storage.store import read_checked, write_checked
 from pipeline.storage.whole_files import UNFINISHED
 
 _TIME = pa.timestamp("ms", tz="UTC")
-# What each row says, of a case or of a route.
+# Columns of every row, of a case or of a route.
 _SHARED = (
     ("index", pa.int64()),
     ("case", pa.string()),
@@ -73,7 +73,7 @@ ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", pa.int64()), *_ROUTE])
 PART_SCHEMA = pa.schema(
     [*_SHARED, ("rank", pa.int64()), *_CASE, *_ROUTE, ("seconds", pa.float64())]
 )
-"""Columns of a part; `seconds` is how long the case took."""
+"""Columns of a part; `seconds` is the planning time of the case."""
 _PART_NAME = re.compile(r"(\d{8})-(\d{8})\.part", re.ASCII)
 
 Row = dict[str, Any]
@@ -81,7 +81,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part in its place: the cases from `first` up to `end`."""
+    """A part file, with the cases from `first` up to `end`."""
 
     path: Path
     first: int
@@ -89,12 +89,12 @@ class Part:
 
 
 def part_path(folder: Path, first: int, end: int) -> Path:
-    """Return the path of the part for some cases."""
+    """Return the path of the part with the cases from `first` up to `end`."""
     return folder / f"{first:08}-{end:08}.part"
 
 
 def write_part(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows to a part, whole.
+    """Write a part, whole or not at all.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
 
 
 def parts_in(folder: Path) -> list[Part]:
-    """Return the whole parts of a folder, by their first case; others are left out."""
+    """Return the whole parts of a folder, sorted by first case; damaged files are left out."""
     found = []
     for path in folder.glob("*.part"):
         name = _PART_NAME.fullmatch(path.name)
@@ -123,7 +123,7 @@ def parts_in(folder: Path) -> list[Part]:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what killed workers left unfinished."""
+    """Remove unfinished files of killed workers."""
     for path in folder.glob(f".*{UNFINISHED}"):
         path.unlink(missing_ok=True)
 
@@ -134,7 +134,7 @@ def read_part(part: Part) -> pa.Table:
     Raises
     ------
     pa.ArrowInvalid
-        It is damaged, or gone.
+        The file is damaged or missing.
     """
     content = read_checked(part.path)
     if content is None:
@@ -143,9 +143,9 @@ def read_part(part: Part) -> pa.Table:
 
 
 def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
-    """Give the parts, sorted as by `parts_in`, with the cases that are to be taken from each.
+    """Yield each part, sorted as by `parts_in`, with first and end of the cases to take from it.
 
-    Parts may overlap, where a worker outlived the job that started it: a case is taken once.
+    Parts overlap if a worker outlived the job that started it: each case is taken once.
     """
     covered = 0
     for part in parts:
@@ -156,7 +156,7 @@ def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
 
 
 def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
-    """Return the ranges of cases from `first` up to `end` that no part holds."""
+    """Return the ranges of cases from `first` up to `end` that are in no part."""
     found, covered = [], first
     for part in parts:
         if part.end <= covered or part.first >= end:
@@ -170,6 +170,6 @@ def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a part is undamaged, and has our columns."""
+    """Whether a part is undamaged and has the expected columns."""
     content = read_checked(path)
     return content is not None and pq.read_schema(pa.BufferReader(content)).equals(PART_SCHEMA)

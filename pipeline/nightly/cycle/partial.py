@@ -1,4 +1,4 @@
-"""A cycle that is under way: what was asked, and the parts done so far."""
+"""A cycle that is under way: its request, and the part files so far."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.storage.locks import file_lock
 from pipeline.storage.whole_files import write_whole
 
 _REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
-# Time for another part of the same night to set the folder up, s.
+# Time for another job of the same night to set the folder up, s.
 _SETUP_S = 60.0
 
 
@@ -34,7 +34,7 @@ class Partial:
         Parameters
         ----------
         request
-            Says all that results depend on: parts of another one are removed.
+            Identifies everything that results depend on: part files of another request are removed.
         is_alone
             Whether no other job is at work in the folder.
 
@@ -46,24 +46,24 @@ class Partial:
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             with file_lock(folder / _LOCK, wait_s=_SETUP_S):
-                said = _said(folder / _REQUEST)
-                if said.get("request") != request:
-                    if said and not is_alone:
+                found = _request(folder / _REQUEST)
+                if found.get("request") != request:
+                    if found and not is_alone:
                         raise StageError(
                             f"{folder.name} was begun by another request; run once without --part, "
                             "or remove it"
                         )
                     _empty(folder)
                     now = datetime.now(UTC).isoformat(timespec="seconds")
-                    said = {"request": request, "started": now}
-                    write_whole(folder / _REQUEST, json.dumps(said) + "\n")
+                    found = {"request": request, "started": now}
+                    write_whole(folder / _REQUEST, json.dumps(found) + "\n")
                 for name in (_PARTS, _MARKS):
                     (folder / name).mkdir(exist_ok=True)
                 if is_alone:
                     remove_unfinished(folder / _PARTS)
                     for path in (folder / _MARKS).iterdir():
                         path.unlink(missing_ok=True)
-        return cls(folder, datetime.fromisoformat(said["started"]))
+        return cls(folder, datetime.fromisoformat(found["started"]))
 
     @property
     def request_file(self) -> Path:
@@ -72,16 +72,16 @@ class Partial:
 
     @property
     def parts_folder(self) -> Path:
-        """Where the parts are."""
+        """Folder of the part files."""
         return self.folder / _PARTS
 
     @property
     def marks_folder(self) -> Path:
-        """Where batches that are at work leave their marks."""
+        """Folder of the markers of batches at work."""
         return self.folder / _MARKS
 
     def parts(self) -> list[Part]:
-        """Return the whole parts, by their first case."""
+        """Return the whole parts, sorted by first case."""
         return parts_in(self.parts_folder)
 
     def forget_parts(self) -> None:
@@ -90,7 +90,7 @@ class Partial:
             shutil.rmtree(self.parts_folder)
 
     def clear(self) -> None:
-        """Remove all but the results."""
+        """Remove everything but the results."""
         with writing(self.folder):
             for name in (_PARTS, _MARKS):
                 shutil.rmtree(self.folder / name, ignore_errors=True)
@@ -98,18 +98,18 @@ class Partial:
                 (self.folder / name).unlink(missing_ok=True)
 
 
-def _said(path: Path) -> dict[str, str]:
-    """Read what was asked; empty where nothing was, or the file is damaged."""
+def _request(path: Path) -> dict[str, str]:
+    """Read the file of the request; empty if it is missing or damaged."""
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-        datetime.fromisoformat(said["started"])
-        return {key: str(said[key]) for key in ("request", "started")}
+        found = json.loads(path.read_text(encoding="utf-8"))
+        datetime.fromisoformat(found["started"])
+        return {key: str(found[key]) for key in ("request", "started")}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
 
 def _empty(folder: Path) -> None:
-    """Remove what another request left."""
+    """Remove the files of another request."""
     for path in folder.iterdir():
         if path.name == _LOCK:
             continue

@@ -1,7 +1,7 @@
-"""`night.json`: when and from what a cycle was made, how its cases ended, and hashes of its files.
+"""`night.json`: the time and inputs of a cycle, how its cases ended, and hashes of its files.
 
-It is written last, once all that it vouches for is on the disk: a cycle with a record is whole, and
-what has changed since is told by the hashes. The one file of a cycle with times of making.
+It is written last, once all other files are on the disk: a cycle with a record is whole, and the
+hashes show what has changed since. No other file of a cycle has times of its making.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def write_record(
     Parameters
     ----------
     files
-        Names of the cycle's files; all else in the folder goes before it is published.
+        Names of the cycle's files; anything else in the folder is removed before it is published.
     made
-        When and from what it was made.
+        The time and the inputs of the cycle.
     by_outcome
         Number of cases by outcome.
     notes
-        What somebody should look at beside the cases.
+        Other things that somebody should look at.
     """
     from pipeline.formats.tables.manifest import versions
 
@@ -60,27 +60,27 @@ def write_record(
 
 
 def record_of(folder: Path) -> dict[str, Any]:
-    """Read what a finished cycle says of its making.
+    """Read the record of a finished cycle.
 
     Raises
     ------
     StageError
-        It can't be read: the disk, or somebody, has changed the cycle.
+        The record can't be read: the disk, or somebody, has changed the cycle.
     """
     try:
-        said: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-        said["sha256"].items()
-        datetime.fromisoformat(said["finished"])
+        record: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        record["sha256"].items()
+        datetime.fromisoformat(record["finished"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = getattr(error, "strerror", None) or "damaged"
         raise StageError(
             f"{folder / RECORD} can't be read ({reason}); run a night, which plans it anew"
         ) from error
-    return said
+    return record
 
 
 def finished_at(folder: Path) -> datetime | None:
-    """Return when a cycle was finished; None where it does not say so."""
+    """Return when a cycle was finished; None if its record does not say it."""
     try:
         return datetime.fromisoformat(record_of(folder)["finished"])
     except StageError:
@@ -88,20 +88,20 @@ def finished_at(folder: Path) -> datetime | None:
 
 
 def reason_to_revise(folder: Path, request: str, currents: str) -> str:
-    """Say why a finished cycle does not stand; empty where it does.
+    """Say why a finished cycle must be planned again; empty if it is still good.
 
     Parameters
     ----------
     request, currents
-        Hashes of what is asked for now, and of the currents that there are.
+        Hashes of tonight's request and of the newest currents.
     """
     if faults := faults_of(folder):
         return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())
-    said = record_of(folder)
+    record = record_of(folder)
     changed = [
         what
         for what, now in (("request", request), ("currents", currents))
-        if said.get(what) != now
+        if record.get(what) != now
     ]
     return f"changed since {folder.name}: {' and '.join(changed)}" if changed else ""
 
@@ -109,8 +109,8 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str]:
     """Return what is wrong with a cycle's files, by their names: missing, damaged.
 
-    All of them by default, and then of the record itself. Where the record can't be read, a table
-    is read to its end instead.
+    By default all files are checked, and the record itself. If the record can't be read, a table is
+    read to its end instead.
     """
     try:
         hashes = record_of(folder)["sha256"]
@@ -129,7 +129,7 @@ def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str
 
 
 def _table_fault(path: Path) -> str:
-    """Return why a Parquet table can't be read to its end; empty where it can."""
+    """Return why a Parquet table can't be read to its end; empty if it can."""
     try:
         pq.read_table(path)
     except FileNotFoundError as error:

@@ -1,7 +1,7 @@
-"""Cuts a night's cases into batches of 20 to 60 seconds, and halves those that kill their worker.
+"""Cuts a night's cases into batches of 20 to 60 seconds; a batch that kills its worker is halved.
 
-How long a case takes is measured on the first ones of its chart. Results do not depend on how the
-cases were cut.
+The first cases of a chart show how long a case takes. Results do not depend on how the cases were
+cut.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass, field
 
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
 
-# Work in a batch, s. It is at most this share of what is left to each worker: what a killed job was
-# at is lost, and towards the end no worker waits long for the last.
+# Work in a batch, s, and its limit as a share of the work that is left for each worker. Short
+# batches: a killed job loses only those under way, and at the end no worker waits long for another.
 _TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
-# Number of cases in a batch as long as nobody knows how long one takes.
+# Number of cases in a batch until it is known how long one takes.
 _FIRST_CASES = 1
-# Number of times that a single case may see its worker die before it is called broken.
+# Number of workers that a single case may kill before it is recorded as broken.
 _DEATHS = 2
 
 
 @dataclass
 class _Waiting:
-    """Cases of one chart that wait, as ranges, and how long one takes, s (None: unknown)."""
+    """Waiting cases of one chart as ranges, and the seconds that one takes (None: unknown)."""
 
     ranges: deque[tuple[int, int]]
     seconds: float | None = None
@@ -73,7 +73,7 @@ class BatchWork:
         return None
 
     def done(self, task: PlanBatch, result: BatchReport) -> None:
-        """Learn how long a case takes."""
+        """Update the time per case from a finished batch."""
         count = task.end - task.first
         if result.seconds > 0:
             for waiting, ranges in zip(self._waiting, self.charts, strict=True):
@@ -82,7 +82,7 @@ class BatchWork:
         self.on_done(result)
 
     def died(self, task: PlanBatch) -> None:
-        """Halve a batch, or give up its only case once that has been tried again."""
+        """Halve a batch; a single case is tried once more, and then given up."""
         if task.end - task.first > 1:
             middle = (task.first + task.end) // 2
             self._suspects.extend([(task.first, middle), (middle, task.end)])
@@ -94,7 +94,7 @@ class BatchWork:
             self.on_broken(task.first)
 
     def failed(self, task: PlanBatch, error: Exception) -> None:
-        """End the night: a case that can't be planned fails no batch, a full disk does."""
+        """End the night: a batch fails for reasons such as a full disk, never because of a case."""
         del task
         raise error
 

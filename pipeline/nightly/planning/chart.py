@@ -1,4 +1,4 @@
-"""What the cases of a night share: a chart, and each of its currents, made once and stored."""
+"""Charts and currents, which the cases of a night share: each is made once and stored."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class NightChart:
 
 @dataclass(frozen=True)
 class NightCurrent:
-    """A current in the planner's plane; `stand_in` says what it is planned on instead, or ""."""
+    """A current in the planner's plane; `stand_in` says which current replaces the first choice."""
 
     current: Current
     valid: str
@@ -55,7 +55,7 @@ class NightCurrent:
 
 @dataclass(frozen=True, slots=True)
 class ChartTask:
-    """All that is needed to make a chart; `ends` are those of all pairs that are planned on it."""
+    """Inputs of a chart; `ends` are the starts and goals of all pairs that are planned on it."""
 
     scenario: Scenario
     ends: tuple[Point, ...]
@@ -72,7 +72,7 @@ class ChartTask:
 
 @dataclass(frozen=True, slots=True)
 class CurrentTask:
-    """All that is needed to make one current of a chart; `label` names it in messages."""
+    """Inputs of one current of a chart; `label` names it in messages."""
 
     label: str
     season: Season
@@ -87,7 +87,7 @@ class CurrentTask:
         Raises
         ------
         StageError
-            None of its sources has it, or the chart is missing.
+            No source has the current, or the chart is missing.
         """
         if load_artefact(self.path, NightCurrent) is not None:
             return
@@ -97,18 +97,18 @@ class CurrentTask:
 
 @lru_cache(maxsize=2)
 def loaded_chart(path: Path) -> NightChart:
-    """Load a chart, as `_loaded` does; a worker keeps the last two."""
+    """Load a stored chart; a worker keeps the last two. Raises what `_loaded` does."""
     return _loaded(path, NightChart)
 
 
 @lru_cache(maxsize=4)
 def loaded_current(path: Path) -> NightCurrent:
-    """Load a current, as `_loaded` does; a worker keeps the last four."""
+    """Load a stored current; a worker keeps the last four. Raises what `_loaded` does."""
     return _loaded(path, NightCurrent)
 
 
 def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
-    """Load what a task has stored.
+    """Load a chart or current that a task has stored.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
 
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
-    """Return the key of a scenario's chart in the store, drawn for the ends of some pairs."""
+    """Return the store's key of a scenario's chart that keeps the ends of some pairs in water."""
     names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
     inputs = scenario.model_dump(mode="json", include=names)
     if scenario.is_planar:
@@ -142,7 +142,7 @@ def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
 
 
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
-    """Fetch, simplify and project a scenario's chart, on which the ends of pairs lie in water."""
+    """Fetch, simplify and project a scenario's chart; keep the ends of pairs in water."""
     if scenario.is_planar:
         scene = replace(planar.plane_scene(scenario), currents={})
         return NightChart(scenario, scene, "", 0.0, (), SmallMap.of(scene))
@@ -158,7 +158,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
 
 
 def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
-    """Return what fetches land and currents of a scenario's region."""
+    """Return the fetcher of land and currents in a scenario's region."""
     if scenario.region is None:
         raise StageError("the chart's region is yet to be chosen")
     land = land_source(scenario.chart, scenario.vessel.draught_m)
@@ -167,7 +167,7 @@ def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
 
 @lru_cache(maxsize=1)
 def _chart_fetcher(chart_path: Path, store_root: Path) -> Fetcher:
-    """Return a chart's fetcher, which keeps its land."""
+    """Return a chart's fetcher; cached, as it holds the land."""
     return _fetcher(loaded_chart(chart_path).scenario, Store(store_root, "nightly"))
 
 
@@ -191,6 +191,6 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
 
 
 def _stand_in(grid: CurrentGrid) -> str:
-    """Say what stands in for a first choice, and why; empty where it is that."""
+    """Say which current replaces the first choice, and why; empty if it is the first choice."""
     reasons = [passed.reason for passed in grid.passed_over]
     return "; ".join((*grid.stand_in_notes, *reasons)) if grid.is_stand_in else ""

@@ -1,4 +1,4 @@
-"""What changed: yesterday's route sailed in tonight's current, beside tonight's best."""
+"""Compares yesterday's route, sailed in tonight's current, with tonight's best route."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.scenario.model import PlannerOptions
 
-# Distance between the ends of two routes below which they are the same, share of their length: a
-# pair that was moved has no yesterday.
+# Two routes have the same start and goal if these differ by less than this share of the length: a
+# pair whose places were moved is not compared with yesterday.
 _SAME_END = 1e-6
-# Percentage by which yesterday's route must be cheaper to be worth a word: above the planner's own
+# Percentage by which yesterday's route must be cheaper to be reported: above the planner's own
 # tolerance.
 _CHEAPER_PERCENT = 0.1
-# Share of a line at which points are added for the distance between two, which is measured from
-# points.
+# Longest leg, as a share of a line, when the distance between two lines is measured: it is measured
+# from points, so that points are added to longer legs.
 _DENSIFY = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """When somebody should look: the saving, percent; and why the currents are too old, or ""."""
+    """When somebody should look: the saving, percent; and why currents are too old, or ""."""
 
     look_percent: float
     stale: str = ""
@@ -46,9 +46,9 @@ def compared(
 ) -> Row:
     """Return the columns that set tonight's best route beside yesterday's.
 
-    `keep_fuel` is what yesterday's route needs in tonight's current, null where no way can be made
-    along it or it now meets land. Its arrival follows from the fuel: at constant thrust one is
-    proportional to the other.
+    `keep_fuel` is the fuel of yesterday's route in tonight's current; null where the vessel can't
+    make way along the route, or it now meets land. The arrival follows from the fuel: at constant
+    thrust duration and fuel are proportional.
     """
     path = scene.projection.to_plane(earlier.path)
     route = planned.ranked_routes[0]
@@ -57,7 +57,7 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    # A route may touch land where it was planned without padding, and rounding carries it inside.
+    # A route planned without padding may touch land, and rounding may move it onto the land.
     if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()
@@ -73,7 +73,7 @@ def compared(
 
 
 def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
-    """Return a planned case's outcome, and why it is not *same*."""
+    """Return a planned case's outcome, and the reasons where it is not "same"."""
     act, look = list[str](), list[str]()
     if row.get("earlier_class") is not None:
         rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()

@@ -1,4 +1,4 @@
-"""The workers of a night: those of a scheduler, or of a cluster of this machine."""
+"""The workers of a night: from a Dask scheduler, or from a cluster on this machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.stages.workers.fleet import Fleet, fleet
 from pipeline.stages.workers.local_cluster import local_cluster
 
-# Number of times that local workers, which run this very code, are looked at.
+# Number of times that local workers are checked: they run this very code, but may die at first.
 _ATTEMPTS = 3
 
 
@@ -25,7 +25,7 @@ def night_workers(
         Address of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, else a cluster of this
         machine.
     workers
-        Number of local workers; None for one a core.
+        Number of local workers; None for one per core.
     memory_gb
         Memory of a local worker, GB.
     shared
@@ -34,7 +34,7 @@ def night_workers(
     Raises
     ------
     StageError
-        There are none, or some can't do the work.
+        There are no workers, or some of them can't do the work.
     """
     import dask
 

@@ -27,7 +27,7 @@ from pipeline.scenario.strict import Point
 from pipeline.stages.workers.fleet import Fleet
 from pipeline.storage.store import Store, artefact_key, read_checked
 
-# Number of cases in a slice of a share at most: neighbours share a current.
+# Largest number of cases in a slice: neighbours stay together, as they share a current.
 _LARGEST_SLICE = 64
 _DIED = (
     "its worker died of it (out of memory, which memory_gb limits where workers are local, or a "
@@ -37,25 +37,25 @@ _DIED = (
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """One job's share of a night: slice after slice of `slice` cases, each `of`-th from `part`."""
+    """One job's share of a night: slices of `slice` cases, every `of`-th one from `number` on."""
 
-    part: int
+    number: int
     of: int
     slice: int
 
     @classmethod
-    def of_night(cls, count: int, part: int = 1, of: int = 1) -> Share:
-        """Return a share of `count` cases: slices so small that all jobs have much the same."""
-        return cls(part, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
+    def of_night(cls, count: int, number: int = 1, of: int = 1) -> Share:
+        """Return a share of `count` cases, in slices small enough that all shares are alike."""
+        return cls(number, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
 
     def has(self, index: int) -> bool:
-        """Whether a case belongs to it."""
-        return index // self.slice % self.of == self.part - 1
+        """Whether a case belongs to the share."""
+        return index // self.slice % self.of == self.number - 1
 
 
 @dataclass
 class Preparation:
-    """Charts or currents to make, as the fleet's `Work`; `failures` by their paths."""
+    """Charts or currents to make, as the fleet's `Work`; `failures` are keyed by path."""
 
     tasks: Iterable[ChartTask | CurrentTask]
     on_done: Callable[[], None]
@@ -66,22 +66,22 @@ class Preparation:
         self._waiting = deque(self.tasks)
 
     def next_task(self, workers: int) -> ChartTask | CurrentTask | None:
-        """Return the next one."""
+        """Return the next task, or None."""
         del workers
         return self._waiting.popleft() if self._waiting else None
 
     def done(self, task: ChartTask | CurrentTask, result: None) -> None:
-        """Take note."""
+        """Report one more that is done."""
         del task, result
         self.on_done()
 
     def died(self, task: ChartTask | CurrentTask) -> None:
-        """Take note that a worker died of it."""
+        """Note the failure of a task that killed its worker."""
         self.failures[task.path] = f"preparing its {_kind(task)} failed: {_DIED}"
         self.on_done()
 
     def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
-        """Take note why it can't be made."""
+        """Note why a chart or current can't be made."""
         kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
         self.failures[task.path] = kind + " ".join(str(error).split())
         self.on_done()
@@ -93,7 +93,7 @@ def _kind(task: ChartTask | CurrentTask) -> str:
 
 @dataclass
 class Planning:
-    """All that is needed to plan a night's cases."""
+    """Plans a night's cases: makes the charts and currents, and runs the batches."""
 
     cases: Cases
     newest: Newest
@@ -116,7 +116,7 @@ class Planning:
         Raises
         ------
         ComeAgainError
-            None of the currents is there.
+            No current is available yet.
         """
         examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
         charts = [
@@ -160,7 +160,7 @@ class Planning:
             raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")
 
     def plan(self, workers: Fleet, share: Share) -> None:
-        """Plan all cases of a share that no part holds."""
+        """Plan the cases of a share that are in no part file yet."""
         parts = self.partial.parts()
         charts = [
             [piece for gap in gaps(parts, first, end) for piece in _pieces(*gap, share)]
@@ -179,14 +179,14 @@ class Planning:
         workers.run(BatchWork(charts, self._batch, self._write_broken, progress), self.check)
 
     def chart_path(self, case: Case) -> Path:
-        """Return where a case's chart is."""
+        """Return the path of a case's chart."""
         if case.chart not in self._chart_paths:
             path = self.store.path("night-chart", chart_key(_scenario(case), _ends(case)))
             self._chart_paths[case.chart] = path
         return self._chart_paths[case.chart]
 
     def current_path(self, case: Case) -> Path:
-        """Return where a case's current is; it is kept for all runs of a cycle."""
+        """Return the path of a case's current, which all runs of a cycle use."""
         chart = self.chart_path(case)
         key = (chart, case.current)
         if key not in self._current_paths:
@@ -210,19 +210,19 @@ class Planning:
         return case.season.model_copy(update=update)
 
     def leaves(self, case: Case) -> datetime | None:
-        """Return when a case's vessel leaves; None where nobody says it."""
+        """Return a case's departure; None where neither the night nor the season gives one."""
         if case.departure is None:
             return case.season.departure
         start = self.newest.departures_from
         return None if start is None else case.departure.after(start)
 
     def _usable_currents(self, case: Case) -> tuple[str | tuple[str, ...], ...]:
-        """Return the sources of a case's currents, less those that are dated in the future."""
+        """Return the sources of a case's currents, without those dated in the future."""
         named = named_currents(case.season, case.member)
         return tuple(one for one in named if one not in self.newest.ahead)
 
     def _dated_ahead(self) -> dict[Path, str]:
-        """Return why currents can't be had of which all sources are dated in the future."""
+        """Return, by path, why a current can't be used: all its sources are dated in the future."""
         return {
             self.current_path(case): "; ".join(
                 self.newest.ahead[one] for one in named_currents(case.season, case.member)
@@ -277,7 +277,7 @@ class Planning:
         )
 
     def _write_broken(self, index: int) -> None:
-        """Write the part of a case that kills its worker."""
+        """Write the part file of a case that kills its worker."""
         batch = self._batch(index, index + 1)
         earlier = {} if self.earlier is None else self.earlier.read([batch.cases[0].earlier_row])
         row = failed_row(
@@ -292,19 +292,19 @@ class Planning:
 
 
 def _scenario(case: Case) -> Scenario:
-    """Return a case's scenario, with its own vessel."""
+    """Return a case's scenario with the case's vessel."""
     scenario = case.block.scenario
     return scenario if case.vessel is None else scenario.model_copy(update={"vessel": case.vessel})
 
 
 def _ends(case: Case) -> tuple[Point, ...]:
-    """Return start and goal of all pairs on a case's chart; they stay in water there."""
+    """Return start and goal of all pairs on a case's chart, which keeps them in water."""
     pairs = (pair for pair in case.block.pairs if pair is not None)
     return tuple(end for pair in pairs for end in (pair.start, pair.goal))
 
 
 def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:
-    """Cut a range at the slices' borders; keep what the share has, joined where it adjoins."""
+    """Return the parts of a range that belong to a share; adjoining slices are joined."""
     begin: int | None = None
     at = first
     while at < end:

@@ -1,4 +1,4 @@
-"""A small map of a chart as SVG paths: what the page of a night shows of it."""
+"""A small map of a chart as SVG paths, for the page of a night."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pipeline._types import FloatArray
 from pipeline.model import Scene
 
 _WIDTH = 480.0
-# Detail of a map, and the least area of an island on it, units of it.
+# Detail of a map, and least area of an island on it, in units of the map's frame.
 _TOLERANCE, _LEAST_AREA = 0.4, 0.6
 
 
 @dataclass(frozen=True)
 class SmallMap:
-    """Land as an SVG path in a frame of `width` by `height`; x, y to the frame, and its CRS."""
+    """Land as an SVG path in a frame of `width` by `height`, and the map of planar x, y to it."""
 
     width: float
     height: float
@@ -28,7 +28,7 @@ class SmallMap:
 
     @classmethod
     def of(cls, scene: Scene) -> SmallMap:
-        """Draw a scene's land, simplified to what can be seen."""
+        """Draw a scene's land, without details too small to see."""
         xmin, ymin, xmax, ymax = scene.chart.bounds
         per_metre = _WIDTH / max(xmax - xmin, (ymax - ymin) / 1.4)
         empty = cls((xmax - xmin) * per_metre, (ymax - ymin) * per_metre, "", xmin, ymax, per_metre)

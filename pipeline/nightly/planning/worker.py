@@ -1,7 +1,7 @@
-"""A batch of cases on one chart, planned by a worker: given by paths, it leaves one part.
+"""A batch of cases on one chart: a worker plans them and writes one part file.
 
-Chart and current are loaded once. Before it begins, a batch leaves a mark; where it finds that mark
-of its own, the worker that had it before has died of it, and the batch is not tried again as it is.
+Chart and current are loaded once, by their paths. Before it begins, a batch writes a marker file. A
+batch that finds its own marker has killed a worker before, and is not tried again as it is.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class CaseTask:
     """One case for a worker.
 
     `parts` are the six parts of its name, `leaves` is its departure; start and goal are None where
-    they are the scenario's own; `earlier_row` is its row among yesterday's cases, or -1; `failure`
-    says why it can't even be tried.
+    the scenario's own are used; `earlier_row` is its row among yesterday's cases, or -1; `failure`
+    says why the case can't be planned at all.
     """
 
     index: int
@@ -64,7 +64,7 @@ class CaseTask:
 
 @dataclass(frozen=True, slots=True)
 class PlanBatch:
-    """Neighbouring cases on one chart, and where their part is to be."""
+    """Neighbouring cases on one chart, and the folder of the part file."""
 
     cases: tuple[CaseTask, ...]
     chart_path: Path
@@ -85,12 +85,12 @@ class PlanBatch:
         return self.cases[-1].index + 1
 
     def make(self) -> BatchReport:
-        """Plan the cases; return how long that took.
+        """Plan the cases, write their part file, and return how long that took.
 
         Raises
         ------
         DiedBeforeError
-            A worker has died of it.
+            This batch has killed a worker.
         StageError
             The part can't be written, or the chart can't be read.
         """
@@ -99,7 +99,7 @@ class PlanBatch:
 
 @dataclass(frozen=True, slots=True)
 class BatchReport:
-    """How a batch ended: seconds of planning, and of all, reading and writing included."""
+    """How long a batch took, s: planning alone, and in all with reading and writing."""
 
     first: int
     end: int
@@ -135,7 +135,7 @@ def plan_batch(batch: PlanBatch) -> BatchReport:
 
 
 def _mark(path: Path) -> None:
-    """Leave a batch's mark; refuse a batch that has left it before, and never ended."""
+    """Write a batch's marker file; refuse a batch whose marker is there, as it never ended."""
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
     except FileExistsError:
@@ -150,7 +150,7 @@ def _mark(path: Path) -> None:
 def plan_case(
     case: CaseTask, chart_path: Path, rules: Rules, earlier: EarlierRoute | None
 ) -> list[Row]:
-    """Plan a case; return the rows of its routes, and its own as the last one."""
+    """Plan a case; return the rows of its routes, then the row of the case itself."""
     if case.failure:
         return [failed_row(case, case.failure, rules, earlier)]
     try:
@@ -220,7 +220,7 @@ def failed_row(
 
 
 def _row_of(case: CaseTask, rank: int) -> Row:
-    """Return the columns by which a row is found."""
+    """Return the columns that identify a row: the case's name and the route's rank."""
     scenario, season, pair, departure, vessel, member = case.parts
     return {
         "index": case.index,
@@ -236,7 +236,7 @@ def _row_of(case: CaseTask, rank: int) -> Row:
 
 
 def _described(current: NightCurrent) -> Row:
-    """Return the columns that say which current it was."""
+    """Return the columns that say which current was used."""
     return {"currents": current.valid, "source": current.source, "stand_in": current.stand_in}
 
 
@@ -265,7 +265,7 @@ def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
 
 
 def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
-    """Return a case's own scene."""
+    """Return the scene of one case: the shared chart with its own ends and current."""
     start, goal = (
         chart.scene.start if case.start is None else _placed(chart, case.start),
         chart.scene.goal if case.goal is None else _placed(chart, case.goal),
@@ -283,7 +283,7 @@ def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.d
 
 @lru_cache(maxsize=4096)
 def _clearance(chart_path: Path, start: Point | None, goal: Point | None) -> float:
-    """Return the clearance of a pair, which takes as long as a small plan: kept for the next."""
+    """Return a pair's clearance; cached, as it takes as long as a small plan."""
     chart = loaded_chart(chart_path)
     return clearance(
         chart,

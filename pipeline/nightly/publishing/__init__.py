@@ -1,1 +1,1 @@
-"""What is published: tables, map layers, the page, what changed, and how it was made."""
+"""The published files: tables, map layers, the page, the changes, and the record."""

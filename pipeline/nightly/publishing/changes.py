@@ -1,4 +1,4 @@
-"""`changes.csv`: each case that had a route yesterday, and what became of it."""
+"""`changes.csv`: yesterday's and tonight's route of each case that had one yesterday."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ COLUMNS = (
     "status",
     "reason",
 )
-"""Columns: yesterday's route and tonight's, and the former *kept*: sailed in tonight's current."""
+"""Columns: yesterday's route, tonight's, and `keep`: yesterday's sailed in tonight's current."""
 
 
 def write_changes(cases_path: Path, path: Path) -> None:
-    """Write the changes of a cycle; without a yesterday, the header only."""
+    """Write the changes of a cycle; only the header if there is no earlier cycle."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -45,14 +45,14 @@ def write_changes(cases_path: Path, path: Path) -> None:
 
 
 def rows_of(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
-    """Give the rows of a table one by one, without reading all of it."""
+    """Yield the rows of a table one by one, without reading it whole."""
     file = pq.ParquetFile(path)
     for group in range(file.num_row_groups):
         yield from file.read_row_group(group, list(columns)).to_pylist()
 
 
 def _spelled(value: object) -> object:
-    """Spell a value: times by ISO 8601, figures to nine digits, nothing for none."""
+    """Spell a value: times by ISO 8601, numbers to nine digits, None as an empty text."""
     if isinstance(value, datetime):
         return value.strftime("%Y-%m-%dT%H:%M:%SZ")
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""`routes.gpkg` of a cycle: of each case the best route, and the best on each other side."""
+"""`routes.gpkg` of a cycle: each case's best route, and its best on each other side."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
-    """Give the routes that the layer shows, some thousands at a time."""
+    """Yield the routes that the layer shows, some thousands at a time."""
     chunk: list[Row] = []
     shown, case = set[str](), -1
     columns = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")

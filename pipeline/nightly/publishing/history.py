@@ -1,4 +1,4 @@
-"""`history.parquet`: a row for each case of each cycle; every cycle carries it on."""
+"""`history.parquet`: one row per case and cycle; every cycle holds it, with its own rows added."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SCHEMA = pa.schema(
 def write_history(
     earlier: LookBack, cases_path: Path, path: Path, cycle: str, reference: datetime | None
 ) -> None:
-    """Write the history so far, the cases of cycles that it lacks, and tonight's cases."""
+    """Write the history so far, the cases of cycles missing in it, and tonight's cases."""
     with table_writer(path, SCHEMA) as write:
         if earlier.history is not None:
             before = pq.ParquetFile(earlier.history)

@@ -1,7 +1,7 @@
-"""From parts to a cycle's tables: `cases.parquet`, a row a case, and `routes.parquet`.
+"""Merges part files into a cycle's tables: `cases.parquet`, one row per case, and `routes.parquet`.
 
-Rows are in the order of the cases, whatever the order of the work, and written as they are read: a
-million of them need little memory. Both are GeoParquet.
+Rows are in the order of the cases, whatever the order of the work, and are written as they are
+read: a million rows need little memory. Both are GeoParquet.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, Part, covering, read_part
 
 ROUTES_FILE = "routes.parquet"
-# Rows of a group: few are read again when one case is looked up.
+# Rows of a group: small, as a whole group is read to look up one case.
 _GROUP_ROWS = 4096
 # https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
 _GEO = {
@@ -29,7 +29,7 @@ _GEO = {
 
 
 def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
-    """Write both tables from parts that hold every case; return the seconds of planning in them."""
+    """Write both tables from parts that hold every case; return their planning time, s."""
     seconds = 0.0
     with (
         table_writer(cases_path, _geographic(CASE_SCHEMA)) as write_cases,
@@ -66,5 +66,5 @@ def table_writer(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table],
 
 
 def _geographic(schema: pa.Schema) -> pa.Schema:
-    """Add what makes a table GeoParquet."""
+    """Add the metadata of GeoParquet to a schema."""
     return schema.with_metadata({b"geo": json.dumps(_GEO).encode()})

@@ -1,4 +1,4 @@
-"""`index.html` of a cycle: what to look at, one file that works offline and loads nothing."""
+"""`index.html` of a cycle: the cases to look at, in one file that works offline."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Line:
 
 
 @dataclass
-class MapPart:
+class ChartMap:
     """One chart with its routes."""
 
     title: str
@@ -71,13 +71,13 @@ class MapPart:
 
     @property
     def drawn(self) -> list[Line]:
-        """The lines in the order of drawing: what to look at on top."""
+        """The lines in the order of drawing: cases to look at come last, on top."""
         return sorted(self.lines, key=lambda line: (OUTCOMES.index(line.outcome), line.is_earlier))
 
 
 @dataclass(frozen=True)
 class NightPage:
-    """Everything that the page shows."""
+    """The content of the page."""
 
     cycle: str
     reference: str
@@ -87,7 +87,7 @@ class NightPage:
     total: int
     rows: list[Row]
     hidden: int
-    maps: list[MapPart]
+    maps: list[ChartMap]
 
 
 def write_page(
@@ -108,11 +108,11 @@ def write_page(
     reference
         Reference time of its currents.
     notes
-        What is said before all else.
+        Sentences at the top of the page.
     chart_of
-        Gives the chart of a case by its index; None where it could not be made.
+        Returns the chart of a case by its index; None if it could not be made.
     earlier_of
-        Gives the route that a case had yesterday.
+        Returns the route that a case had yesterday.
     """
     path.write_text(
         _rendered(_gathered(cases_path, cycle, reference, notes, chart_of, earlier_of)), "utf-8"
@@ -129,7 +129,7 @@ def _gathered(
 ) -> NightPage:
     """Gather the page's content from the table of cases."""
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
-    maps: dict[tuple[str, str], MapPart] = {}
+    maps: dict[tuple[str, str], ChartMap] = {}
     rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
     earlier_cycle = ""
     for row in rows_of(cases_path, _COLUMNS):
@@ -141,14 +141,14 @@ def _gathered(
         key = row["scenario"], row["vessel"]
         if key not in maps:
             maps[key] = _map(row, chart_of(row["index"]))
-        part = maps[key]
-        part.counts[outcome] += 1
-        if row["source"] and len(part.currents) < 4:
-            part.currents[f"{row['source']}, {row['currents']}"] = None
-        if len(part.lines) < _MAX_LINES and part.land is not None:
+        chart_map = maps[key]
+        chart_map.counts[outcome] += 1
+        if row["source"] and len(chart_map.currents) < 4:
+            chart_map.currents[f"{row['source']}, {row['currents']}"] = None
+        if len(chart_map.lines) < _MAX_LINES and chart_map.land is not None:
             chart = chart_of(row["index"])
             if chart is not None:
-                _add_lines(part, row, chart, earlier_of(row) if outcome != SAME else None)
+                _add_lines(chart_map, row, chart, earlier_of(row) if outcome != SAME else None)
     shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
     return NightPage(
         cycle=cycle,
@@ -163,25 +163,27 @@ def _gathered(
     )
 
 
-def _map(row: Row, chart: NightChart | None) -> MapPart:
-    """Return a chart's map, without routes as yet."""
+def _map(row: Row, chart: NightChart | None) -> ChartMap:
+    """Return a chart's map without routes."""
     vessel = "" if row["vessel"] == "-" else f", {row['vessel']}"
     if chart is None:
-        return MapPart(f"{row['scenario']}{vessel}", 480.0, 1.0, "")
+        return ChartMap(f"{row['scenario']}{vessel}", 480.0, 1.0, "")
     title = chart.scenario.title or chart.scenario.name
     small = chart.small_map
-    return MapPart(f"{title}{vessel}", small.width, small.height, small.land)
+    return ChartMap(f"{title}{vessel}", small.width, small.height, small.land)
 
 
-def _add_lines(part: MapPart, row: Row, chart: NightChart, earlier: EarlierRoute | None) -> None:
+def _add_lines(
+    chart_map: ChartMap, row: Row, chart: NightChart, earlier: EarlierRoute | None
+) -> None:
     """Add a case's best route and, where it changed, yesterday's."""
     if row["geometry"] is not None:
         lonlat = shapely.get_coordinates(shapely.from_wkb(row["geometry"]))
         path = chart.small_map.path(chart.scene.projection.to_plane(lonlat))
-        part.lines.append(Line(path, row["case"], row["outcome"]))
+        chart_map.lines.append(Line(path, row["case"], row["outcome"]))
     if earlier is not None:
         path = chart.small_map.path(chart.scene.projection.to_plane(earlier.path))
-        part.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))
+        chart_map.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))
 
 
 def _rendered(page: NightPage) -> str:

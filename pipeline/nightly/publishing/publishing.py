@@ -40,12 +40,12 @@ RESULTS = (
     PAGE_FILE,
     ITEM_FILE,
 )
-"""The files of a cycle, but for `night.json`, which is written once the others are checked."""
+"""The files of a cycle, except `night.json`, which is written once the others are checked."""
 
 
 @dataclass(frozen=True)
 class Published:
-    """What the files hold: the number of cases by outcome and by status, and planning time, s."""
+    """Numbers of cases in the files by outcome and by status, and the planning time, s."""
 
     by_outcome: dict[str, int]
     by_status: dict[str, int]
@@ -56,7 +56,7 @@ class Published:
 class Publishing:
     """Makes the files of a cycle in the folder where it is under way.
 
-    `revises` says why these currents are planned on once more, if they are.
+    `revises` says why these currents are planned again; empty if they are not.
     """
 
     planning: Planning
@@ -108,14 +108,14 @@ class Publishing:
         Raises
         ------
         StageError
-            They do not: one line for each fault.
+            The files are not whole: one line for each fault.
         """
         faults = list(self._faults())
         if faults:
             raise StageError(f"{self.folder.name} is not whole: {'; '.join(faults)}; run again")
 
     def _faults(self) -> list[str]:
-        """Find what is not whole."""
+        """Find files that are not whole."""
         faults, count = [], len(self.planning.cases)
         try:
             index = pq.read_table(self.folder / CASES_FILE, columns=["index", "routes"])
@@ -163,7 +163,7 @@ class Publishing:
 
     @cached_property
     def _charts(self) -> dict[Path, NightChart | None]:
-        """Charts that were loaded."""
+        """Charts that were loaded, by path."""
         return {}
 
     @cached_property

@@ -1,7 +1,7 @@
 """`item.json`: a cycle as a static STAC item, for catalogues (https://stacspec.org, 1.1.0).
 
-Written without pystac, whose `Link` makes the relative `self` an absolute path of this machine, and
-with which it is no shorter; the tests read it with pystac, against the standard's schemas.
+Written without pystac: it is no shorter with it, and pystac's `Link` would turn the relative `self`
+into an absolute path of this machine. The tests read the item with pystac and check the schemas.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
 _ASSETS = {
-    "cases": (CASES_FILE, _PARQUET, "A row a case: its best route, and what changed", ["data"]),
-    "routes": (ROUTES_FILE, _PARQUET, "A row a route", ["data"]),
+    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", ["data"]),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
     "geopackage": (
         GEOPACKAGE_FILE,
         "application/geopackage+sqlite3",

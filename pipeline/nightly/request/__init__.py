@@ -1,1 +1,1 @@
-"""What is asked: the configuration, and the cases that come of it."""
+"""The request: the configuration, and the cases that it expands to."""

@@ -1,7 +1,7 @@
 """All cases of a night: products of scenario, season, pair, departure, vessel and member.
 
-There may be a million: none is made before it is asked for by its index. The order is that of the
-work, so that neighbours share chart and current: vessel, season, departure, member, pair.
+There may be a million: each is made only when it is asked for by its index. They are in the order
+of the work, so that neighbours share chart and current: vessel, season, departure, member, pair.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pipeline.nightly.request.departures import Departure
 
 NONE = "-"
-"""A part of a case's name that was left out; at the end of the name it is dropped."""
+"""Stands for a part of a case's name that is left out; dropped at the end of the name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Member:
     path: str
 
 
-# Dimensions of a block, in the order of the parts of a case's name that follow the scenario's.
+# Dimensions of a block, in the order of a case's name after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 
 
@@ -67,7 +67,7 @@ class Block:
         return math.prod(self.shape)
 
     def case(self, index: int, offset: int) -> Case:
-        """Return a case by its index in the block; the block begins at `offset` of all."""
+        """Return a case by its index in the block, whose first case is number `offset` of all."""
         rest, place = index, list[int]()
         for length in reversed(self.shape):
             rest, at = divmod(rest, length)
@@ -85,16 +85,16 @@ class Block:
 
     @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
-        """Names in each dimension, with which two blocks' cases can be told apart."""
+        """Names in each dimension, to see whether two blocks have a case in common."""
         return (
             frozenset({self.scenario.name}),
             *(frozenset(map(_name_of, getattr(self, dimension))) for dimension in _DIMENSIONS),
         )
 
     def named(self, asked: str) -> Block | None:
-        """Return the cases of a name, or whose names begin with it; None where there are none.
+        """Return the cases with a given name, or whose names begin with it; None for no case.
 
-        Each dimension is looked through by itself: together they may have billions of cases.
+        Each dimension is searched by itself: together they may have billions of cases.
         """
         scenario, *wanted = asked.strip("/").split("/")
         kept: dict[str, Any] = {
@@ -114,7 +114,7 @@ def _name_of(part: Season | Pair | Departure | VesselSpec | Member | None) -> st
 
 @dataclass(frozen=True, slots=True)
 class CurrentKey:
-    """What a current depends on, of all that makes up a case."""
+    """The properties of a case that its current depends on."""
 
     block: int
     season: str
@@ -143,7 +143,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """The parts with slashes between; those left out at the end are dropped."""
+        """The parts joined by slashes, without empty parts at the end."""
         parts = list(self.parts)
         while parts[-1] == NONE:
             parts.pop()
@@ -151,12 +151,12 @@ class Case:
 
     @property
     def chart(self) -> tuple[int, str]:
-        """What its chart depends on: the block, and the vessel for which it is drawn."""
+        """Key of its chart: the block, and the vessel for which the chart is drawn."""
         return self.block.number, self.parts[4]
 
     @property
     def current(self) -> CurrentKey:
-        """What its current depends on."""
+        """Key of its current."""
         _, season, _, departure, _, member = self.parts
         return CurrentKey(self.block.number, season, departure, member)
 
@@ -169,7 +169,7 @@ class Cases:
 
     @cached_property
     def _offsets(self) -> list[int]:
-        """Index of each block's first case, and the number of all."""
+        """Index of each block's first case, and at the end the number of all cases."""
         return [0, *itertools.accumulate(block.size for block in self.blocks)]
 
     def __len__(self) -> int:
@@ -184,7 +184,7 @@ class Cases:
         return self.blocks[block].case(index - self._offsets[block], self._offsets[block])
 
     def __iter__(self) -> Iterator[Case]:
-        """Give all cases in their order."""
+        """Yield all cases in order."""
         return (self[index] for index in range(len(self)))
 
     def chart_ranges(self) -> list[tuple[int, int]]:
@@ -198,7 +198,7 @@ class Cases:
         return ranges
 
     def current_examples(self) -> Iterator[Case]:
-        """Give one case of each current."""
+        """Yield one case of each current."""
         for block, offset in zip(self.blocks, self._offsets[:-1], strict=True):
             each = len(block.pairs)
             for index in range(0, block.size // len(block.vessels), each):
@@ -206,7 +206,7 @@ class Cases:
 
 
 def matches(name: str, asked: str) -> bool:
-    """Whether a case is asked for: by its name, or by the first parts of it."""
+    """Whether a case's name, or its first parts, are the asked name."""
     wanted = asked.strip("/").split("/")
     parts = name.split("/")
     parts += [NONE] * (len(wanted) - len(parts))

@@ -1,4 +1,4 @@
-"""What a night is asked for: one strict TOML file; every fault is given with file and line."""
+"""The request of a night: one strict TOML file; every fault is given with file and line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel
 
-# Where results go if neither the file nor --output says it, from the working directory.
+# Folder of results, from the working directory, if neither the file nor --output names one.
 _DEFAULT_OUTPUT = "outputs/nightly"
 _MEMBERS = Annotated[
     tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
@@ -24,7 +24,7 @@ _MEMBERS = Annotated[
 
 
 class CaseTable(StrictModel):
-    """One [[cases]] table: a scenario, and what it is multiplied by."""
+    """One [[cases]] table: a scenario, and the lists whose combinations with it are the cases."""
 
     scenario: str = Field(
         description="The scenario: its chart, currents and planner. Give a name of the catalogue "
@@ -111,7 +111,7 @@ class NightTable(StrictModel):
 
 @dataclass(frozen=True)
 class NightConfig:
-    """A file's table, where the file is, the lines of its keys, and the folder of all cycles."""
+    """A file's values, its path, the lines of its keys, and the folder of all cycles."""
 
     table: NightTable
     path: Path
@@ -119,7 +119,7 @@ class NightConfig:
     output: Path
 
     def located(self, fault: str) -> str:
-        """Begin a fault by the file and the line of the key that it begins with."""
+        """Put file and line before a fault that begins with a key's path."""
         return self.lines.located(fault, self.path.name)
 
 
@@ -134,14 +134,14 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     Parameters
     ----------
     file
-        The shipped one if left out.
+        Left out, the file that comes with the program.
     output
         Folder of all cycles, in place of the file's.
 
     Raises
     ------
     RequestError
-        Not there, not TOML, or invalid: one line for each fault.
+        The file is missing, not TOML, or invalid: one line for each fault.
     """
     path = shipped_config() if file is None else expanded(file, "--config")
     if reason := unreadable_reason(path):

@@ -17,14 +17,14 @@ _DAY = timedelta(days=1)
 
 
 def _time_of_day(text: str) -> str:
-    """Refuse what is no time of day in UTC."""
+    """Refuse a text that is not a time of day in UTC."""
     if not _TIME.fullmatch(text):
         raise ValueError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
     return text
 
 
 class DepartureSpec(StrictModel):
-    """When the vessels leave: `count` times from the first on, `every` so often."""
+    """When the vessels leave: `count` departures, the first at `first`, one `every` interval."""
 
     first: Annotated[str, AfterValidator(_time_of_day)] = Field(
         description="First departure: the first such time at or after the reference time of the "
@@ -42,7 +42,7 @@ class DepartureSpec(StrictModel):
     )
 
     def departures(self) -> tuple[Departure, ...]:
-        """Return all of them."""
+        """Return all departures."""
         found = _TIME.fullmatch(self.first)
         if found is None:
             raise ValueError("validated when the table was read")
@@ -53,20 +53,20 @@ class DepartureSpec(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """A time of day, and how long after the first such time the vessel leaves."""
+    """A first time of day, and the time between it and this departure."""
 
     time_of_day: timedelta
     later: timedelta
 
     @property
     def name(self) -> str:
-        """Name that is the same each night: 0600Z, or 0000Z+1 on the day after the first."""
+        """Name, the same every night: 0600Z, or 0000Z+1 on the day after the first departure."""
         days, rest = divmod(self.time_of_day + self.later, _DAY)
         minutes = rest // timedelta(minutes=1)
         return f"{minutes // 60:02}{minutes % 60:02}Z" + (f"+{days}" if days else "")
 
     def after(self, reference: datetime) -> datetime:
-        """Return its time, given the reference time (aware, UTC) of the night's currents."""
+        """Return the departure, given the reference time (aware, UTC) of the night's currents."""
         midnight = reference.replace(hour=0, minute=0, second=0, microsecond=0)
         first = midnight + self.time_of_day
         return (first if first >= reference else first + _DAY) + self.later

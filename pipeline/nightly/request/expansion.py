@@ -1,4 +1,4 @@
-"""From a night's file to its cases: scenarios, vessels, pairs and members, all faults at once."""
+"""Expands a night's file into its cases; all faults of the file are reported at once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.nightly.request.departures import Departure
 
 MAX_UNASKED = 100_000
-"""Number of cases from which on --yes is needed."""
+"""Largest number of cases without --yes."""
 _NO_NAME = re.compile(r"[^a-z0-9]+")
 
 
@@ -35,7 +35,7 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
     Parameters
     ----------
     only
-        A case's name, or its first parts: no others are planned.
+        A case's name, or its first parts: only matching cases are planned.
     yes
         Whether more than 100,000 cases are meant.
 
@@ -74,14 +74,14 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
 
 
 class _Expansion:
-    """One [[cases]] table on its way to a block."""
+    """Expands one [[cases]] table into a block."""
 
     def __init__(self, config: NightConfig, number: int, table: CaseTable) -> None:
         self._config, self._number, self._table = config, number, table
         self._faults: list[str] = []
 
     def block(self) -> tuple[Block | None, list[str]]:
-        """Return the block, or None; and the faults."""
+        """Return the block, or None if there are faults; and the faults."""
         table = self._table
         vessels = self._vessels()
         members = self._members()
@@ -108,7 +108,7 @@ class _Expansion:
         self._faults.append(self._config.located(f"cases[{self._number}].{key}: {text}"))
 
     def _here(self, path: str) -> str:
-        """Return a path from the file's own folder."""
+        """Return a path relative to the file's own folder."""
         return path if path.startswith(("~", "/")) else str(self._config.path.parent / path)
 
     def _scenario(self) -> Scenario | None:
@@ -129,13 +129,13 @@ class _Expansion:
             return None
 
     def _named_or_path(self, asked: str) -> str:
-        """Return a path from the file's folder if something is there, else the text itself."""
+        """Return the path in the file's folder if it exists, else the text itself."""
         path = self._here(asked)
         # Path.exists raises where a name is too long.
         return path if looks_like_path(asked) or os.path.exists(path) else asked  # noqa: PTH110
 
     def _with_own_currents(self, scenario: Scenario) -> Scenario:
-        """Replace the scenario's currents by those of the table."""
+        """Replace the scenario's currents by the table's."""
         if not self._table.currents or scenario.is_planar:
             return scenario
         named = tuple(
@@ -166,7 +166,7 @@ class _Expansion:
         return tuple(found)
 
     def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
-        """Return the seasons that are asked for."""
+        """Return the seasons that the table asks for."""
         known = {season.name: season for season in scenario.seasons}
         for key in ("via", "avoid"):
             if getattr(scenario, key):
@@ -202,7 +202,7 @@ class _Expansion:
         return tuple(known[name] for name in self._table.seasons if name in known)
 
     def _members(self) -> tuple[Member | None, ...]:
-        """Return a member for each file; none there yet is the currents' fault, not the file's."""
+        """Return a member for each file; no file yet is no fault: the forecast may come later."""
         if self._table.members is None:
             return (None,)
         paths: list[str] = []
@@ -213,7 +213,7 @@ class _Expansion:
         return tuple(members)
 
     def _pairs(self, scenario: Scenario) -> tuple[Pair | None, ...]:
-        """Read the pairs; those outside the region are refused."""
+        """Read the pairs; refuse pairs outside the region."""
         if self._table.pairs is None:
             return (None,)
         pairs, faults = read_pairs(
@@ -253,7 +253,7 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
 
 
 def _with_times(data: dict[str, Any]) -> dict[str, Any]:
-    """Give seasons of files a time where they have none: a case takes that of its departure."""
+    """Give seasons with files but without a time one: each case uses the time of its departure."""
     given = data.get("seasons")
     seasons = [
         {"valid": "1970-01", **season}
@@ -267,13 +267,13 @@ def _with_times(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _listed(season: dict[str, Any]) -> list[Any]:
-    """Return the currents of a season's table; none where they are no list."""
+    """Return the currents of a season's table; an empty list if they are not a list."""
     currents = season.get("currents")
     return currents if isinstance(currents, list) else []
 
 
 def _without_files(scenario: Scenario) -> Scenario:
-    """Leave out files of currents: a forecast may come later."""
+    """Remove files of currents from a scenario: a forecast may come later."""
     seasons = []
     for season in scenario.seasons:
         named = tuple(one for one in season.currents if isinstance(one, str))
@@ -282,12 +282,12 @@ def _without_files(scenario: Scenario) -> Scenario:
 
 
 def _name(stem: str) -> str:
-    """Return a member's name: its file's, in lower-case letters, digits and '-'."""
+    """Return a member's name: the file's name in lower-case letters, digits and '-'."""
     return _NO_NAME.sub("-", stem.lower()).strip("-")[:64] or "member"
 
 
 def _only(cases: Cases, asked: str) -> Cases:
-    """Keep the cases of a name, or whose names begin with it."""
+    """Keep the cases with a given name, or whose names begin with it."""
     blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name

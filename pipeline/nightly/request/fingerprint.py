@@ -1,4 +1,4 @@
-"""A hash of what a night is asked for: where it differs, cycles that stand are planned anew."""
+"""A hash of a night's request: if it changes, finished cycles are planned anew."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pipeline.sources.registry import land_source
 if TYPE_CHECKING:
     from pipeline.nightly.request.config import NightConfig
 
-# Keys that change no result.
+# Keys that do not affect results.
 _NO_RESULT = {"output", "keep", "limit_hours", "workers"}
 
 
 def request_hash(config: NightConfig, cases: Cases) -> str:
-    """Return a hash of all that results depend on, but for the currents' data and the code.
+    """Return a hash of everything that results depend on, except the currents' data and the code.
 
-    Charts, depths and pairs enter by their content.
+    Charts, depths and pairs are hashed by their content.
     """
     described = [
         config.table.model_dump_json(exclude=_NO_RESULT),

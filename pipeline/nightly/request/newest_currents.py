@@ -1,9 +1,9 @@
-"""Which currents are newest: they name the cycle, and departures count from them.
+"""Finds the newest currents: they name the cycle, and departures are counted from their time.
 
-A cycle is called `2026-11-21T00Z` by the reference time of its currents; where their source does
-not say it, by their last time step and a hash: `2026-11-24T18Z-1f0c5a7e`. Planned on once more, as
-the request or the data have changed, it is `2026-11-21T00Z-r2`. The clock plays no part, but that
-currents dated in its future are not used.
+A cycle is called `2026-11-21T00Z` by the reference time of its currents; if their source gives
+none, by their last time step and a hash: `2026-11-24T18Z-1f0c5a7e`. A cycle that is planned again,
+because the request or the data have changed, is called `2026-11-21T00Z-r2`. The clock is used for
+one thing only: currents dated in its future are left out.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _NAME = re.compile(
 )
 _FORMATS = ("%Y-%m-%dT%HZ", "%Y-%m-%dT%H%MZ")
 _UNDATED = "undated"
-# How far a forecast's reference time may lie ahead of the clock: its making, and other time zones.
+# How far a forecast's reference time may lie ahead of the clock, as for other time zones.
 _AHEAD = timedelta(days=1)
-# How far the last step of currents without a reference time may lie ahead: some are of a season.
+# How far the last step of currents without a reference time may lie ahead: some last a season.
 _STEPS_AHEAD = timedelta(days=366)
 
 
@@ -47,12 +47,12 @@ class Newest:
     Attributes
     ----------
     cycle : the cycle's name.
-    time : their reference time, or their last step if the source does not say it, or None where
-        they have no time at all.
+    time : their reference time, or their last step if the source gives none, or None if they have
+        no time at all.
     departures_from : the moment from which departures count.
-    digest : hash of all currents' data, or of what stands for them.
+    digest : hash of all currents' data, or of the numbers that define a plane's current.
     is_timeless : whether they are numbers in a plane, which no forecast renews.
-    ahead : why currents are not used that are dated in the clock's future, by how they are named.
+    ahead : the reason, by source, why currents dated in the clock's future are not used.
     """
 
     cycle: str
@@ -63,7 +63,7 @@ class Newest:
     ahead: Mapping[str | tuple[str, ...], str] = field(default_factory=dict)
 
     def stale_reason(self, now: datetime, limit_hours: float) -> str:
-        """Say that they are too old, if so; a clock that is behind them says nothing."""
+        """Say that the currents are too old; empty if not, or if the clock is behind them."""
         if self.time is None or now - self.time <= timedelta(hours=limit_hours):
             return ""
         hours = (now - self.time) / timedelta(hours=1)
@@ -71,19 +71,19 @@ class Newest:
 
 
 def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = None) -> Newest:
-    """Look which currents there are, and name the cycle by the newest.
+    """Find the available currents, and name the cycle by the newest.
 
     Parameters
     ----------
     now
         The time by this machine's clock.
     last_night
-        When the last night ended, by the same clock; None where nobody knows.
+        When the last night ended, by the same clock; None if unknown.
 
     Raises
     ------
     ComeAgainError
-        None are there yet; or they are dated in the future, and the clock was later before.
+        There are no currents yet; or all are dated in the future and the clock was set back.
     """
     _open_all(cases)
     issues: list[Issue | str] = []
@@ -121,7 +121,7 @@ def named_currents(season: Season, member: Member | None) -> tuple[str | tuple[s
 
 
 def cycle_time(cycle: str) -> datetime | None:
-    """Return the time in a cycle's name; None where it has none, or it is no cycle's name."""
+    """Return the time in a cycle's name; None if there is none, or it is not a cycle's name."""
     found = _NAME.fullmatch(cycle)
     if found is None or found[2] == _UNDATED:
         return None
@@ -144,12 +144,12 @@ def revision(cycle: str) -> int:
 
 
 def is_cycle(name: str) -> bool:
-    """Whether a folder's name is that of a cycle."""
+    """Whether a folder's name is a cycle's name."""
     return _NAME.fullmatch(name) is not None
 
 
 def _open_all(cases: Cases) -> None:
-    """Try all members' files in one process, which is remembered: one for each takes far longer."""
+    """Probe all members' files in one process, and cache the results: one process each is slow."""
     members = (member for block in cases.blocks for member in block.members)
     files = {Path(member.path) for member in members if member is not None}
     fatal_files(sorted(files))
@@ -162,7 +162,7 @@ def _issue(
     reasons: dict[str, None],
     ahead: dict[str | tuple[str, ...], str],
 ) -> Issue | None:
-    """Return the issue of the first source that says it and can be; else add the reasons."""
+    """Return the issue of the first source that has one and is not ahead; else add the reasons."""
     for named in named_currents(season, member):
         try:
             source = current_source(named)
@@ -200,12 +200,12 @@ def _spelled(time: datetime) -> str:
 
 
 def _plane_digest(block: Block) -> str:
-    """Return what stands for the currents of a plane, which are numbers."""
+    """Return a hash of the numbers that define the currents of a plane."""
     return "".join(season.model_dump_json() for season in block.seasons)
 
 
 def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:
-    """Name the cycle by the newest issue; by all where none has a time."""
+    """Name the cycle by the newest issue; by all issues if none has a time."""
     timed = [(one.reference or one.last_step, one) for one in dated]
     known = [(time, one) for time, one in timed if time is not None]
     if not known:
@@ -215,8 +215,7 @@ def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:
     of_newest = [one for time, one in known if time == newest]
     form = _FORMATS[1] if newest.minute else _FORMATS[0]
     name = newest.strftime(form)
-    said = [one for one in of_newest if one.reference is not None]
-    if not said:
+    if all(one.reference is None for one in of_newest):
         name += f"-{_hash(sorted({one.digest for one in of_newest}))}"
     starts = [one.reference or one.first_step for one in of_newest]
     return Newest(name, newest, min(start for start in starts if start is not None))

@@ -21,7 +21,7 @@ _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Where a voyage begins and ends: lon/lat degrees, or metres in a plane; and its row."""
+    """Start and goal of a voyage (lon/lat degrees, or metres in a plane), and the file's row."""
 
     name: str
     start: Point
@@ -69,7 +69,7 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
 
 
 def _size_reason(path: Path) -> str:
-    """Say that a file is too large to be one of pairs, if so."""
+    """Say that a file of pairs is too large; empty if it is not."""
     size = path.stat().st_size
     large = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
     return large if size > _MAX_BYTES else ""
@@ -82,7 +82,7 @@ def _columns(is_planar: bool) -> str:  # noqa: FBT001 - called with a name's val
 def _pair(
     row: dict[str, str], number: int, keys: tuple[str, ...], *, is_planar: bool
 ) -> tuple[Pair | None, list[str]]:
-    """Read a row; return its pair or None, and its faults."""
+    """Read a row; return the pair, or None if it has faults, and the faults."""
     faults, figures = [], []
     for key in keys[:-1]:
         try:

@@ -1,4 +1,4 @@
-"""Start–goal pairs that lie on land are refused before anything is written, each with its row."""
+"""Refuses start–goal pairs on land before anything is written; each fault names its row."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 
-# Distance around all places within which land is looked at, m.
+# Land is read within this distance of any start or goal, m.
 _NEAR_M = 2_000.0
 
 
@@ -45,7 +45,7 @@ def _voyages(block: Block) -> list[tuple[Scenario, int]]:
 def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
     """Return which of the voyages on one chart have an end on land.
 
-    All are looked at in one go; the closer look, which finds water, takes longer.
+    A quick test of all at once; it takes longer to find the nearest water, for messages.
     """
     ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
     around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)

@@ -1,4 +1,4 @@
-"""The line of a TOML file that a key stands in, for messages about its value."""
+"""Line numbers of the keys of a TOML file, for messages about their values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PATH = re.compile(r"(?:unknown key )?([A-Za-z_][\w\-]*(?:\[\d+\])?(?:\.[\w\-]+(
 
 @dataclass
 class TomlLines:
-    """Where the keys of a TOML file are; keys of an inline table are where the table begins."""
+    """Line numbers of a TOML file's keys; a key in an inline table has the table's line."""
 
     text: str
     _lines: dict[str, int] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class TomlLines:
                 self._lines.setdefault(path, number)
 
     def line(self, path: str) -> int:
-        """Return the line (from 1) of a key or, where it has none, of the table around it."""
+        """Return the line (from 1) of a key or, if it is missing, of the table around it."""
         while path:
             if path in self._lines:
                 return self._lines[path]
@@ -42,6 +42,6 @@ class TomlLines:
         return 1
 
     def located(self, fault: str, file: str) -> str:
-        """Begin a fault that begins with a key's path by the file and the key's line."""
+        """Put file and line before a fault that begins with a key's path."""
         found = _PATH.match(fault)
         return f"{file}, line {self.line(found[1]) if found else 1}: {fault}"

@@ -1,4 +1,4 @@
-"""What the currents of a voyage cover: its region must not reach beyond."""
+"""The area that a voyage's currents cover: the region must lie inside it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Coverage:
 
 
 def least_region(*stops: Point) -> shapely.Polygon:
-    """Return the line from stop to stop with little room around: part of any region they get."""
+    """Return the line from stop to stop with a little room around; every region contains it."""
     return shapely.LineString(stops).buffer(_AROUND_DEG)
 
 
@@ -129,7 +129,7 @@ def _of_season(
 
 
 def _intersection(one: Coverage, other: Coverage) -> Coverage:
-    """What both cover; both hold start and goal."""
+    """Return the intersection of two coverages, both of which hold start and goal."""
     bounds = common_bounds(one.bounds, other.bounds)
     if bounds is None:
         raise RequestError(["the seasons' currents have no water in common; plan each by itself"])

@@ -1,4 +1,4 @@
-"""The region of a scenario that leaves it out: chosen before the first plan, widened after one."""
+"""The region of a scenario without one: chosen before the first plan, widened after a plan."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     """
     parts = [Voyage.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS
-    # What covers each part; all of them have the same sources.
+    # The coverage of each leg; all legs have the same sources.
     *_, coverage = (
         covered_by_currents(scenario.seasons, part, folder, offline=offline) for part in parts
     )
@@ -109,7 +109,7 @@ def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[str, 
 
 
 def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> str:
-    """Say on which of some sides the region ends where its currents do; "" where on none."""
+    """Say on which of some sides the region ends at the edge of its currents; "" if on none."""
     limits, sources = chosen.coverage.bounds, chosen.coverage.sources
     ending: dict[str, list[str]] = {}
     for side in sides:

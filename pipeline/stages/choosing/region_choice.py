@@ -29,7 +29,7 @@ _MIN_MARGIN_M = 2_000.0
 # least, m. Each further search looks this many times as far.
 _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
-# Length, in shortest ways, beyond which a way round an island is no choice any more.
+# A way round an island is a choice up to this length, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
 # Number of islands on the direct line whose both sides are looked for, the largest first: at 0.1 s
 # for each side. Smaller ones lie inside the region anyway, or nearly.
@@ -118,8 +118,8 @@ def _is_choice(way: Way | None, shortest: Way) -> bool:
 def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IndexArray]]]:
     """Yield the islands that the direct line meets, with a barrier on the left and on the right.
 
-    A barrier leads from the island to the edge of the grid, square to the direct line: who does not
-    cross it passes on the other side.
+    A barrier leads from the island to the edge of the grid, square to the direct line: a way that
+    does not cross the barrier passes the island on the other side.
     """
     cells = grid.cells(voyage.direct)
     met = grid.islands[cells[:, 0], cells[:, 1]]
@@ -162,7 +162,7 @@ def widened_by(bounds: Bounds, metres: float) -> Bounds:
 
 
 def rounded_outward(bounds: Bounds) -> Bounds:
-    """Bounds in whole tenths, hundredths ... of a degree, as a person would give them."""
+    """Round bounds outward to tenths, hundredths ... of a degree, as a person would give them."""
     west, south, east, north = bounds
     decimals = max(1, 2 - math.floor(math.log10(max(east - west, north - south))))
     unit = 10.0**decimals

@@ -31,20 +31,20 @@ def search_region(
     *,
     offline: bool,
 ) -> Made[RunResult]:
-    """Return what a run gives in a region that its best routes keep off the edge of.
+    """Return the result in a region, widened until no best route comes near its edge.
 
     Parameters
     ----------
     asked
         A chart scenario without a region.
     run_in_region
-        Plans a scenario that has one; takes notes on the region, too.
+        Plans a scenario with a region, given notes on the region.
 
     Raises
     ------
     PipelineError
-        What the first region's run raises, unless no way joins start and goal in it; then what the
-        widest one's run raises. Of a wider region than one with a way, a failure does not matter.
+        The run in the first region failed; or no way joins start and goal in it, and the run in the
+        widest region failed. Once a region has a way, failures in wider ones are ignored.
     """
     region, made = _first_with_a_way(
         chosen_region(asked, store, offline=offline), asked, run_in_region

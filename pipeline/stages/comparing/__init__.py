@@ -1,1 +1,1 @@
-"""What the routes of all seasons show together: their ways by name, other sides, shut straits."""
+"""Comparison of all seasons' routes: names of ways, bounds on other sides, shut straits."""

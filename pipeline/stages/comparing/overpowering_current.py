@@ -1,7 +1,7 @@
-"""Report the water whose current is as fast as the vessel, always or for some hours.
+"""Reports water with a current as fast as the vessel, always or for some hours.
 
-Of the whole region by its source's grid; and on the ways of a plan's classes, with the hours at
-which the vessel may be there.
+Both in the whole region, by the grid of the currents, and on the ways of a plan's classes, with the
+hours at which the vessel may be there.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pipeline.formats.shared.text import moment_text, moments_of, season_name
 from pipeline.model import CurrentGrid, Scene, SeasonPlan
 from renew.errors import Moment
 
-# Step at which a current that changes is looked at between its own times, s.
+# Time step at which a changing current is interpolated, s.
 _STEP_S = 300.0
-# Number of spells that a note names, and of classes.
+# Largest numbers of spells and of classes that a note names.
 _MAX_SPELLS, _MAX_CLASSES = 3, 3
 
 
@@ -31,9 +31,9 @@ def overpowering_notes(
 ) -> tuple[str, ...]:
     """Note the share of a region's water with an overpowering current, and its maximum.
 
-    The region is in lon/lat degrees, the vessel's speed through water in m/s. A current that
-    changes may overpower it for some hours only, which are given; its clock begins at the first
-    departure. Empty where the current is slower than the vessel everywhere.
+    The region is in lon/lat degrees, the vessel's speed through water in m/s. A changing current
+    may overpower the vessel for some hours only, which the note gives; the current's clock begins
+    at the first departure. Empty if the current is slower than the vessel everywhere.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)
     strength = np.hypot(grid.u, grid.v)
@@ -69,7 +69,7 @@ def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
 
 
 def _waiting(plan: SeasonPlan, scene: Scene) -> Iterator[str]:
-    """Say it for one season."""
+    """Yield the notes of one season."""
     moments = moments_of(scene.departures.get(plan.season))
     routes = [
         f"route {rank} {_places(route.overpowered, scene, moments)}"
@@ -102,7 +102,7 @@ def _named(classes: list[str]) -> str:
 def _places(
     hours: tuple[renew.OverpoweredHours, ...], scene: Scene, moments: Callable[[Moment], str]
 ) -> str:
-    """Name the places of a way that are shut, and when."""
+    """Name the places of a way that are shut, with their hours."""
     places = [
         f"at {scene.place_text(one.place)}{one.text.spelled(moment=moments)}"
         for one in hours[:_MAX_SPELLS]

@@ -1,7 +1,7 @@
-"""Where routes cross land of a second shoreline: the two disagree there, and one is wrong.
+"""Finds where routes cross land of a second shoreline: there the shorelines disagree.
 
-The second one, GSHHG, is older and coarser in places; that a route crosses its land is no fault of
-the route, but a reason to look at an official chart.
+The second one, GSHHG, is older and coarser in places. A route that crosses its land is not wrong
+for that, but it is a reason to look at an official chart.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pipeline._types import FloatArray
 from pipeline.geo.position import position_text
 from pipeline.model import Scene, ShoreCrossing, season_notes
 
-# Least length of a crossing, true metres: below it a route only grazes the shore.
+# Least length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0
-# Decimals of a degree to which crossings are at the same place: some 100 m.
+# Crossings are at the same place if they agree to this many decimals of a degree: about 100 m.
 _SAME_PLACE = 3
 # Maximum number of places that a note lists.
 _MAX_PLACES = 8
@@ -32,9 +32,9 @@ class SecondShoreline:
         self._tree = shapely.STRtree(self._shore)
 
     def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
-        """Return where a path (n, 2), planar metres, crosses that land."""
+        """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
         line = shapely.LineString(path)
-        # What is valid in degrees need not be in the plane.
+        # Polygons that are valid in degrees need not be valid in the plane.
         crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
         over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
         found = []
@@ -48,9 +48,9 @@ class SecondShoreline:
 
 
 def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[str, ...]:
-    """Write a note for each season with the places where its routes cross that land.
+    """Write a note for each season with the places where its routes cross the second shoreline.
 
-    Those of the best route come first, and then the longest ones.
+    Crossings of the best route come first, then the longest ones.
     """
     seasons = {one.season: _places(crossings, one.season) for one in crossings}
     return tuple(

@@ -1,9 +1,9 @@
-"""The straits of the original land that margin, tolerance or padding shut, and that matter.
+"""Finds the straits of the original land that are shut by margin, tolerance or padding and matter.
 
-A strait matters where the land that it parts is larger than a hundredth of the distance between
-start and goal, so that shutting it makes a way longer by about as much, and where a way through it
-is hardly longer, as the crow flies, than a season's best route. Beside these stand the wider
-straits at which classes were rejected because adaptive padding takes all of them.
+A strait matters if the land on both sides is larger than a hundredth of the distance between start
+and goal, so that shutting it makes a way longer by about as much, and if the straight lines through
+it are hardly longer than a season's best route. Wider straits are added at which classes were
+rejected because adaptive padding fills them.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from renew.errors import Strait
 
 # Least size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01
-# Length of a way through a strait, as the crow flies, in lengths of the best route: others need not
-# be much longer to need less fuel.
+# Largest length of the straight lines through a strait, in lengths of the best route: a way that
+# needs less fuel is not much longer.
 _LONGER = 1.05
 # Distance of a bank from the original land, in margins and tolerances: it is at most about one.
 _AT_LAND = 1.1
-# Width of water below which a gap is no way, true metres: what rounding leaves.
+# Width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
 
 
 def shut_straits(
     scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
 ) -> tuple[ShutStrait, ...]:
-    """Return these straits, the widest first; none in a plane."""
+    """Return the shut straits that matter, the widest first; none in a plane."""
     best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
     if scene.is_planar or not best:
         return ()
@@ -52,7 +52,7 @@ def shut_straits(
 class _StraitFinder:
     """Finds the straits of one chart; lengths are planar metres unless they are named `_m`.
 
-    `padding` is what hardly any padding stays below.
+    `padding` is the width that nearly all paddings exceed.
     """
 
     scene: Scene
@@ -71,12 +71,12 @@ class _StraitFinder:
 
     @property
     def margins_m(self) -> float:
-        """What margin and tolerance take of a strait at most, true metres."""
+        """The most that margin and tolerance take of a strait's width, true metres."""
         return 2 * (self.simplified.margin_m + self.simplified.tolerance_m)
 
     @property
     def needed_m(self) -> float:
-        """The width from which on a strait is open, but where its padding is wider than most."""
+        """The width above which a strait is open, unless its padding is wider than most."""
         return self.margins_m + 2 * self.padding * self.scene.projection.scale
 
     def shut(self, longest: float) -> Iterator[ShutStrait]:
@@ -102,7 +102,7 @@ class _StraitFinder:
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
         """Return the straits at which classes were rejected, each once with all its seasons.
 
-        They are wider than most padding: the others are found by what margin and padding take.
+        They are wider than most padding; `shut` finds the narrower ones.
         """
         found: list[ShutStrait] = []
         for plan in plans:
@@ -127,7 +127,7 @@ class _StraitFinder:
         return apart_m <= max(one.needed_m, other.needed_m)
 
     def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
-        """Return the strait at which a season's class was rejected; None where a bank is water.
+        """Return the strait at which a season's class was rejected; None if a bank is water.
 
         A gap of the planner may end at a corner of its channel, where more water is beyond.
         """
@@ -164,7 +164,7 @@ class _StraitFinder:
         """Say whether margin, tolerance and padding leave no way through a gap (2, 2)."""
         scale = self.scene.projection.scale
         width = float(np.linalg.norm(line[1] - line[0]))
-        # The coast is simplified by the tolerance at most: only then it has to be looked at.
+        # Simplification moves the coast by at most the tolerance: only closer gaps need a test.
         if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
             return True
         return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)

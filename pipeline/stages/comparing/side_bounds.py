@@ -1,4 +1,4 @@
-"""Whether the choice of side is proven: how little fuel a way on the other side can need.
+"""Bounds the fuel of ways on the other side of the main island, to prove the choice of side.
 
 The best route passes the main island on one side: it crosses a line from the island to the chart's
 edge that no route by another passage crosses. With a strip along that line shut, the lower bound on
@@ -23,10 +23,10 @@ from renew.errors import PlanningError
 from renew.inputs.current import as_field
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
-# Number of lines from the island, in all directions, of which the shortest that will do is taken.
+# Number of lines from the island, in all directions; the shortest suitable one is taken.
 _DIRECTIONS = 72
-# Number of cells of the bound's grid: with fewer the front leaks through narrow islands, which
-# lowers the bound, and keeps it valid. Around Palawan 16,000 prove nothing, so many the summer's.
+# Number of cells of the bound's grid. With fewer the front leaks through narrow islands: the bound
+# stays valid, but is lower. Around Palawan 16,000 prove nothing; this number proves the summer's.
 _CELLS = 160_000
 # Width of the strip, as a share of the square root of the chart's area: three cells.
 _WIDTH = 3 / math.sqrt(_CELLS)
@@ -35,7 +35,7 @@ _WIDTH = 3 / math.sqrt(_CELLS)
 def side_bounds(
     scene: Scene, plans: Sequence[SeasonPlan], evaluation: Evaluation, options: PlannerOptions
 ) -> tuple[SideBound, ...]:
-    """Bound the fuel of the other sides, of each season whose routes differ in their side."""
+    """Bound the fuel of ways on the other sides, for each season whose routes differ in side."""
     found = []
     for plan in plans:
         rows = [row for row in evaluation.routes if row.season == plan.season]
@@ -59,12 +59,12 @@ def _bound(
     evaluation: Evaluation,
     options: PlannerOptions,
 ) -> float:
-    """Least fuel of a way that keeps off the strip; inf where there is no strip or no way."""
+    """Least fuel of a way that keeps off the strip; inf if there is no strip or no way."""
     strip = _strip(scene, best, others, evaluation)
     if strip is None:
         return math.inf
     extent = scene.chart.extent
-    # The bound is taken on the land alone, as that of the optimality gap is.
+    # The bound uses the land alone, like the bound of the optimality gap.
     water = shapely.difference(scene.chart.open_water, strip)
     try:
         voyage = Voyage(
@@ -87,7 +87,7 @@ def _bound(
 def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
     """Speeds to choose from, with a price of time: a bound holds at any price (weak duality).
 
-    That by which fuel falls with the arrival at the best route's is nearly the best one.
+    Nearly the best price is the slope of fuel over arrival at the best route's arrival.
     """
     speeds, planned = scene.speeds.get(plan.season), plan.plan
     if speeds is None or planned is None or planned.trade_off is None:
@@ -104,7 +104,7 @@ def _strip(
 ) -> shapely.geometry.base.BaseGeometry | None:
     """The shortest strip of water from the main island to the chart's edge that `best` crosses.
 
-    None of the others meets it, nor do start and goal lie in it. None if there is no such strip.
+    No other route meets it, and start and goal lie outside. None if there is no such strip.
     """
     main = next(iter(evaluation.islands), None)
     if main is None:

@@ -1,4 +1,4 @@
-"""Straits on the way that the grid of a changing current is too coarse to resolve."""
+"""Finds straits on the way that are too narrow for the grid of a changing current."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ON_COAST = 1e-6
 
 
 def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
-    """Name the worst strait of each season's best route whose tide the current can't show."""
+    """Name, for each season's best route, the worst strait whose tide the grid can't resolve."""
     notes = []
     for grid in result.fetched.currents:
         if not grid.changes:
@@ -45,7 +45,7 @@ def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
 def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:
     """Find the straits that a route passes: true width (m), and the middle (lon, lat) degrees.
 
-    They are the sides of triangles that it crosses from one island to another.
+    Straits are sides of triangles, from one island to another, that the route crosses.
     """
     if not scene.chart.no_go:
         return

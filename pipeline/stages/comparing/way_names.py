@@ -1,9 +1,9 @@
 """Names of ways that a navigator reads: "west of island 1", "between islands 2 and 5".
 
-The islands are those by whose rays the planner spelled the routes' classes, under the same numbers
-(:mod:`renew.classes.h_signature`: the largest is 1), or under the chart's own names. A name has no
-more of them than tell a route from the others of its season. All seasons share one numbering, and
-one main island, which every name begins with: the largest that tells any two routes apart.
+Islands have the numbers that they have in the planner's homotopy classes
+(:mod:`renew.classes.h_signature`: the largest is 1), or the chart's own names. A name has only as
+many islands as are needed to distinguish a route from the others of its season. All seasons share
+the numbers and one main island, the first in every name: the largest that distinguishes any routes.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from renew.classes.deciding_islands import rays_that_matter
 from renew.classes.h_signature import Rays
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
-# Points of a route that are looked at, and distance from an island's centre within which a route
-# comes past it, in its least one.
+# Number of points of a route that are compared; and points within this multiple of the route's
+# closest approach to an island's centre count as abeam.
 _SAMPLES, _NEAR = 1000, 2.0
 
 
 def with_way_names(
     evaluation: Evaluation, scene: Scene, plans: Sequence[SeasonPlan], places: Sequence[PlaceName]
 ) -> Evaluation:
-    """Name the way of each route; `places` are the names that the chart has for its land."""
+    """Name the way of each route; `places` are the chart's names of land."""
     routes = {
         (plan.season, rank): _Passed(np.asarray(route.path), _letters(route.homotopy))
         for plan in plans
@@ -69,7 +69,7 @@ def with_way_names(
 
 @dataclass(frozen=True, slots=True)
 class _Passed:
-    """A route's path (n, 2), planar metres, and the numbers that its class is spelled with."""
+    """A route's path (n, 2), planar metres, and the island numbers in its class."""
 
     path: FloatArray
     spelled: frozenset[int]
@@ -88,19 +88,21 @@ class _WayNamer:
     ) -> None:
         self._scene, self._routes, self._places = scene, routes, places
         self._rays = Rays.of(scene.chart)
-        # How often each route passes each island's north, eastward less westward: two routes pass
-        # it on different sides if and only if these differ.
-        self._turns = {key: self._turns_of(route.path) for key, route in routes.items()}
+        # Winding numbers: how often each route passes north of each island, eastward less westward.
+        # Two routes pass an island on different sides if and only if these differ.
+        self._windings = {
+            key: self._winding_numbers_of(route.path) for key, route in routes.items()
+        }
         self._used: set[int] = set()
-        # What many routes ask for again.
+        # Caches, as many routes ask for the same islands.
         self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
         self._gaps: dict[tuple[int, int], LineString] = {}
 
     def passages(self, key: RouteKey) -> tuple[Passage, ...]:
-        """What a route passes: the main island first, the others as it comes by them."""
+        """Return a route's passages: the main island first, the others in order of passing."""
         if self._main is None:
             return ()
-        others = self._telling(key, self._main)
+        others = self._distinguishing(key, self._main)
         islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
         self._used.update(islands)
         found = {
@@ -112,15 +114,15 @@ class _WayNamer:
         return tuple(found.values())
 
     def islands(self) -> tuple[NumberedIsland, ...]:
-        """Islands that are in the names so far, the largest first."""
+        """Return the islands in the names so far, the largest first."""
         return tuple(
             self._numbered(island, self._chart_name(island)) for island in sorted(self._used)
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
-        """Other islands in the names of classes, of routes or `rejected`: by their numbers alone.
+        """Return other islands in names of classes, of routes or `rejected`, with numbers only.
 
-        Water that the current overpowers has numbers, too, and none on the map.
+        Water with an overpowering current has numbers in classes too, but none on the map.
         """
         spelled = rejected.union(*(route.spelled for route in self._routes.values()))
         known = spelled & set(self._rays.island.tolist())
@@ -135,8 +137,8 @@ class _WayNamer:
         return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
 
     @cached_property
-    def _telling_any(self) -> list[int]:
-        """Islands of the chart that tell any two routes of a season apart, the largest first."""
+    def _distinguishing_any(self) -> list[int]:
+        """Return the islands that two routes of a season pass differently, the largest first."""
         known = set(self._rays.island.tolist())
         spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
         seasons = {season for season, _ in self._routes}
@@ -148,46 +150,48 @@ class _WayNamer:
 
     @cached_property
     def _main(self) -> int | None:
-        """The island that all names begin with; the largest on the way where none tells apart."""
-        if self._telling_any or not self._routes:
-            return next(iter(self._telling_any), None)
+        """Return the first island of all names; if routes don't differ, the largest on the way."""
+        if self._distinguishing_any or not self._routes:
+            return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
         on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
         return next(iter(on_the_way), None)
 
-    def _telling(self, key: RouteKey, main: int) -> list[int]:
-        """Few islands that, with the main one, tell a route from the others of its season."""
-        mine = self._turns[key]
+    def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
+        """Return a few islands that, with the main one, distinguish a route in its season."""
+        mine = self._windings[key]
         alike = [
-            turns
-            for other, turns in self._turns.items()
-            if other != key and other[0] == key[0] and turns[main] == mine[main]
+            winding
+            for other, winding in self._windings.items()
+            if other != key and other[0] == key[0] and winding[main] == mine[main]
         ]
         chosen = []
         while alike:
-            told = {i: sum(turns[i] != mine[i] for turns in alike) for i in self._telling_any}
-            best = max(told, key=lambda island: (told[island], -island), default=None)
-            if best is None or not told[best]:
+            differing = {
+                i: sum(winding[i] != mine[i] for winding in alike) for i in self._distinguishing_any
+            }
+            best = max(differing, key=lambda island: (differing[island], -island), default=None)
+            if best is None or not differing[best]:
                 break
             chosen.append(best)
-            alike = [turns for turns in alike if turns[best] == mine[best]]
+            alike = [winding for winding in alike if winding[best] == mine[best]]
         return chosen
 
     def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
-        """Pairs of islands between which a route passes, the closest first, none twice.
+        """Return pairs of islands between which a route passes, the closest first, none twice.
 
-        Where another route of the season winds through the same gap the other way round, that it is
-        between the two would not tell them apart.
+        Skip a gap that another route of the season crosses with other winding numbers: "between A
+        and B" would fit both.
         """
         gaps = {pair: self._gap(*pair) for pair in combinations(islands, 2)}
         free = set(islands)
         for pair, gap in sorted(gaps.items(), key=lambda item: item[1].length):
             through = {
-                tuple(turns[island] for island in pair)
-                for other, turns in self._turns.items()
+                tuple(winding[island] for island in pair)
+                for other, winding in self._windings.items()
                 if other[0] == key[0] and _crosses(self._routes[other].path, gap)
             }
-            mine = tuple(self._turns[key][island] for island in pair)
+            mine = tuple(self._windings[key][island] for island in pair)
             if (
                 free.issuperset(pair)
                 and through == {mine}
@@ -197,13 +201,13 @@ class _WayNamer:
                 yield pair
 
     def _side(self, key: RouteKey, island: int) -> Side:
-        """Compass point of the side on which a route passes an island.
+        """Return the compass point of the side on which a route passes an island.
 
-        It is that of the middle direction in which all routes with the same turns lie from the
-        island, and opposite to that of the others.
+        It is the mean direction from the island to all routes with the same winding number, and
+        opposite to the direction of the others.
         """
-        mine = self._turns[key][island]
-        values = {turns[island] for turns in self._turns.values()}
+        mine = self._windings[key][island]
+        values = {winding[island] for winding in self._windings.values()}
         direction = self._direction(island, mine)
         if len(values) == 2:
             direction = direction - self._direction(island, *(values - {mine}))
@@ -213,47 +217,47 @@ class _WayNamer:
         bearing = float(np.degrees(np.arctan2(east, north)))
         return _COMPASS[round(bearing / 90) % 4]
 
-    def _direction(self, island: int, turns: int) -> FloatArray:
-        """Mean direction (2,) from an island to routes with such turns where they are near it."""
-        keys = [key for key, of in self._turns.items() if of[island] == turns]
+    def _direction(self, island: int, winding: int) -> FloatArray:
+        """Return the mean direction (2,) to the routes, abeam, with a given winding number."""
+        keys = [key for key, of in self._windings.items() if of[island] == winding]
         return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
 
     def _abeam(self, key: RouteKey, island: int) -> FloatArray:
-        """Mean direction (2,) from an island to a route where that is near it."""
+        """Return the mean direction (2,) from an island to a route abeam of it."""
         if (key, island) not in self._directions:
             found = _direction_abeam(self._routes[key].path, self._centre(island))
             self._directions[key, island] = found
         return self._directions[key, island]
 
     def _gap(self, one: int, other: int) -> LineString:
-        """The shortest line between two islands."""
+        """Return the shortest line between two islands."""
         if (one, other) not in self._gaps:
             outlines = self._outline(one), self._outline(other)
             self._gaps[one, other] = shapely.shortest_line(*outlines)
         return self._gaps[one, other]
 
     def _along(self, key: RouteKey, island: int) -> float:
-        """How far along its route, m, an island is passed."""
+        """Return the distance along a route, m, at which it passes an island."""
         path = shapely.LineString(self._routes[key].path)
         return float(path.project(shapely.Point(self._centre(island))))
 
     def _values(self, island: int, season: str) -> list[int]:
-        """Turns of a season's routes about an island."""
-        return [turns[island] for (of, _), turns in self._turns.items() if of == season]
+        """Return the winding numbers of a season's routes about an island."""
+        return [winding[island] for (of, _), winding in self._windings.items() if of == season]
 
-    def _turns_of(self, path: FloatArray) -> Counter[int]:
-        """How often a path passes the north of each island, eastward less westward."""
-        turns: Counter[int] = Counter()
+    def _winding_numbers_of(self, path: FloatArray) -> Counter[int]:
+        """Count how often a path passes north of each island, eastward less westward."""
+        winding: Counter[int] = Counter()
         for letter in self._rays.word(path):
-            turns[abs(letter)] += 1 if letter > 0 else -1
-        return turns
+            winding[abs(letter)] += 1 if letter > 0 else -1
+        return winding
 
     def _name(self, island: int) -> str:
-        """An island's name, or its number."""
+        """Return an island's name, or its number."""
         return self._chart_name(island) or str(island)
 
     def _chart_name(self, island: int) -> str:
-        """The chart's name of the largest named land that lies on an island; empty if none does."""
+        """Return the chart's name of the largest named land on an island; empty if it has none."""
         outline = self._outline(island)
         named = [
             place
@@ -265,7 +269,7 @@ class _WayNamer:
         return max(named, key=lambda place: place.area_deg2).name if named else ""
 
     def _nearest(self, point: FloatArray) -> PlaceName:
-        """Named land of the chart that is nearest to a point (2,), planar metres."""
+        """Return the chart's named land nearest to a point (2,), planar metres."""
         lonlat = [(place.lon, place.lat) for place in self._places]
         away = np.linalg.norm(self._scene.projection.to_plane(np.array(lonlat)) - point, axis=1)
         return self._places[int(away.argmin())]
@@ -303,7 +307,7 @@ def _crosses(path: FloatArray, gap: LineString) -> bool:
 
 
 def _direction_abeam(path: FloatArray, centre: FloatArray) -> FloatArray:
-    """Mean direction (2,) from a place to a path (n, 2) where that is near: as it comes past."""
+    """Return the mean direction (2,) from a place to the points of a path (n, 2) abeam of it."""
     line = shapely.LineString(path)
     steps = np.linspace(0, 1, _SAMPLES)
     vectors = shapely.get_coordinates(line.interpolate(steps, normalized=True)) - centre

@@ -1,4 +1,4 @@
-"""Areas of the user's that are shut: from their files, as zones of the chart, on each clock."""
+"""The user's shut areas: read from files, as zones of the chart, and on each season's clock."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pipeline.sources.land.vector import VectorFile
 
 
 def area_identities(scenario: Scenario) -> tuple[object, ...]:
-    """What the areas of a scenario are, and hashes of their files."""
+    """Return the areas of a scenario and the hashes of their files."""
     return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
 
 

@@ -1,8 +1,8 @@
-"""Speeds among which the vessel chooses, and what an arrival is on the planner's clock.
+"""Choices of speeds, and the conversion of an arrival to the planner's clock.
 
-That clock runs by the plane's metres. Where the current is steady a route takes a little less, or
-more, by the plane's point scale along it: the planner is asked to arrive so much earlier that all
-routes are there in time.
+The planner computes durations in the plane. In a steady current the true duration differs a little,
+by the plane's point scale along the route: so the planner's arrival is set early enough that all
+routes arrive in time.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def _speed_choice(season: Season) -> SpeedChoice | None:
 
 
 def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
-    """Seconds of a route at true scale, corrected for the plane's point scale along it.
+    """Return a route's seconds at true scale, corrected for the plane's point scale along it.
 
-    Where the current changes they are the planner's own, by whose clock it was read.
+    In a changing current they are the planner's own, by whose clock the current was read.
     """
     if not scene.currents[season].is_steady:
         return route.duration
@@ -57,10 +57,10 @@ def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
 def planned_in_time(
     planned: Callable[[float], renew.Plan], scene: Scene, season: str
 ) -> tuple[renew.Plan, float]:
-    """Plan a season whose speeds are chosen, by arrivals on the planner's clock; with the one used.
+    """Plan a season with a choice of speeds; return the plan, and the arrival for the planner.
 
-    All its routes arrive in time at true scale, and the best one less than a thousandth of its time
-    too early, if it does not change for another.
+    All its routes arrive in time at true scale. The best one is early by less than a thousandth of
+    its duration, unless another route becomes the best.
     """
     within_s = scene.speeds[season].within_s
     by = within_s / largest_stretch(scene, season)
@@ -78,9 +78,9 @@ def planned_in_time(
 
 
 def largest_stretch(scene: Scene, season: str) -> float:
-    """The most true seconds that a second of the planner's can be on the chart, or a little more.
+    """Return an upper bound of the true seconds per second of the planner on the chart.
 
-    Where the current changes it is one: the planner's clock is the current's.
+    In a changing current it is 1: the planner's clock is the current's.
     """
     if not scene.currents[season].is_steady:
         return 1.0

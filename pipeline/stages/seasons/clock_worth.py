@@ -1,9 +1,8 @@
-"""What it is worth to know how the current changes: other plans, sailed in the changing current.
+"""The worth of knowing how the current changes: plans without a clock, sailed in that current.
 
-Each is what one would plan without a clock: on the current as it is at departure, on its mean over
-the voyage, or on none at all, which is the shortest safe path. All begin at the same time and keep
-the same padding rules. Where speeds are chosen, each is sailed at its own, all of them faster or
-slower by one factor, so that it arrives as the season's vessel has to.
+They are planned on the current at departure, on its mean over the voyage, or without current, which
+gives the shortest safe path. All depart at the same time and keep the same padding rules. If speeds
+are chosen, each plan is sailed at its own speeds times one factor, so that it arrives in time.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from pipeline.scenario.model import PlannerOptions
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
 
-# Number of classes that the other plans look into: only their best route is used.
+# Number of classes of the other plans: only their best route is used.
 _CLASSES = 4
-# Number of halvings by which a factor on speeds is found.
+# Number of bisections for the factor on speeds.
 _HALVINGS = 30
 
 
 def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> ClockWorth | None:
-    """Sail other plans in a season's current; None where it does not change, or has no plan."""
+    """Sail other plans in a season's current; None if it does not change, or there is no plan."""
     current = scene.currents[season.season]
     if season.plan is None or not isinstance(current, renew.VaryingCurrent):
         return None
@@ -71,7 +70,7 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 def _sailed(
     scene: Scene, season: SeasonPlan, planned_in: renew.CurrentField, options: PlannerOptions
 ) -> float:
-    """Fuel in a season's current of the best route planned in another; inf without one."""
+    """Fuel, in a season's current, of the best route planned in another; inf without a route."""
     asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
     vessel, current = scene.vessel_in(name), scene.currents[name]
     try:
@@ -100,9 +99,9 @@ def _sailed(
 def speeds_in_time(
     route: renew.Route, current: Current, choice: SpeedChoice, arrive_by_s: float, drift: Drift
 ) -> FloatArray | None:
-    """A route's speeds (n - 1,), m/s, times the least factor at which it arrives in time, nearly.
+    """Return a route's speeds (n - 1,), m/s, times about the least factor that is in time.
 
-    None is above or below those to choose from. None where the highest are too slow.
+    All are clipped to the range of the choice. Returns None if the highest are too slow.
     """
     vessel = renew.Vessel(choice.most, turn_rate=1.0)
 

@@ -1,4 +1,4 @@
-"""Seasons on a Dask scheduler's workers: a worker that dies does not end the others' seasons."""
+"""Seasons on a Dask scheduler's workers: if a worker dies, the other seasons go on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, 
 from pipeline.stages.workers.fitness import own_identity
 from pipeline.stages.workers.fleet import fleet
 
-# Number of tries: an error on one worker, say for lack of memory, need not happen on another.
+# Number of tries of a season: an error such as lack of memory may happen on one worker only.
 _TRIES = 2
 
 
@@ -21,7 +21,7 @@ def run_on_scheduler(
 ) -> None:
     """Run tasks on a scheduler's workers.
 
-    Where the scheduler or all workers die, the tasks that are not done have failed.
+    If the scheduler or all workers die, the unfinished tasks have failed.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class _OnWorker:
     identity: str
 
     def make(self) -> Status:
-        """Plan it."""
+        """Plan the season."""
         return plan_on_worker(self.season)
 
 

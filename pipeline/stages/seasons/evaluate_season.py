@@ -32,7 +32,7 @@ from renew.inputs.options import Drift
 from renew.turns.reach_bound import TurnReach
 
 # Spacing of the points at which turns begin: at least this many metres of the plane, as published,
-# and at least this many turning radii, as a shorter step flies almost the same turn again.
+# and at least this many turning radii, as with a shorter step the turns are almost the same.
 _MIN_SPACING = 1.0
 _SPACING_RADII = 0.5
 # Maximum number of points per route whose turns are stored without a collision, evenly along it: at
@@ -214,7 +214,7 @@ class _RouteEvaluator:
 def land_within_reach(
     scene: Scene, current: Current, vessel: renew.Vessel, routes: Sequence[renew.Route]
 ) -> renew.Chart:
-    """Return a chart of the original land that turns of any route can reach; all would be slow."""
+    """Return a chart of the original land within reach of any route's turns, to save time."""
     reach = TurnReach.of(current.table(scene.chart.bounds), vessel).furthest.max()
     paths = [shapely.LineString(route.path) for route in routes]
     zone = shapely.union_all(
@@ -229,12 +229,12 @@ def land_within_reach(
 
 
 def mean_speed_m_s(route: renew.Route) -> float:
-    """Mean speed through water, by time; that of all legs where they have but one."""
+    """Return the mean speed through water over time, or the speed if all legs have the same."""
     return float(np.average(route.speeds, weights=np.diff(route.times)))
 
 
 def _thinned(turns: renew.Contingency) -> renew.Contingency:
-    """Keep every point with a collision, and of the others as many as a map can show."""
+    """Keep every point with a collision, and as many others as a map can show."""
     others = np.flatnonzero(~turns.collided)
     kept = others[np.linspace(0, others.size - 1, min(_MAX_POINTS, others.size)).astype(int)]
     chosen = np.sort(np.concatenate([np.flatnonzero(turns.collided), kept]))

@@ -1,11 +1,11 @@
-"""What a route's optimality gap is made of: the chart's share, the padding's, the bound's own.
+"""Splits a route's optimality gap into the shares of the chart, the padding and the bound itself.
 
-The bound on fuel holds off the land itself, for any vessel. So two more plans lie between it and
-the route: the best route off the land itself, and the best that keeps off the chart with its margin
-and the offing, both without padding, and by a vessel that turns on the spot: close to land many
-ways have no room for a turning circle. The chart's share is what the second needs more than the
-first; the padding's, with the circle's, what the route needs more than the second; what the first
-needs more than the bound is the bound's own: no route is so good.
+The lower bound on fuel is taken on the original land, for any vessel. Two more plans lie between
+the bound and the route: (1) the best route on the original land, and (2) the best one on the chart
+with its margin and offing. Both have no padding, and a vessel that turns on the spot, as close to
+land many ways have no room for a turning circle. The chart's share is the fuel of (2) above (1);
+the share of padding and turning circle is the fuel of the route above (2); the bound's own share is
+the fuel of (1) above the bound, which no route reaches.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from pipeline.model import GapShares, Scene, SeasonPlan
 from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 
-# How many times as fast as the vessel one turns that turns on the spot.
+# Factor on the turn rate of a vessel that turns on the spot.
 _ON_THE_SPOT = 100.0
-# Number of classes that the two plans look into: only their best route is used.
+# Number of classes of the two plans: only their best route is used.
 _CLASSES = 4
 
 
 def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> GapShares | None:
-    """Take a season's gap apart; None where it was not planned. Takes about as long as its plan."""
+    """Split a season's gap; None if it was not planned. Takes about as long as its plan."""
     if season.plan is None:
         return None
     best = season.plan.best
     kept = _least_fuel(scene, scene.chart, season, options, options.clearance or 0.0)
     free = _least_fuel(scene, _land_alone(scene.chart), season, options, 0.0)
-    # Each is the best of what was found: what may be done with less freedom may be done with more.
+    # Each is the best of the routes found: a route allowed with less freedom is allowed with more.
     kept = min(kept, best.fuel)
     free = min(free, kept)
     bound = best.fuel / (1 + best.optimality_gap)
@@ -47,7 +47,7 @@ def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Gap
 def _least_fuel(
     scene: Scene, chart: renew.Chart, season: SeasonPlan, options: PlannerOptions, clearance: float
 ) -> float:
-    """Least fuel off a chart without padding, `clearance` planar metres off it; inf without one."""
+    """Least fuel at `clearance` planar metres off a chart, without padding; inf without a route."""
     asked = options.model_copy(
         update={
             "padding": "none",
@@ -75,6 +75,6 @@ def _least_fuel(
 
 
 def _land_alone(chart: renew.Chart) -> renew.Chart:
-    """The chart of the land that the bound is taken on."""
+    """Return the chart of the original land, on which the bound is taken."""
     land = shapely.difference(chart.extent, chart.open_water)
     return renew.Chart(chart.extent, [land])

@@ -1,4 +1,4 @@
-"""Fourth stage: one season's plan."""
+"""The plan of one season."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.stages.projecting.speed_choices import largest_stretch, planned_in
 from renew.errors import TooLateError
 
 MIN_LATENESS_S = 3600.0
-"""Time by which a vessel may be early or late at least, in currents that change."""
+"""Least time by which turns are checked early and late in changing currents, s."""
 
 
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:

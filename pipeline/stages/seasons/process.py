@@ -25,10 +25,10 @@ from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, 
 
 # Time between two looks at processes, s.
 _PAUSE_S = 0.05
-# Time between a process's looks at whether the one that started it still runs, s.
+# Time between two checks in a process that its parent still runs, s.
 _PARENT_S = 0.5
 _MODULE = "pipeline.stages.seasons.process"
-# Maximum length of a process's last words in a message, in characters.
+# Largest length of a process's last output in a message, in characters.
 _MAX_SHOWN = 200
 
 
@@ -94,7 +94,7 @@ class SeasonProcess:
 def run_in_processes(
     tasks: Sequence[SeasonTask], count: int, on_status: Callable[[Status], None]
 ) -> None:
-    """Run tasks, at most `count` at a time; whatever ends this function ends the processes too."""
+    """Run tasks, at most `count` at a time; on any error the processes are ended too."""
     waiting, working = deque(tasks), list[SeasonProcess]()
     try:
         while waiting or working:

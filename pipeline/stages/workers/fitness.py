@@ -36,7 +36,7 @@ def refuse_other_version(identity: str) -> None:
 
 
 def worker_fault(identity: str, path: str) -> str:
-    """Say why this worker can't plan, by the asker's own identity; empty when it can."""
+    """Say why this worker can't plan for a job with an identity; empty if it can."""
     if own_identity() != identity:
         return f"runs {_OTHER_VERSION}"
     if not Path(path).is_file():
@@ -45,7 +45,7 @@ def worker_fault(identity: str, path: str) -> str:
 
 
 def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
-    """Refuse workers that can't do the work, or read a path; one that is silent, too.
+    """Refuse workers that can't plan, can't read a path, or do not answer.
 
     Raises
     ------

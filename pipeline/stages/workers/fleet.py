@@ -1,7 +1,7 @@
-"""The workers of a Dask scheduler, and the one who watches them: every wait has a limit.
+"""Hands out tasks to the workers of a Dask scheduler and watches them; every wait has a limit.
 
-As many tasks are under way as there are workers, so that none waits in a worker that another task
-kills. A task whose worker dies is reported, not repeated: what then becomes of it is its owner's.
+Each worker has one task at a time, so that no task waits in a worker that another task kills. If a
+worker dies, its task is reported and not repeated: the owner of the work decides about it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class DiedBeforeError(Exception):
 
 
 class Task(Protocol):
-    """What a worker does."""
+    """A task for a worker."""
 
     @property
     def identity(self) -> str:
@@ -40,12 +40,12 @@ class Task(Protocol):
         ...
 
     def make(self) -> Any:  # noqa: ANN401 - each kind of task has its own
-        """Do it."""
+        """Do the task."""
         ...
 
 
 class Work(Protocol):
-    """Tasks to hand out, one at a time, and what becomes of them."""
+    """Tasks to hand out one at a time; it receives their results and failures."""
 
     def next_task(self, workers: int) -> Task | None:
         """Return the next task, or None where there is none now; there may be one later."""
@@ -56,11 +56,11 @@ class Work(Protocol):
         ...
 
     def died(self, task: Any) -> None:  # noqa: ANN401 - any task
-        """Take note that a worker died of a task."""
+        """Handle the death of a worker by a task."""
         ...
 
     def failed(self, task: Any, error: Exception) -> None:  # noqa: ANN401 - any task
-        """Take note that a task can't be done, or raise the error."""
+        """Handle a task that failed, or raise its error."""
         ...
 
 
@@ -114,7 +114,7 @@ class Fleet:
         self._answered = self._had_workers = self._asked = time.monotonic()
 
     def run(self, work: Work, check: Callable[[], None] = lambda: None) -> None:
-        """Hand out all of some work; `check` is called all the while, and may end it by raising.
+        """Hand out all tasks; `check` is called regularly, and may end the work by an error.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Fleet:
 
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
-    """Connect; a client that can't be closed in time is left to the end of the program."""
+    """Connect a client; if it can't be closed in time, it stays open until the program ends."""
     from distributed import Client
 
     connect = partial(Client, address, timeout=_ANSWER_S, set_as_default=False)

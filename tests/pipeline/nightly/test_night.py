@@ -181,10 +181,10 @@ def test_a_case_alone_has_an_output_of_its_own(tmp_path: Path, cluster: str) -> 
 
 def test_the_last_part_of_a_job_array_publishes(tmp_path: Path, cluster: str) -> None:
     config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
-    first = run_night(config, part=(1, 2), scheduler=cluster)
-    assert "part 1/2 is done" in first.message
+    first = run_night(config, share=(1, 2), scheduler=cluster)
+    assert "share 1/2 is done" in first.message
     assert not (tmp_path / "out" / "latest").exists()
-    second = run_night(config, part=(2, 2), scheduler=cluster)
+    second = run_night(config, share=(2, 2), scheduler=cluster)
     assert second.fresh
     alone = load_config(plane_night(tmp_path / "alone", workers=1), tmp_path / "alone" / "out")
     run_night(alone, scheduler=cluster)

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.nightly import ping as ping_module
-from pipeline.nightly.ping import Ping, check_url, ping, told_by
+from pipeline.nightly.ping import Ping, check_url, ping, report_for
 from tests.pipeline.nightly.ping_service import Service
 
 SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
@@ -34,7 +34,7 @@ def test_each_event_has_its_address(service: Service, what: Ping, path: str) -> 
     ],
 )
 def test_what_is_told_follows_from_the_exit_code(code: int, what: Ping | None) -> None:
-    assert told_by(code) == what
+    assert report_for(code) == what
 
 
 def test_an_answer_that_refuses_is_said_without_the_address(service: Service) -> None:
