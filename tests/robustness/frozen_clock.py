@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from unittest.mock import patch
 
 import pipeline.run
+import pipeline.stages.compare
 import pipeline.stages.seasons.plan_season
 
 _NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -20,7 +21,7 @@ def frozen_clock() -> Iterator[None]:
     timer = SimpleNamespace(perf_counter=lambda: 0.0)
     date = SimpleNamespace(now=_NOW.astimezone)
     with (
-        patch.object(pipeline.run, "datetime", date),
+        patch.object(pipeline.stages.compare, "datetime", date),
         patch.object(pipeline.run, "time", timer),
         patch.object(pipeline.stages.seasons.plan_season, "time", timer),
     ):
