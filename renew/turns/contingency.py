@@ -30,13 +30,7 @@ from renew.inputs.options import Drift
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import CurrentTable, velocity
 from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
-from renew.voyage.fuel import (
-    as_path,
-    ground_speed,
-    reading_times,
-    speeds_along,
-    speeds_by_leg,
-)
+from renew.voyage.fuel import as_path, ground_speed, reading_times, speeds_along, speeds_by_leg
 from renew.voyage.voyage import early_and_late
 
 # Number of headings of a full turn, one every 10 degrees: by the midpoint rule the track is within

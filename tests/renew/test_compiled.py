@@ -303,6 +303,8 @@ import numpy as np
 from typing import NamedTuple
 from renew._compiled import kernel
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+
 class Results(NamedTuple):
     one: np.ndarray
     other: np.ndarray
