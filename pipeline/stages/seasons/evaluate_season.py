@@ -1,4 +1,4 @@
-"""Fifth stage: every route is measured against the original, unsimplified land."""
+"""Measures every route of a season against the original, unsimplified land."""
 
 from __future__ import annotations
 
