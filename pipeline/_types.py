@@ -1,7 +1,5 @@
 """Array aliases of the pipeline; those of the planner are the same, and cost its import."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -4,8 +4,6 @@ A user who plans in a downloaded folder does not mean to run the code in it: no 
 here, or by one of them, looks for modules in the working directory.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -4,8 +4,6 @@ Nothing is asked of the sources here: what their data cover, `pipeline.stages.ch
 says.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise

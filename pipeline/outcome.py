@@ -1,7 +1,5 @@
 """What a run reports while it works, and its outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape

@@ -1,7 +1,5 @@
 """Paths given by the user: unusable ones are refused before a library fails or waits on them."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

@@ -1,7 +1,5 @@
 """Run a scenario's seven stages in order, its seasons as independent tasks."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Checks of this machine and of what is installed on it, for `renew doctor`."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -1,7 +1,5 @@
 """Checks of the account, the service's login and the scheduler, for `renew doctor`."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version

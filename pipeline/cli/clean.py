@@ -1,7 +1,5 @@
 """Free space in an output folder: `renew clean`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

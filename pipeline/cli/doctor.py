@@ -5,8 +5,6 @@ such as an account, that is a warning. Checks that may hang run in threads, all 
 given up after some seconds.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

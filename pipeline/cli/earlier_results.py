@@ -1,7 +1,5 @@
 """After a refused run, a note with the date of the earlier results in the scenario's folder."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """How the command line reports errors: a line for each, and an exit code."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import traceback

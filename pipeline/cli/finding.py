@@ -1,7 +1,5 @@
 """A finding of `renew doctor`: one line for each thing that it checks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

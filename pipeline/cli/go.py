@@ -1,7 +1,5 @@
 """`renew go`: a voyage in one line."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM: clean up, print a message, and end within seconds, even during planning."""
 
-from __future__ import annotations
-
 import _thread
 import contextlib
 import os

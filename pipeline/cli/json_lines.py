@@ -1,7 +1,5 @@
 """A log with one JSON object per line, without credentials."""
 
-from __future__ import annotations
-
 from collections.abc import MutableMapping
 from typing import Any, TextIO
 

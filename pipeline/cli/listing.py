@@ -1,7 +1,5 @@
 """The output of `renew list`: the catalogue, and which scenarios need files or the network."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Report the progress of a night: one JSON object per line on standard error."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import time

@@ -1,7 +1,5 @@
 """Reports the begin and end of a night to a service (`--ping`) and to a file of metrics."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field

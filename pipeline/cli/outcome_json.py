@@ -1,7 +1,5 @@
 """A run's outcome as one JSON object, for programs."""
 
-from __future__ import annotations
-
 import json
 import math
 from datetime import datetime

@@ -1,7 +1,5 @@
 """The runs that `renew plot` compares: few and many classes; adaptive, none and fixed padding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 

@@ -1,7 +1,5 @@
 """Report the progress of a run: a bar on a terminal, one JSON object per line elsewhere."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import threading

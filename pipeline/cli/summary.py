@@ -1,7 +1,5 @@
 """The table of seasons that a run prints at its end, as plain text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

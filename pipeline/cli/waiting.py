@@ -1,7 +1,5 @@
 """Regular signs of life from commands that have no stages to report."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import threading

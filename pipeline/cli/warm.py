@@ -1,7 +1,5 @@
 """Compile the code of the planner before anybody waits for it: `renew warm`."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Size of the earth, for conversions that need not be exact; exact lengths are geodesics."""
 
-from __future__ import annotations
-
 # Mean radius of the earth, m: (2a + b)/3 of the ellipsoid GRS 80, which is WGS 84's to 0.1 mm
 # (Moritz, Geodetic Reference System 1980, Journal of Geodesy 74, 2000).
 EARTH_RADIUS_M = 6_371_008.8

@@ -1,7 +1,5 @@
 """Where something is known on a lon/lat grid, and how much of a path lies there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

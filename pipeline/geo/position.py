@@ -1,7 +1,5 @@
 """A position as text, for messages and reports."""
 
-from __future__ import annotations
-
 
 def position_text(lon: float, lat: float) -> str:
     """Write a position in degrees, by its hemispheres: 119.8710 E 11.5244 N, 70.9815 W 42.3427 N.

@@ -1,7 +1,5 @@
 """Currents on their grids, and the notes on them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 

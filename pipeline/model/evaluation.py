@@ -1,7 +1,5 @@
 """Measurements of the routes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A scenario's vessel and options as the planner has them."""
 
-from __future__ import annotations
-
 import math
 
 import renew

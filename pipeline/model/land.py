@@ -1,7 +1,5 @@
 """Land as it comes from its sources, and who is to be credited."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

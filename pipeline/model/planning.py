@@ -1,7 +1,5 @@
 """The planner's input and its results."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The outcome of a night, and the events that it reports while it works."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime

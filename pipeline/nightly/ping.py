@@ -5,8 +5,6 @@ alerts somebody if no report comes, which no job can do for itself. An address i
 messages show no more of it than the host.
 """
 
-from __future__ import annotations
-
 import http.client
 import threading
 import urllib.error

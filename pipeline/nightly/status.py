@@ -1,7 +1,5 @@
 """The output of `renew nightly status` and `renew nightly show`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The currents that `--currents` names, in place of those of a scenario's seasons."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Access to the catalogue: scenarios, vessels, sources and tables of currents, as data."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable
 from functools import cache

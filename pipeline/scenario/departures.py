@@ -1,7 +1,5 @@
 """Departures of a season, among which the best is looked for."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 
 from pydantic import AwareDatetime, Field

@@ -1,7 +1,5 @@
 """Intervals of time as a scenario or a night writes them: '30min', '6h', '1d'."""
 
-from __future__ import annotations
-
 import re
 from datetime import timedelta
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The period that a season's current is valid for: a month, a day or an instant, always UTC."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """Published figures that a scenario's results are compared with."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from pipeline.scenario.strict import Positive, StrictModel

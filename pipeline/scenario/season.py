@@ -1,7 +1,5 @@
 """A season of a scenario: the current to plan in, and the period it is valid for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Annotated, Literal, Self

@@ -1,7 +1,5 @@
 """Speeds of a season, among which the vessel chooses from leg to leg."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -3,8 +3,6 @@
 The last sentence of a key's description is the remedy: an error message about the key ends in it.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo

@@ -1,7 +1,5 @@
 """Scenarios as TOML: values on one line, and whole tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """The vessel of a scenario."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

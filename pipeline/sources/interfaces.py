@@ -1,7 +1,5 @@
 """The two interfaces that every source of land or currents implements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path

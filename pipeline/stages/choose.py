@@ -3,8 +3,6 @@
 Its region is chosen before the first stage, by `pipeline.stages.choosing.region_search`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Sixth stage: compares the routes of all seasons, and names their ways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime

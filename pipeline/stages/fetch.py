@@ -4,8 +4,6 @@ Each part is an artefact of its own. A season takes the first of its sources tha
 covers the region and returns data; the sources passed over for it, and why, stay with its current.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Fifth stage: every season's plan and evaluation, as independent tasks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Speeds are not scaled. Current vectors are rotated by the meridian convergence; 
 are filled from the water around them, as a value on land says nothing about the water beside it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 

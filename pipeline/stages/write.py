@@ -4,8 +4,6 @@ Everything is written to a folder of its own, which then takes the place of the 
 (:mod:`pipeline.storage.result_folder`).
 """
 
-from __future__ import annotations
-
 import errno
 import gc
 import hashlib

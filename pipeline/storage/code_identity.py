@@ -4,8 +4,6 @@ After any edit all stages are computed again. The imports could tell which stage
 module, but if one import were overlooked, an old result would pass for a new one.
 """
 
-from __future__ import annotations
-
 import hashlib
 import subprocess
 from functools import cache

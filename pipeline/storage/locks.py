@@ -1,7 +1,5 @@
 """Locks on files, which the system releases when their process ends for any reason."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Pruning of the store: files are removed in the order of their last use, oldest first."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterator

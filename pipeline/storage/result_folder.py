@@ -9,8 +9,6 @@ the file system has no links), it is moved aside first; if the program is killed
 next start moves it back.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -7,8 +7,6 @@ Files are written under a temporary name, contain their hash, and are renamed on
 truncated or damaged artefact counts as missing.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

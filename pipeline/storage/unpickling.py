@@ -6,8 +6,6 @@ geometries and times below; see
 https://docs.python.org/3/library/pickle.html#restricting-globals.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import io

@@ -5,8 +5,6 @@ file of length 0 has the right name. So the content is flushed first, then the f
 its folder is flushed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Departure of a voyage: a time, a window of times, or a latest arrival; and its speeds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta

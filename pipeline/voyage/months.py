@@ -1,7 +1,5 @@
 """The months of a voyage, each a season of its scenario."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """From A to B in one line: makes a scenario of the arguments, and runs it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path

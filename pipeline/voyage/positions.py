@@ -1,7 +1,5 @@
 """Positions as people write them: decimal, degrees and minutes, N/S/E/W before or after."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

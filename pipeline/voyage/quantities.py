@@ -1,7 +1,5 @@
 """Speeds and lengths with their units, as people write them: 12kn, 90m, 300 ft."""
 
-from __future__ import annotations
-
 import re
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")

@@ -1,7 +1,5 @@
 """The scenario of a one-line request; all faults of the request are reported at once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

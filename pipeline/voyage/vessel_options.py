@@ -1,7 +1,5 @@
 """The vessel of a voyage: an entry of the catalogue, a file, or figures with their units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

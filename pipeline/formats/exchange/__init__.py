@@ -1,7 +1,5 @@
 """Routes for an ECDIS, a plotter, a vehicle: RTZ, GPX, KML and missions with the same waypoints."""
 
-from __future__ import annotations
-
 from pipeline.formats.shared.result import RunResult
 
 

@@ -5,8 +5,6 @@
 its points: the extensions that OpenCPN reads have the speed, and the departure where one is given.
 """
 
-from __future__ import annotations
-
 from datetime import datetime
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ The file is a template: simplekml fails on characters that XML forbids, and fast
 import (128 ms) than the file to write.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path

@@ -8,8 +8,6 @@ Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_S
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ In RTZ a waypoint holds the leg that leads to it. Versions of the format differ 
 in the spelling of some names, and in how extensions are wrapped.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Texts and times of the exchange formats, in a plotter's units."""
 
-from __future__ import annotations
-
 import re
 from datetime import UTC, datetime, timedelta
 

@@ -1,7 +1,5 @@
 """Meridians and parallels, or a grid in metres, and the scale bar of a map in the plane."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Colours of maps by role."""
 
-from __future__ import annotations
-
 COLOURS = {
     "water": "#eef4f8",
     "land": "#c9a97c",

@@ -1,7 +1,5 @@
 """A season's routes and waypoints for the web and for scripts, by RFC 7946: `.geojson`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -7,8 +7,6 @@ degrees, shows and measures the planned line.
 The QGIS project inside refers to the file by its name: it may be moved, but not renamed.
 """
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Layers of a GeoPackage file, written by geopandas and counted afterwards."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager

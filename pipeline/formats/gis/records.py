@@ -1,7 +1,5 @@
 """Tables of the GeoPackage beside the layers: styles, column meanings, provenance, project."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence

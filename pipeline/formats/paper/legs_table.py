@@ -1,7 +1,5 @@
 """The rows of a passage plan: each waypoint with the figures of the leg that leads to it."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from datetime import datetime

@@ -9,8 +9,6 @@ be cheaper (Dellin and Srinivasa 2016, "A unifying formalism for shortest path p
 expensive edge evaluations via lazy best-first search", ICAPS).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import shapely

@@ -7,8 +7,6 @@ into the cross-current. Where speeds were chosen, they change by as little as ke
 arrival, if the highest speed allows.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline._types import FloatArray

@@ -3,8 +3,6 @@
 They are put on the existing legs, so that the way stays the same.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fewest waypoints: a shortest path through candidate waypoints that see each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry

@@ -5,8 +5,6 @@ It departs from a straight line of the planner's plane by about s²/8R·tan(lati
 at 10 degrees, 20 km on 1,000 km at 45 degrees.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal

@@ -1,7 +1,5 @@
 """A route as a navigator uses it: few waypoints, with course, speed and limits of each leg."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scripts and style sheets that are embedded in the page, so that it loads nothing."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

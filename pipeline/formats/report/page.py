@@ -6,8 +6,6 @@ Jinja2 escapes everything that comes from a scenario or a source. Without script
 page shows static maps; on a screen the scripts replace them by the interactive one.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Lines across 180 degrees of longitude, for formats that hold -180 to 180."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

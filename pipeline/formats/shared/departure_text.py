@@ -1,7 +1,5 @@
 """When to leave, in sentences: the best departure, what it saves, and how sure that is."""
 
-from __future__ import annotations
-
 import math
 from datetime import timedelta
 

@@ -1,7 +1,5 @@
 """Files of JSON, and values that JSON can hold."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The legs of a route as a navigator needs them: course, distance, time, speed over ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of libraries that write files, as the operating system's errors."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 from pathlib import Path

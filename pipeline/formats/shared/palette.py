@@ -4,8 +4,6 @@ In the manner of Okabe and Ito (2008), from vermillion on: they differ in lightn
 hue, so that they stay apart with protanopia, deuteranopia and tritanopia.
 """
 
-from __future__ import annotations
-
 SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#006666")
 """Colours of seasons on a light background, in the order of the scenario's seasons."""
 

@@ -1,7 +1,5 @@
 """Classes without a route as values: kind of reason, places, moments; and the sentence about it."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 
 import renew

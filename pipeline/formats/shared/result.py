@@ -1,7 +1,5 @@
 """The finished run, as all formats read it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime

@@ -1,7 +1,5 @@
 """Profile of a route: time, fuel, speed, current and clearance at points along it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Where the vessel cannot turn away on a best route: a note for each season."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.formats.shared.result import RunResult

@@ -1,7 +1,5 @@
 """Speed and fuel of a way in still water."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.formats.shared.result import RunResult

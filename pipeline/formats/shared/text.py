@@ -1,7 +1,5 @@
 """Quantities as text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """Fuel against arrival, of a season whose speeds are chosen, and what is chosen, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta

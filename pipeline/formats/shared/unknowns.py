@@ -1,7 +1,5 @@
 """What a reader should know that is not known: depths, filled currents, straits that are shut."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 

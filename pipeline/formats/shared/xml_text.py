@@ -1,7 +1,5 @@
 """Text that XML can hold."""
 
-from __future__ import annotations
-
 import re
 
 XML_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

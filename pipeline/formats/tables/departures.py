@@ -1,7 +1,5 @@
 """`departures.csv` and `departures.json`: what each departure that was planned comes to."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator

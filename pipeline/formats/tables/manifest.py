@@ -1,7 +1,5 @@
 """`manifest.json`: inputs, outputs, versions and hashes, so that a result can be reproduced."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import json

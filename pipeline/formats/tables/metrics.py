@@ -1,7 +1,5 @@
 """`metrics.csv`: one row per season and class, with units in the column names."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

@@ -5,8 +5,6 @@ since seasons may come from different sources on different grids, and GDAL, and 
 grid only if its lines are evenly spaced. A current that changes is given as at departure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

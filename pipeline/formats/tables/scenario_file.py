@@ -1,7 +1,5 @@
 """The scenario as it was planned, with what was chosen for it, to be run again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.formats.shared.result import RunResult

@@ -1,7 +1,5 @@
 """`trade-off.csv` and `trade-off.json`: least fuel by arrival, where speeds are chosen."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator
 from datetime import UTC, datetime

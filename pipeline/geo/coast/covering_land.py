@@ -4,8 +4,6 @@ Only polygons that overlap afterwards are joined, and there is no limit on verti
 stays open that is wider than twice the margin and the tolerance together.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@ covers the area, and a buffer inwards lies within it. (shapely's own simplificat
 drops lobes where a ring crosses itself.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

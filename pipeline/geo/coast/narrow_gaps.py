@@ -7,8 +7,6 @@ The remaining gaps are the bottlenecks: if all of them are wide enough, so is ev
 detour around a shut gap depends on the smaller of the two parts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Keeps starts and goals in water and connected if only a margin or a tolerance covers them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

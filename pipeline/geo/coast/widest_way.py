@@ -5,8 +5,6 @@ wide as it is long. The path between two nodes of a maximum spanning tree is the
 gate is widest (Hu, *The maximum capacity route problem*, 1961).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from scipy import sparse

@@ -1,7 +1,5 @@
 """Yesterday's routes: the best of each case of the cycle that `latest` names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime

@@ -6,8 +6,6 @@ named by `latest`: the next job moves the link. Damaged files, and anything in t
 moved to `OUTPUT/damaged/`, never removed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """One job at a time in an output folder: a second job's error names the first and its start."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

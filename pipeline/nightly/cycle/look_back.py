@@ -3,8 +3,6 @@
 Files that can't be read are set aside and noted; the night goes on without them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

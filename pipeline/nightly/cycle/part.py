@@ -5,8 +5,6 @@ each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat.
 and a Parquet table: a damaged part counts as missing, and its cases are planned again.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

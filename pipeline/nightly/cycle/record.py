@@ -4,8 +4,6 @@ It is written last, once all other files are on the disk: a cycle with a record 
 hashes show what has changed since. No other file of a cycle has times of its making.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime

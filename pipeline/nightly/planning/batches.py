@@ -4,8 +4,6 @@ The first cases of a chart show how long a case takes. Results do not depend on 
 cut.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Charts and currents, which the cases of a night share: each is made once and stored."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Compares yesterday's route, sailed in tonight's current, with tonight's best route."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from datetime import datetime, timedelta

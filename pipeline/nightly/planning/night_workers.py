@@ -1,7 +1,5 @@
 """The workers of a night: from a Dask scheduler, or from a cluster on this machine."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`changes.csv`: yesterday's and tonight's route of each case that had one yesterday."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator
 from datetime import datetime

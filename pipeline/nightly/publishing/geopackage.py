@@ -1,7 +1,5 @@
 """`routes.gpkg` of a cycle: each case's best route, and its best on each other side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path

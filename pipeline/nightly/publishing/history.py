@@ -1,7 +1,5 @@
 """`history.parquet`: one row per case and cycle; every cycle holds it, with its own rows added."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path

@@ -4,8 +4,6 @@ Rows are in the order of the cases, whatever the order of the work, and are writ
 read: a million rows need little memory. Both are GeoParquet.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Iterator, Sequence

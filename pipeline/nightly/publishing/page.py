@@ -1,7 +1,5 @@
 """`index.html` of a cycle: the cases to look at, in one file that works offline."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

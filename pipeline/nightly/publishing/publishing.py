@@ -1,7 +1,5 @@
 """The files of a cycle, made from its parts, and the check that they are whole."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from collections import Counter

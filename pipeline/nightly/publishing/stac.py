@@ -4,8 +4,6 @@ Written without pystac: it is no shorter with it, and pystac's `Link` would turn
 into an absolute path of this machine. The tests read the item with pystac and check the schemas.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from datetime import datetime

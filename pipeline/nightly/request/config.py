@@ -1,7 +1,5 @@
 """The request of a night: one strict TOML file; every fault is given with file and line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Start–goal pairs of a night, read from a CSV file; every fault is given with its row."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Refuses start–goal pairs on land before anything is written; each fault names its row."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import shapely

@@ -1,7 +1,5 @@
 """Line numbers of the keys of a TOML file, for messages about their values."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Currents from a small table in the catalogue: they need neither account nor network."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Still water: the current of a voyage that is planned without any."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The cells of a grid that are too shallow, and one cell around them, as polygons."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator

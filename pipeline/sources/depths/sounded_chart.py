@@ -1,7 +1,5 @@
 """A chart of land with a grid of depths: what is too shallow for the vessel is no-go as well."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

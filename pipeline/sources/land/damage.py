@@ -3,8 +3,6 @@
 GDAL's drivers that would do what a file says, instead of only reading it, are not used.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ The package has GSHHG, an older shoreline of other origin, too: land to compare 
 It is simplified by the package's makers to 0.0005 degrees, and cut at 180 degrees.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 

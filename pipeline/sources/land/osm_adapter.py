@@ -1,7 +1,5 @@
 """OpenStreetMap land behind the LandSource interface."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib.metadata import version
 

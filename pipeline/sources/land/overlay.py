@@ -1,7 +1,5 @@
 """Several charts as one: what any of them forbids is no-go."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce

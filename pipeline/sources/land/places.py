@@ -1,7 +1,5 @@
 """Names of land, as charts have them: a point on each named area."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

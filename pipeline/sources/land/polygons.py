@@ -1,7 +1,5 @@
 """Operations on chart geometries in lon/lat degrees: select, repair, clip, subtract, buffer."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

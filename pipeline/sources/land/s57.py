@@ -8,8 +8,6 @@ bed, unless they are known to lie deep enough. Where cells overlap, the larger s
 precedence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """A folder of S-57 cells behind the LandSource interface."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from dataclasses import dataclass

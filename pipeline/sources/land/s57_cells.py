@@ -5,8 +5,6 @@ IHO S-57 3.1, appendix B.1 (ENC product specification). GDAL's driver applies th
 applied is compared with the files, and a cell that is not up to date is refused.
 """
 
-from __future__ import annotations
-
 import glob
 import math
 import os

@@ -5,8 +5,6 @@ area) are buffered by a radius that the user gives. What the file does not say (
 layers, the CRS, that radius) is asked for, not guessed.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One layer of a vector file in any CRS, transformed to lon/lat near a region."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import AbstractContextManager

@@ -15,8 +15,6 @@ at once. The table and each polygon have a checksum: a damaged file is made agai
 can't be written the package is read each time, and a note says so.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import struct

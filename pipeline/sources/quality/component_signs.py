@@ -11,8 +11,6 @@ With both signs wrong the divergence has the same size, so that this can't be de
 turn is never certain either, as waves and tides diverge more than they rotate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

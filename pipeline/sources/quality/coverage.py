@@ -1,7 +1,5 @@
 """Bounds of regions and of grids of currents: how far one reaches beyond the other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pipeline._types import FloatArray

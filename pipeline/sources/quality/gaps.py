@@ -1,7 +1,5 @@
 """Water of a region for which a field of currents has no data, wherever it lies."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plausibility of a current that changes, each of its fields looked at; a steady one has one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from pipeline.sources.quality.field import Field, LandMask

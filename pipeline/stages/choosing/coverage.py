@@ -1,7 +1,5 @@
 """The area that a voyage's currents cover: the region must lie inside it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

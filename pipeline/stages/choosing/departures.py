@@ -4,8 +4,6 @@ What is chosen becomes the season's departure, and the clock of its current begi
 stages plan it as if it had been given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace

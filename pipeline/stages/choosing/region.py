@@ -1,7 +1,5 @@
 """The region of a scenario without one: chosen before the first plan, widened after a plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -3,8 +3,6 @@
 Where there is no route at all, there may be one far beyond.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plan, look where the best routes lie in their region, widen it, and plan again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Both in the whole region, by the grid of the currents, and on the ways of a plan
 hours at which the vessel may be there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime, timedelta
 from itertools import pairwise

@@ -4,8 +4,6 @@ The second one, GSHHG, is older and coarser in places. A route that crosses its 
 for that, but it is a reason to look at an official chart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

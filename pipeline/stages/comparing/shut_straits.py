@@ -6,8 +6,6 @@ it are hardly longer than a season's best route. Wider straits are added at whic
 rejected because adaptive padding fills them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

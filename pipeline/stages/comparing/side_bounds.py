@@ -6,8 +6,6 @@ fuel (:mod:`renew.bounds.fuel_lower_bound`) holds for every way that keeps off t
 close to land. Where it is above the best route's fuel, no such way is better.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

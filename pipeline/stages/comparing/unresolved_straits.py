@@ -1,7 +1,5 @@
 """Finds straits on the way that are too narrow for the grid of a changing current."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

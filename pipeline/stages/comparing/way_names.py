@@ -6,8 +6,6 @@ many islands as are needed to distinguish a route from the others of its season.
 the numbers and one main island, the first in every name: the largest that distinguishes any routes.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The user's shut areas: read from files, as zones of the chart, and on each season's clock."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from datetime import datetime

@@ -1,7 +1,5 @@
 """A quick look at the chart near start and goal only, before anything is computed."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import shapely

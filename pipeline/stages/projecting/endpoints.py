@@ -1,7 +1,5 @@
 """Start and goal must lie in water, and in the same body of water; if not, say where water is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

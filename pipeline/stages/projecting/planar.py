@@ -3,8 +3,6 @@
 They become the same dataclasses as a chart scenario, so that every output format works for them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from shapely.geometry import Polygon

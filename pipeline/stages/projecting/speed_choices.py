@@ -5,8 +5,6 @@ by the plane's point scale along the route: so the planner's arrival is set earl
 routes arrive in time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

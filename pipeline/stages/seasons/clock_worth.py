@@ -5,8 +5,6 @@ gives the shortest safe path. All depart at the same time and keep the same padd
 are chosen, each plan is sailed at its own speeds times one factor, so that it arrives in time.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Seasons on a Dask scheduler's workers: if a worker dies, the other seasons go on."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

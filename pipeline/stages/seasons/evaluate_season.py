@@ -1,7 +1,5 @@
 """Measures every route of a season against the original, unsimplified land."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -8,8 +8,6 @@ the share of padding and turning circle is the fuel of the route above (2); the 
 the fuel of (1) above the bound, which no route reaches.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import shapely

@@ -1,7 +1,5 @@
 """The plan of one season."""
 
-from __future__ import annotations
-
 import math
 import time
 

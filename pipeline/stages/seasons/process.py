@@ -3,8 +3,6 @@
 As a program it plans the one season whose pickled task it reads from standard input.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

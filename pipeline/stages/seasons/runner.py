@@ -1,7 +1,5 @@
 """Runs the seasons' tasks: in threads, in processes, or on a Dask scheduler's workers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

@@ -4,8 +4,6 @@ A task holds paths, not arrays: large arguments fail in transit. Its results are
 soon as they are complete, so that a killed run continues from there.
 """
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace

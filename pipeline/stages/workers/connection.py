@@ -1,7 +1,5 @@
 """Questions to a Dask scheduler that may never answer, and its library kept from the terminal."""
 
-from __future__ import annotations
-
 import asyncio
 import concurrent.futures
 import contextlib

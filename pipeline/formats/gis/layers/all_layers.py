@@ -1,7 +1,5 @@
 """The layers of a run in lon/lat: names, descriptions and columns."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

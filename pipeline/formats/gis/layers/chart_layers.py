@@ -1,7 +1,5 @@
 """Layers of the chart: what it has, and what the planner makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

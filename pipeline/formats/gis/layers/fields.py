@@ -1,7 +1,5 @@
 """Names and meanings of the columns of all layers, as a GIS shows them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

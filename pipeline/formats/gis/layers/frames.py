@@ -1,7 +1,5 @@
 """Layers as data frames of geopandas, in lon/lat."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias

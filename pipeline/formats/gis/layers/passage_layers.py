@@ -1,7 +1,5 @@
 """Layers of the passage: the waypoints that the bridge steers by, and the limits of each leg."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

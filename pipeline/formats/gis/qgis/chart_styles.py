@@ -1,7 +1,5 @@
 """QGIS styles of the chart's layers: land, depths, hazards and what is no-go."""
 
-from __future__ import annotations
-
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.qgis.symbols import Rule, Style, colour, fill
 

@@ -1,7 +1,5 @@
 """Print layouts of the QGIS project, A4 and A3: title, map, legend, scale bar and credits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from pipeline.formats.figures.graticule import nice_step

@@ -6,8 +6,6 @@ it is longitude and latitude, as in the file: whatever CRS QGIS shows a map in, 
 features of a lon/lat file between -180 and 180 degrees only.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias

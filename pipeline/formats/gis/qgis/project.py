@@ -4,8 +4,6 @@ Layers are listed in a group per season, with land below; land is drawn over the
 as in the paper.
 """
 
-from __future__ import annotations
-
 import io
 import textwrap
 import zipfile

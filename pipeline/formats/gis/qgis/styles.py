@@ -1,7 +1,5 @@
 """QGIS styles of the layers, the same for a layer by itself and inside the project."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 from pipeline.formats.figures.palette import COLOURS

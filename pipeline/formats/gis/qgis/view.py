@@ -1,7 +1,5 @@
 """View of a run as a map shows it: seasons with their colours, classes of speed, scale."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

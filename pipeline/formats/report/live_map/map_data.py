@@ -4,8 +4,6 @@ Coordinates are in the planner's own plane at true scale: angles are true, and n
 180 degrees. They are encoded by `encode` and decoded by `scripts/data.js`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the map's places are: on earth for the pointer, in its own metres for buttons."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline._types import FloatArray

@@ -1,7 +1,5 @@
 """A run's figures compared with published ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from pipeline.formats.shared.result import RunResult

@@ -1,7 +1,5 @@
 """A season's card and section: the best route, why, its plots, all classes, the rejected ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

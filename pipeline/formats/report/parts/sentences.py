@@ -1,7 +1,5 @@
 """The page's sentences on a season: why this way, how sure that is, how safe it is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A small picture of the way on a season's card: land, the best route, and its rival dashed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Only the region's part of the steps needed is read. It is checked in a wider win
 is given, as faults are easier to detect there.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ They are read in a window wider than what is kept of them, one after the other, 
 not fit in memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Guide (CDF-1, CDF-2 and CDF-5). All numbers are big endian, and all items are pa
 library says it: SciPy, which maps the whole file, does not know CDF-5.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from pathlib import Path

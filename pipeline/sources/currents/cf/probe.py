@@ -4,8 +4,6 @@ Run as a module, it opens the files that its input names, one a line. It says on
 which one it has begun, so that its end, or its deadline, tells which one is damaged.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import sys

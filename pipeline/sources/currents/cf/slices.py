@@ -1,7 +1,5 @@
 """Which steps of a file make up a season's current: one field, or a field for each time."""
 
-from __future__ import annotations
-
 import calendar
 import itertools
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The account at the Copernicus Marine Service: whether there is one, and keeping it secret."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import os

@@ -6,8 +6,6 @@ deadline, the whole call is repeated on failure, the request is strict and in UT
 used only after the `acceptance` check.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

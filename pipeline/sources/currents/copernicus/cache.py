@@ -5,8 +5,6 @@ and has passed the acceptance check. A file without its sidecar, or with another
 gives, counts as absent.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """One download by the Copernicus Marine client: in a subprocess, repeated, errors explained."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

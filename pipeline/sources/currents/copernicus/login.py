@@ -4,8 +4,6 @@ Run as a process of its own: the client takes seconds to import, and waits for a
 limit of time.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

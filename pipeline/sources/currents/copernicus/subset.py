@@ -7,8 +7,6 @@ it got, or its `error`. Without `subset` it only looks which steps there are. Ex
 NO_ANSWER: the client returned nothing and raised nothing, as it does without credentials.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging
