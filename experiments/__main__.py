@@ -43,7 +43,7 @@ def experiments(
     """Run the paper's experiments again and write OUTPUT/experiments/report.html."""
     with reported_errors(), still_at_work():
         from experiments.run import chosen_specs, run
-        from pipeline.paths import folder_to_write
+        from pipeline.machine.paths import folder_to_write
 
         folder_to_write(output, "--output")
         specs = chosen_specs(quick=quick, only=only or ())

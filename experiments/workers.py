@@ -15,7 +15,7 @@ from multiprocessing.context import ForkServerContext
 
 from experiments.jobs import Job, Result
 from pipeline.errors import StageError
-from pipeline.interpreters import ignoring_working_directory
+from pipeline.machine.interpreters import ignoring_working_directory
 
 WARM_MODULE = "experiments.warm"
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
+from pipeline.machine.storage.store import Made, Store, artefact_key, file_hash
+from pipeline.running.outcome import Event, EventHandler, Outcome, Stage, ignore
+from pipeline.running.session import Origin, session
 from pipeline.scenario.model import Scenario
-from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.departures import Chosen
@@ -22,7 +23,6 @@ from pipeline.stages.project import projected
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify
 from pipeline.stages.write import write
-from pipeline.storage.store import Made, Store, artefact_key, file_hash
 
 
 def run(

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.loading import parse_scenario
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import parse_scenario
 from tests import scenario_reference as reference
 
 TYPES: dict[str, tuple[type, ...]] = {

@@ -14,8 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.cli.finding import Finding
-from pipeline.interpreters import run_python
-from pipeline.paths import folder_to_write
+from pipeline.machine.interpreters import run_python
+from pipeline.machine.paths import folder_to_write
 from pipeline.sources.land.world import cache_file
 
 _DISTRIBUTION = "renew-planner"

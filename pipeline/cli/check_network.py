@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.cli.finding import Finding
-from pipeline.paths import folder_to_write
+from pipeline.machine.paths import folder_to_write
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
 from pipeline.sources.currents.copernicus.login import login_fault
 
@@ -83,7 +83,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
 
 def worker_state(folder: str) -> dict[str, str]:
     """Return the versions and settings that must be the same here and on a worker."""
-    from pipeline.storage.code_identity import code_hash
+    from pipeline.machine.storage.code_identity import code_hash
 
     return {
         "Python": platform.python_version(),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from pipeline.outcome import Outcome
+    from pipeline.running.outcome import Outcome
 
 
 def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoReturn:

@@ -117,7 +117,7 @@ def go(
     The scenario is written beside the results, for `renew run`.
     """
     with reported_errors():
-        from pipeline.paths import folder_to_write
+        from pipeline.machine.paths import folder_to_write
         from pipeline.voyage.quantities import RANGE
         from pipeline.voyage.request import VoyageRequest, voyage_scenario
         from pipeline.voyage.vessel_options import VesselFigures

@@ -70,7 +70,7 @@ def ending_promptly() -> Iterator[None]:
             is_raised = True  # once: `timeout` signals the process and its group
             raise Stopped(number)
 
-    def raise_again(unraisable: sys.UnraisableHookArgs) -> None:
+    def raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
         """Note that `Stopped` was lost in a destructor or the garbage collector."""
         nonlocal is_raised
         if isinstance(unraisable.exc_value, Stopped):

@@ -43,11 +43,11 @@ from pipeline.cli.options import (
 )
 from pipeline.cli.waiting import still_at_work
 from pipeline.formats.figures.kinds import Form, Kind, Width
-from pipeline.interpreters import ignoring_working_directory
+from pipeline.machine.interpreters import ignoring_working_directory
 
 if TYPE_CHECKING:
+    from pipeline.running.session import Origin
     from pipeline.scenario.model import Scenario
-    from pipeline.session import Origin
 
 app = typer.Typer(
     name="renew",
@@ -232,7 +232,7 @@ def check(
 ) -> None:
     """List all faults of a scenario's file, and whether its start and goal are in water."""
     with reported_errors(), still_at_work():
-        from pipeline.loading import load_scenario
+        from pipeline.scenario.loading import load_scenario
 
         found = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
@@ -313,14 +313,14 @@ def _wanted(
     asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
 ) -> _Wanted:
     """Load a scenario before the heavy imports, so that a wrong request is reported at once."""
-    from pipeline.loading import load_scenario
-    from pipeline.paths import folder_to_write
+    from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import scenario_path
+    from pipeline.scenario.loading import load_scenario
 
     folder_to_write(output, "--output")
     notes: list[str] = []
     scenario = load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
-    from pipeline.session import Origin
+    from pipeline.running.session import Origin
 
     return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
 

@@ -155,7 +155,7 @@ def _is_regular(path: Path) -> bool:
 def _refuse_no_file(metrics: Path | None) -> None:
     """Refuse a path that is not a file: earlier figures are read from it; a pipe would block."""
     from pipeline.errors import RequestError
-    from pipeline.paths import shown
+    from pipeline.machine.paths import shown
 
     # Not Path.exists, which raises an error if a name is too long.
     if metrics is not None and os.path.exists(metrics) and not _is_regular(metrics):  # noqa: PTH110

@@ -7,7 +7,7 @@ from datetime import datetime
 from pipeline.formats.shared.json_values import json_value
 from pipeline.formats.shared.rejections import rejections
 from pipeline.model import ClockWorth, RouteMetrics
-from pipeline.outcome import Outcome
+from pipeline.running.outcome import Outcome
 from pipeline.stages.write import season_stem
 
 

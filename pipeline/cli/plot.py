@@ -17,12 +17,12 @@ from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
 from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.formats.shared.text import season_text
-from pipeline.outcome import EventHandler
+from pipeline.machine.storage.whole_files import whole_file
 from pipeline.run import planned_scenario
+from pipeline.running.outcome import EventHandler
+from pipeline.running.session import Origin
 from pipeline.scenario.model import Scenario
-from pipeline.session import Origin
 from pipeline.stages.write import output_directory, safe_name
-from pipeline.storage.whole_files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

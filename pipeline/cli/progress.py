@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from pipeline.outcome import STAGES, Event, EventHandler, ignore
+from pipeline.running.outcome import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
 
 _DESCRIPTIONS = {

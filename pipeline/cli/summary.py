@@ -15,7 +15,7 @@ from pipeline.formats.shared.text import (
 )
 from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import RouteMetrics
-from pipeline.outcome import Outcome
+from pipeline.running.outcome import Outcome
 
 _HEAD = (
     "season",

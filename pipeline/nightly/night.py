@@ -11,6 +11,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
+from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.storage.store import Store
 from pipeline.nightly.cycle.folders import LATEST, Cycles, writing
 from pipeline.nightly.cycle.lock import night_lock
 from pipeline.nightly.cycle.record import (
@@ -36,8 +38,6 @@ from pipeline.nightly.request.cases import Cases
 from pipeline.nightly.request.expansion import expand
 from pipeline.nightly.request.fingerprint import request_hash
 from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
-from pipeline.storage.locks import file_lock
-from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
     from pipeline.nightly.cycle.look_back import LookBack
@@ -194,7 +194,7 @@ class _Night:
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
         """Hold the locks of the output folder and its store."""
-        from pipeline.storage.store import remove_unfinished
+        from pipeline.machine.storage.store import remove_unfinished
 
         output = self.cycles.output
         with writing(output):
@@ -214,13 +214,13 @@ class _Night:
 
     def _planning(self, *, is_alone: bool) -> Planning:
         """Open the cycle's folder, and gather what planning needs."""
+        from pipeline.machine.storage.store import Store
         from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
         from pipeline.nightly.cycle.look_back import look_back
         from pipeline.nightly.cycle.partial import Partial
         from pipeline.nightly.planning.comparison import Rules
         from pipeline.nightly.planning.planning import Planning
         from pipeline.stages.workers.fitness import own_identity
-        from pipeline.storage.store import Store
 
         identity, latest = own_identity(), self.cycles.latest
         if base_of(latest) == self.newest.cycle:
@@ -329,7 +329,7 @@ class _Night:
 
     def _prune_store(self, store: Store) -> None:
         """Prune the store if it is too large; keep everything that this night used."""
-        from pipeline.storage.pruning import MAX_STORE_BYTES, prune
+        from pipeline.machine.storage.pruning import MAX_STORE_BYTES, prune
 
         with contextlib.suppress(OSError):
             since = self.started.timestamp()

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.machine.storage.whole_files import whole_file
 from pipeline.nightly.outcome import NightOutcome
-from pipeline.storage.whole_files import whole_file
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry

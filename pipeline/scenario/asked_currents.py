@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.paths import resolved
+from pipeline.machine.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import Season
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.paths import NOT_THERE, expanded, unreadable_reason
-from pipeline.paths import shown as shown_path
+from pipeline.machine.paths import NOT_THERE, expanded, unreadable_reason
+from pipeline.machine.paths import shown as shown_path
 from pipeline.scenario.messages import model_faults, near_miss, shown
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Integer, Latitude, Name, NonNegative, Positive, StrictModel

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
 
-from pipeline.paths import resolved, shown, unusable_reason
+from pipeline.machine.paths import resolved, shown, unusable_reason
 
 # Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"

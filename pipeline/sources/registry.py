@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
 from pipeline.errors import RequestError
-from pipeline.paths import require_readable
+from pipeline.machine.paths import require_readable
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
 

@@ -6,9 +6,9 @@ Its region is chosen before the first stage, by `pipeline.stages.choosing.region
 from collections.abc import Callable
 from dataclasses import replace
 
+from pipeline.machine.storage.store import Store
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.choosing.offing import Offing
-from pipeline.storage.store import Store
 
 
 def choose(given: Chosen, store: Store, say: Callable[[str], None]) -> Chosen:

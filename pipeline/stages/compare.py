@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.formats.shared.trade_offs import speed_notes
+from pipeline.machine.storage.store import Made, Store, artefact_key
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.comparing.overpowering_current import waiting_notes
 from pipeline.stages.comparing.second_shoreline import crossing_notes
@@ -17,7 +18,6 @@ from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.plan import Planned
 from pipeline.stages.projecting.avoided_areas import shut_notes
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.storage.store import Made, Store, artefact_key
 
 
 def compare(

@@ -11,6 +11,7 @@ from functools import cached_property
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.text import season_text
+from pipeline.machine.storage.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
@@ -22,7 +23,6 @@ from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.overpowering_current import overpowering_notes
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones
-from pipeline.storage.store import DOWNLOADS, Made, Store, artefact_key
 
 # Longest voyage in changing currents if no limit is given: this many times the duration straight
 # through still water, plus a day, as the tide may turn against a short voyage.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
+from pipeline.machine.storage.store import Made, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs
@@ -13,7 +14,6 @@ from pipeline.stages.seasons.evaluate_season import combine_seasons
 from pipeline.stages.seasons.runner import run_tasks
 from pipeline.stages.seasons.task import SeasonTask, Status
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.storage.store import Made, Store, artefact_key
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
+from pipeline.machine.storage.store import Made, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
 from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
@@ -25,7 +26,6 @@ from pipeline.stages.projecting.avoided_areas import area_identities, known_cloc
 from pipeline.stages.projecting.endpoints import check_endpoints
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.storage.store import Made, Store
 
 # Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
 # curved in the plane. An edge is halved until it sags less, at most _MAX_HALVINGS times, and no

@@ -29,12 +29,12 @@ from pipeline.geo.coast.covering_land import covering_land, inner_land
 from pipeline.geo.coast.open_water import OpenWater, opened
 from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
+from pipeline.machine.storage.store import Made, Store
 from pipeline.model import Land, Simplified
 from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar
-from pipeline.storage.store import Made, Store
 
 # Maximum length of an edge when it is projected, m: what is straight in degrees is curved in the
 # plane, by 1.3 m for 5 km at 70 degrees of latitude.

@@ -1,7 +1,7 @@
 """Last stage: all files of a run appear together, or the earlier ones stay unchanged.
 
 Everything is written to a folder of its own, which then takes the place of the earlier one whole
-(:mod:`pipeline.storage.result_folder`).
+(:mod:`pipeline.machine.storage.result_folder`).
 """
 
 import errno
@@ -17,10 +17,10 @@ from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.formats.shared.result import RunResult
+from pipeline.machine.storage.result_folder import replacing
 from pipeline.model import CurrentGrid
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.storage.result_folder import replacing
 
 Format = Callable[[RunResult, Path], None]
 

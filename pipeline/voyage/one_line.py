@@ -5,8 +5,8 @@ from datetime import datetime
 from pathlib import Path
 
 from pipeline.errors import RequestError
-from pipeline.outcome import Event, EventHandler, Outcome, ignore
 from pipeline.run import run
+from pipeline.running.outcome import Event, EventHandler, Outcome, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.stages.choosing.coverage import uncovered_seasons

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import RequestError
-from pipeline.loading import parse_scenario
-from pipeline.paths import resolved
+from pipeline.machine.paths import resolved
 from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import asked_currents
+from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.vessel import VesselSpec

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.paths import expanded, unreadable_reason
+from pipeline.machine.paths import expanded, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.strict import looks_like_path

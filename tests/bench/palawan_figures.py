@@ -12,13 +12,13 @@ import shapely
 
 import renew
 from pipeline.geo.projection import Projection
-from pipeline.loading import load_scenario
+from pipeline.machine.storage.store import Store
 from pipeline.model import Fetched, Scene
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
-from pipeline.storage.store import Store
 from renew._types import FloatArray
 from tests import yardstick
 from tests.bench.clock import Took, warm

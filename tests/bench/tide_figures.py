@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 import renew
-from pipeline.loading import load_scenario
 from pipeline.model import Credit, CurrentGrid
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from tests.bench.figure import Figure, at_most
 from tests.bench.palawan_figures import fetched_data, scene_of

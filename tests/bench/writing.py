@@ -14,8 +14,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
+from pipeline.scenario.loading import load_scenario
 from pipeline.stages.write import write
 from tests.bench.figure import Figure, at_most
 

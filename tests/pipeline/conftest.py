@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.loading import load_scenario
+from pipeline.machine.storage.store import Store
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
-from pipeline.storage.store import Store
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]

@@ -12,7 +12,7 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.loading import load_scenario
+from pipeline.scenario.loading import load_scenario
 from pipeline.sources.land import osm
 from tests.pipeline.conftest import ACROSS_BOX
 from tests.pipeline.small_plane import small_plane

@@ -27,7 +27,7 @@ import numpy as np
 from numba.core import event
 with event.install_recorder("numba:compile") as recorder:
     import renew
-    from pipeline.loading import load_scenario
+    from pipeline.scenario.loading import load_scenario
     from tests.strategies import PAPER_VESSEL, single_gyre
 
     def number(chart, current, start, goal, vessel=PAPER_VESSEL, **options):

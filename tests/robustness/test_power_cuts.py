@@ -18,8 +18,8 @@ pytestmark = [
 
 
 def test_a_power_cut_in_a_run(tmp_path: Path) -> None:
-    from pipeline.loading import load_scenario
     from pipeline.run import run
+    from pipeline.scenario.loading import load_scenario
 
     output, file = tmp_path / "out", tmp_path / "plane.toml"
     file.write_text(small_plane("plane"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.loading import load_scenario
+from pipeline.scenario.loading import load_scenario
 from tests.robustness.campaign import draw, number
 from tests.robustness.limits import TooSlowError, cpu_limit, failure
 from tests.robustness.renew_processes import MAX_LINE, MAX_LINES, Renew

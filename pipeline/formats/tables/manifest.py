@@ -21,8 +21,8 @@ from pipeline.formats.shared.json_values import json_value
 from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import MAX_STRAITS
-from pipeline.storage.code_identity import code_commit, code_hash
-from pipeline.storage.store import file_hash
+from pipeline.machine.storage.code_identity import code_commit, code_hash
+from pipeline.machine.storage.store import file_hash
 
 SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from pipeline.machine.storage.locks import file_lock
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.outcome import BusyError
-from pipeline.storage.locks import file_lock
 
 LOCK = ".nightly.lock"
 # Time to wait for the lock, s: `renew nightly status` holds it for a moment, to test it.

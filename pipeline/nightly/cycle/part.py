@@ -15,8 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.storage.store import read_checked, write_checked
-from pipeline.storage.whole_files import UNFINISHED
+from pipeline.machine.storage.store import read_checked, write_checked
+from pipeline.machine.storage.whole_files import UNFINISHED
 
 _TIME = pa.timestamp("ms", tz="UTC")
 # Columns of every row, of a case or of a route.

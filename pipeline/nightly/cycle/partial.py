@@ -10,10 +10,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.errors import StageError
+from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.storage.whole_files import write_whole
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.part import Part, parts_in, remove_unfinished
-from pipeline.storage.locks import file_lock
-from pipeline.storage.whole_files import write_whole
 
 _REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
 # Time for another job of the same night to set the folder up, s.

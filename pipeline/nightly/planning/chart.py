@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
+from pipeline.machine.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.nightly.planning.small_map import SmallMap
 from pipeline.scenario.model import Scenario
@@ -20,7 +21,6 @@ from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
 from pipeline.stages.projecting import planar
 from pipeline.stages.simplify import simplify
-from pipeline.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 
 STAGE = "night-chart"
 _Stored = TypeVar("_Stored", "NightChart", "NightCurrent")

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from pipeline.errors import PipelineError
+from pipeline.machine.storage.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.earlier import EarlierIndex, EarlierRoutes
 from pipeline.nightly.cycle.part import gaps, part_path, write_part
 from pipeline.nightly.cycle.partial import Partial
@@ -25,7 +26,6 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.workers.fleet import Fleet
-from pipeline.storage.store import Store, artefact_key, read_checked
 
 # Largest number of cases in a slice: neighbours stay together, as they share a current.
 _LARGEST_SLICE = 64

@@ -20,6 +20,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import PipelineError, StageError
+from pipeline.machine.storage.store import read_checked
 from pipeline.model import RouteMetrics, Scene
 from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
 from pipeline.nightly.cycle.part import Row, write_part
@@ -36,7 +37,6 @@ from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
 from pipeline.stages.seasons.plan_season import plan_season
 from pipeline.stages.workers.fleet import DiedBeforeError
-from pipeline.storage.store import read_checked
 from renew import Route
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"

@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
+from pipeline.machine.storage.store import load_artefact
 from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex, EarlierRoute
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.look_back import HISTORY_FILE, LookBack
@@ -27,7 +28,6 @@ from pipeline.nightly.publishing.history import write_history
 from pipeline.nightly.publishing.merging import ROUTES_FILE, merge
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
 from pipeline.nightly.publishing.stac import ITEM_FILE, item_text
-from pipeline.storage.store import load_artefact
 
 RESULTS = (
     CASES_FILE,

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from pipeline.errors import RequestError
+from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.nightly.request.departures import DepartureSpec
 from pipeline.nightly.request.toml_lines import TomlLines
-from pipeline.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel

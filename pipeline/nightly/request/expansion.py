@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
-from pipeline.loading import parse_scenario
 from pipeline.nightly.request.cases import Block, Cases, Member, doubled
 from pipeline.nightly.request.pairs import Pair, read_pairs
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path

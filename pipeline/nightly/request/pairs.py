@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.paths import shown, unreadable_reason
+from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.scenario.strict import Name, Point
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")

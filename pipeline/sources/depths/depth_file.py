@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.paths import require_readable, shown
+from pipeline.machine.paths import require_readable, shown
 from pipeline.sources.currents.cf.axes import axis_role, coordinate_axis, grid_fault
 from pipeline.sources.currents.cf.dataset import (
     check_chunks,

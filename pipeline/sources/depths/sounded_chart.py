@@ -15,13 +15,13 @@ from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.machine.storage.store import file_hash
 from pipeline.model import Credit, Land, Zone
 from pipeline.sources.depths.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.depths.shallow_water import shallow_polygons
 from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.quality.field import LandMask
-from pipeline.storage.store import file_hash
 
 # Size above which a file enters a key by its name, size and time of change, bytes: the whole of
 # GEBCO has 7 GB, which take half a minute to read.

@@ -9,9 +9,9 @@ from pathlib import Path
 from shapely.geometry import Polygon
 
 from pipeline.errors import RequestError
+from pipeline.machine.paths import require_readable
+from pipeline.machine.storage.store import file_hash
 from pipeline.model import Land
-from pipeline.paths import require_readable
-from pipeline.storage.store import file_hash
 
 # Largest number of cells that a message names.
 _MAX_NAMES = 8

@@ -17,8 +17,8 @@ from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
+from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land
-from pipeline.paths import require_readable
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import (

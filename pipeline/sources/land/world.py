@@ -31,8 +31,8 @@ import shapely
 from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
+from pipeline.machine.storage.whole_files import UNFINISHED, whole_file
 from pipeline.sources.land.polygons import meets_box, near_box
-from pipeline.storage.whole_files import UNFINISHED, whole_file
 from renew._compiled import user_cache
 
 Shoreline = Literal["Osm", "Gshhg"]

@@ -17,6 +17,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import about_season, moments_of, season_text
+from pipeline.machine.storage.store import Made, Store, artefact_key
 from pipeline.model import DepartureChoice, Scene
 from pipeline.model.for_planner import plan_options
 from pipeline.scenario.interval import interval
@@ -26,7 +27,6 @@ from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.avoided_areas import later
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
-from pipeline.storage.store import Made, Store, artefact_key
 
 # Number of plans between two notes on how far the choice is.
 _TOLD_EVERY = 5

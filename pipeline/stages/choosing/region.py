@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.machine.storage.store import DOWNLOADS, Store, artefact_key
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.coverage import Bounds
@@ -16,7 +17,6 @@ from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import REMEDY, Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import Voyage, choose_region
 from pipeline.stages.choosing.region_growth import SIDES, grown, opened, sides_near
-from pipeline.storage.store import DOWNLOADS, Store, artefact_key
 
 # Distance between start and goal below which the mask of 500 m is too coarse, m: the chart's own
 # polygons are used.

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
+from pipeline.machine.storage.store import Made, Store
 from pipeline.scenario.model import Scenario
 from pipeline.stages.choosing.region import (
     ChosenRegion,
@@ -14,7 +15,6 @@ from pipeline.stages.choosing.region import (
     opened_region,
     wider_region,
 )
-from pipeline.storage.store import Made, Store
 
 RunInRegion = Callable[[Scenario, tuple[str, ...]], Made[RunResult]]
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import IO
 
-from pipeline.interpreters import python_command, python_environment
+from pipeline.machine.interpreters import python_command, python_environment
 from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 
 # Time between two looks at processes, s.

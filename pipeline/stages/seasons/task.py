@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import PipelineError, StageError
+from pipeline.machine.storage.store import load_artefact, save_artefact
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.clock_worth import clock_worth
 from pipeline.stages.seasons.evaluate_season import SeasonEvaluation, evaluate_season
 from pipeline.stages.seasons.gap_shares import gap_shares
 from pipeline.stages.seasons.plan_season import plan_season
-from pipeline.storage.store import load_artefact, save_artefact
 
 
 @dataclass(frozen=True, slots=True)

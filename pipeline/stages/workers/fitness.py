@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
+from pipeline.machine.storage.store import artefact_key
 from pipeline.stages.workers.connection import within
-from pipeline.storage.store import artefact_key
 
 if TYPE_CHECKING:
     from distributed import Client

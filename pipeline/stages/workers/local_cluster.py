@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pipeline.errors import StageError
-from pipeline.interpreters import ignoring_working_directory
+from pipeline.machine.interpreters import ignoring_working_directory
 from pipeline.stages.workers.connection import quiet, within
 
 if TYPE_CHECKING:

@@ -194,7 +194,7 @@ def test_an_unforeseen_error_is_a_line_of_json(quick: str, monkeypatch: pytest.M
     def fail(*arguments: object, **options: object) -> None:
         raise LookupError("no such\nthing", arguments, options)
 
-    monkeypatch.setattr("pipeline.loading.load_scenario", fail)
+    monkeypatch.setattr("pipeline.scenario.loading.load_scenario", fail)
     code, line = refusal("check", quick)
     assert code == 3
     found = json.loads(line)

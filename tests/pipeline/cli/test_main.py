@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 from pipeline.cli import version as version_module
 from pipeline.cli.listing import listed
 from pipeline.cli.main import app
-from pipeline.loading import load_scenario
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source
 

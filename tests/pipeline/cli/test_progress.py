@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
-from pipeline.loading import parse_scenario
-from pipeline.outcome import Event
 from pipeline.run import run
+from pipeline.running.outcome import Event
 from pipeline.scenario.catalogue import read_toml, scenario_path
+from pipeline.scenario.loading import parse_scenario
 
 
 def test_a_line_says_what_is_at_work_until_the_run_ends(

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.loading import load_scenario
 from pipeline.model.for_planner import planner_vessel
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import current_source, land_source
 

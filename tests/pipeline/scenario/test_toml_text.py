@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.loading import load_scenario, parse_scenario
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.toml_text import inline, scenario_text
 
 values = st.recursive(

@@ -20,9 +20,9 @@ import pipeline
 from pipeline.cli.outcome_json import outcome_json
 from pipeline.cli.summary import season_table
 from pipeline.errors import NoWayError, RequestError
-from pipeline.loading import load_scenario
-from pipeline.outcome import Outcome
 from pipeline.run import run
+from pipeline.running.outcome import Outcome
+from pipeline.scenario.loading import load_scenario
 from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.processes import ROOT

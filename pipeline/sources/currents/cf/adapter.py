@@ -15,8 +15,9 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.machine.paths import require_readable
+from pipeline.machine.storage.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land
-from pipeline.paths import require_readable
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.checked_fields import read_checked_fields
 from pipeline.sources.currents.cf.contents import Contents, find_files, name_of, read_contents
@@ -31,7 +32,6 @@ from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.quality.gaps import water_without_data
-from pipeline.storage.store import file_hash
 
 # Half size of the window in which a file is checked, around the middle of the region: cells, or
 # degrees where these are less; and the latitude at which it ends.

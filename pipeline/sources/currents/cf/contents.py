@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.paths import shown, unreadable_reason
+from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.sources.currents.cf.axes import (
     axis_role,
     coordinate_axis,

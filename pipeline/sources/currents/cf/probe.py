@@ -12,7 +12,7 @@ from pathlib import Path
 from signal import Signals
 from typing import Any
 
-from pipeline.interpreters import ProcessResult, run_python
+from pipeline.machine.interpreters import ProcessResult, run_python
 from pipeline.sources.currents.cf.dataset import is_hdf5
 
 # Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pipeline.storage.store import file_hash
+from pipeline.machine.storage.store import file_hash
 
 _STAGING_SUFFIX = ".partial"
 # Age from which a staging folder is abandoned, s, even if a process has its creator's id: ids are

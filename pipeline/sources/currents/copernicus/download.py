@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.errors import StageError
-from pipeline.interpreters import run_python
+from pipeline.machine.interpreters import run_python
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.copernicus.account import LOGIN, without_secrets
 from pipeline.sources.currents.copernicus.steps import SelectedSteps

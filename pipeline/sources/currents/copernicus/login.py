@@ -8,7 +8,7 @@ import contextlib
 import os
 import sys
 
-from pipeline.interpreters import run_python
+from pipeline.machine.interpreters import run_python
 from pipeline.sources.currents.copernicus.account import LOGIN, without_secrets
 
 _VALID, _REFUSED, _UNREACHABLE = 0, 3, 4

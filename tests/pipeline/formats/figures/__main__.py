@@ -13,8 +13,8 @@ from PIL import Image
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.maps.season_map import overview_figure
 from pipeline.formats.shared.result import RunResult
-from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
+from pipeline.scenario.loading import load_scenario
 from tests.conftest import ROOT
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from matplotlib.image import imread
 from PIL import Image
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.loading import load_scenario
 from pipeline.run import planned_scenario
+from pipeline.scenario.loading import load_scenario
 from tests.conftest import ROOT
 from tests.pipeline.formats.figures.__main__ import EXPERIMENTS, PICTURES, PICTURES_FOLDER
 

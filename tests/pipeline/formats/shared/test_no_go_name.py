@@ -22,7 +22,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import GapShares
-from pipeline.outcome import Outcome
+from pipeline.running.outcome import Outcome
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.geo.projection import Projection
-from pipeline.loading import load_scenario
-from pipeline.outcome import Outcome
 from pipeline.run import run
+from pipeline.running.outcome import Outcome
+from pipeline.scenario.loading import load_scenario
 from pipeline.sources.land.s57_adapter import S57Chart
 from tests.true_scale import clearance_m
 

@@ -9,8 +9,8 @@ import shapely
 from pydantic import ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.loading import load_scenario
 from pipeline.model import Credit, Land, Zone
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.osm_adapter import OsmLand
 from pipeline.sources.land.overlay import Overlay, overlay

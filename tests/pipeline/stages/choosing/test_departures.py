@@ -15,13 +15,13 @@ from pipeline.errors import RequestError
 from pipeline.formats.figures.departure_plot import departure_figure, departure_svg
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import exact_moment_text
+from pipeline.machine.storage.store import Made, Store
 from pipeline.model import DepartureChoice
 from pipeline.scenario.season import Season
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.plan_season import plan_season
-from pipeline.storage.store import Made, Store
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5

@@ -14,8 +14,8 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.loading import load_scenario, parse_scenario
 from pipeline.run import run
+from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.toml_text import scenario_text
 from pipeline.sources.quality.field import Field
 from pipeline.stages.projecting.avoided_areas import later

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import shapely
 
-from pipeline.loading import load_scenario
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 

@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.loading import load_scenario
-from pipeline.outcome import Event, Outcome
 from pipeline.run import run
+from pipeline.running.outcome import Event, Outcome
+from pipeline.scenario.loading import load_scenario
 from pipeline.stages.workers import fitness, fleet
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
 

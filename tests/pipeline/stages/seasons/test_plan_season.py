@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 from pipeline.geo.projection import Projection
-from pipeline.loading import parse_scenario
 from pipeline.model import Scene, SeasonPlan
+from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.projecting import planar
 from pipeline.stages.seasons.evaluate_season import evaluate_season

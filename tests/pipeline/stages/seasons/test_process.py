@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.loading import parse_scenario
 from pipeline.run import run
+from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from tests.pipeline.processes import QUICK, SLOW, descendants, renew, started, wait_until
 

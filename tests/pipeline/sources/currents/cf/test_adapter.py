@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
-from pipeline.loading import load_scenario, parse_scenario
 from pipeline.model import CurrentGrid, Land
+from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
 from pipeline.sources.quality.field import Field, LandMask

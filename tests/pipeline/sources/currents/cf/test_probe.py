@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.interpreters import run_python
+from pipeline.machine.interpreters import run_python
 from pipeline.sources.currents.cf import probe
 from tests.pipeline.sources.currents.cf.sample_files import SEA
 from tests.pipeline.synthetic_currents import dataset, write

@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import StageError
-from pipeline.loading import load_scenario
+from pipeline.machine.storage.store import Store
 from pipeline.scenario import catalogue
+from pipeline.scenario.loading import load_scenario
 from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
-from pipeline.storage.store import Store
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec
 from tests.pipeline.conftest import ACROSS_BOX

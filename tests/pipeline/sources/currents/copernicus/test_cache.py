@@ -8,8 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from pipeline.machine.storage.store import file_hash
 from pipeline.sources.currents.copernicus.cache import CachedDownload
-from pipeline.storage.store import file_hash
 
 REQUEST = {"a": 1.5, "b": ["x"]}
 

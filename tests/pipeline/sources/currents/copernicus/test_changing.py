@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import StageError
-from pipeline.loading import load_scenario
+from pipeline.machine.storage.store import Store
 from pipeline.model import CurrentGrid
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
-from pipeline.storage.store import Store
 from tests.loopback_store import world
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import Fault

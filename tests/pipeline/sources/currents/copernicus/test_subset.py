@@ -26,7 +26,7 @@ def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     )
     script = (
         "import sys\n"
-        "from pipeline.interpreters import run_python\n"
+        "from pipeline.machine.interpreters import run_python\n"
         f"run_python(['-c', {download!r}], '', 60)\n"
     )
     with subprocess.Popen([sys.executable, "-c", script]) as parent:

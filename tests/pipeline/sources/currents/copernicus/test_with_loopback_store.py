@@ -17,12 +17,12 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.loading import load_scenario
+from pipeline.machine.storage.store import Store, file_hash
 from pipeline.model import Land
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.sources.currents.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
-from pipeline.storage.store import Store, file_hash
 from tests.loopback_store import world
 from tests.loopback_store.fault_table import clients_of
 from tests.loopback_store.ocean import Ocean

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.storage.result_folder import remove_leftovers, replacing
+from pipeline.machine.storage.result_folder import remove_leftovers, replacing
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 NAMES = ("manifest", "routes", "summer", "winter")
 # Writes results of a number; is killed just before its n-th call of the operating system that
 # changes the disk. Prints how many there were.
 SCRIPT = """
 import os, signal, sys
 from pathlib import Path
-from pipeline.storage.result_folder import replacing
+from pipeline.machine.storage.result_folder import replacing
 target, number, names, last = sys.argv[1:]
 names, last = names.split(), int(last)
 changes = {f"os.{name}" for name in ("mkdir", "rename", "link", "symlink", "remove", "rmdir")}

@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
-from pipeline.paths import folder_to_write
+from pipeline.machine.paths import folder_to_write
+from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.storage.pruning import MAX_STORE_BYTES, Freed, prune
+from pipeline.machine.storage.result_folder import remove_leftovers
+from pipeline.machine.storage.store import DOWNLOADS, Store, remove_unfinished
+from pipeline.machine.storage.whole_files import write_whole
 from pipeline.sources.currents.copernicus.cache import remove_abandoned
 from pipeline.stages.write import output_directory
-from pipeline.storage.locks import file_lock
-from pipeline.storage.pruning import MAX_STORE_BYTES, Freed, prune
-from pipeline.storage.result_folder import remove_leftovers
-from pipeline.storage.store import DOWNLOADS, Store, remove_unfinished
-from pipeline.storage.whole_files import write_whole
 
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
@@ -92,7 +92,7 @@ def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[S
 
 
 def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -> Freed:
-    """Prune the store of an output folder; see `pipeline.storage.pruning.prune`.
+    """Prune the store of an output folder; see `pipeline.machine.storage.pruning.prune`.
 
     Raises
     ------

@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from pipeline.errors import StageError
-from pipeline.storage.code_identity import code_hash
-from pipeline.storage.unpickling import values_from
-from pipeline.storage.whole_files import UNFINISHED, whole_file
+from pipeline.machine.storage.code_identity import code_hash
+from pipeline.machine.storage.unpickling import values_from
+from pipeline.machine.storage.whole_files import UNFINISHED, whole_file
 
 ValueT = TypeVar("ValueT")
 

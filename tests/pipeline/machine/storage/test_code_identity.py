@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.storage import code_identity
-from pipeline.storage.code_identity import code_files, code_hash
+from pipeline.machine.storage import code_identity
+from pipeline.machine.storage.code_identity import code_files, code_hash
 
-ROOT = Path(code_identity.__file__).resolve().parents[2]
+ROOT = Path(code_identity.__file__).resolve().parents[3]
 
 
 def test_data_files_are_in_the_hash_and_machine_code_is_not() -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 _SAFE_PATH = "PYTHONSAFEPATH"
 # Time to read a killed process's last output, s: with its whole session killed the pipes close at
 # once.

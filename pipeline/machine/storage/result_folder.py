@@ -17,7 +17,7 @@ import uuid
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from pipeline.storage.whole_files import flush, flush_tree
+from pipeline.machine.storage.whole_files import flush, flush_tree
 
 _HIDDEN = ".results"
 # Beginning of the name of a real folder that was moved aside.

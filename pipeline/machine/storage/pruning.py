@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.storage.store import DOWNLOADS, SUFFIX, remove_unfinished
+from pipeline.machine.storage.store import DOWNLOADS, SUFFIX, remove_unfinished
 
 MAX_STORE_BYTES = 2_000_000_000
 """Size to which the store is pruned after a run, bytes: about a thousand runs of two seasons."""

@@ -13,16 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import StageError
-from pipeline.model import Credit
-from pipeline.storage.store import (
+from pipeline.machine.storage.store import (
     Store,
     artefact_key,
     load_artefact,
     remove_unfinished,
     save_artefact,
 )
+from pipeline.model import Credit
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 CREDIT = Credit("name", "land", "text", "licence")
 
 
@@ -86,7 +86,7 @@ def test_a_failed_save_leaves_the_earlier_artefact_and_no_other_file(tmp_path: P
 
 def test_a_key_is_the_same_in_every_process_and_differs_with_every_input() -> None:
     script = (
-        "from pipeline.storage.store import artefact_key\n"
+        "from pipeline.machine.storage.store import artefact_key\n"
         "print(artefact_key('plan', 'a', {'x': [1.5, None], 'y': 'z'}, ('b',)))"
     )
     keys = {

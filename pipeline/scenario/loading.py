@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
+from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.asked_currents import with_currents
 from pipeline.scenario.catalogue import EXAMPLE

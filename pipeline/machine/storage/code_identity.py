@@ -9,7 +9,7 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[3]
 _PACKAGES = ("pipeline", "renew")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from pipeline.interpreters import run_python
+from pipeline.machine.interpreters import run_python
 from tests.pipeline.processes import ends_within
 
 
