@@ -5,19 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Container, Iterator
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from renew._compiled import kernel
 from renew._types import BoolArray, IntArray
 from renew.classes.triangulation import Triangulation
 
+if TYPE_CHECKING:
+    import networkx as nx
+
 
 def dual_graph(triangulation: Triangulation) -> nx.Graph[int]:
     """Dual graph; each of its edges has the passing edge's `midpoint` (2,) and `width`, m."""
+    import networkx as nx
+
     graph: nx.Graph[int] = nx.Graph()
     count = len(triangulation.triangles)
     graph.add_nodes_from(range(count))
@@ -31,6 +34,9 @@ def dual_graph(triangulation: Triangulation) -> nx.Graph[int]:
 
 def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
     """Whether a row of triangles leads from one to the other."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     triangle, corner = np.nonzero(triangulation.neighbours >= 0)
     beside = triangulation.neighbours[triangle, corner]
     count = len(triangulation.triangles)
@@ -107,6 +113,8 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
 
 def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
     """Width (m) of the narrowest passing edge on the way whose narrowest is the widest."""
+    import networkx as nx
+
     graph = dual_graph(triangulation)
     row = nx.shortest_path(nx.maximum_spanning_tree(graph, weight="width"), one, other)
     widths = (graph.edges[edge]["width"] for edge in itertools.pairwise(row))

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
@@ -52,6 +51,8 @@ class Tube(NamedTuple):
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether it holds points (m, 2)."""
+        from scipy.spatial import cKDTree
+
         distance, _ = cKDTree(self._along).query(points, distance_upper_bound=_TUBE * self.cell)
         return np.asarray(np.isfinite(distance))
 

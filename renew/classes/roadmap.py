@@ -11,7 +11,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
@@ -199,6 +198,8 @@ def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArra
     These come first among the points; `around` (l, 2) has the triangles on both sides of each. All
     on the same triangle are joined, and the nearest others within a radius (m).
     """
+    from scipy.spatial import cKDTree
+
     loose = len(around)
     _, near = cKDTree(points).query(
         points[:loose], k=min(_NEAREST, len(points)), distance_upper_bound=radius

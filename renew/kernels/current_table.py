@@ -8,6 +8,7 @@ for each of some times, and is linear between them; a steady one has one slice.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -145,8 +146,11 @@ def _density(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
-STILL_WATER = table_of(np.array([0.0, 1e12]), np.array([0.0, 1e12]), np.zeros((2, 2, 2)))
-"""No current anywhere."""
+@cache
+def still_water() -> CurrentTable:
+    """No current anywhere."""
+    everywhere = np.array([0.0, 1e12])
+    return table_of(everywhere, everywhere, np.zeros((2, 2, 2)))
 
 
 class Site(NamedTuple):

@@ -10,7 +10,6 @@ speeds of these are improved once more, until the deadline is met by the current
 import math
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from renew._types import FloatArray
 from renew.paths.speed_profile import SpeedProfile, alike_legs
@@ -97,6 +96,8 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
     begun = voyage.departure
     if latest - earliest <= _EARLY * (earliest - begun):
         return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(slowest)])
+    from scipy.interpolate import PchipInterpolator
+
     # Evenly in speed.
     deadlines = begun + 1 / np.linspace(1 / (earliest - begun), 1 / (latest - begun), _ARRIVALS)
     fuels = [way.fuel(fastest)]

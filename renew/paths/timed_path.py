@@ -11,7 +11,6 @@ import math
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
@@ -202,6 +201,8 @@ class TimedPath:
         unit = mean**exponent * total
         usual = max(exponent - 1, 0.1) * mean**exponent
         price = usual if math.isnan(price) else price
+        from scipy.optimize import minimize
+
         stiffness = usual / (_FIRST_LATE * total)
 
         def cost(scaled: FloatArray) -> tuple[float, FloatArray]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from renew._types import FloatArray
 from renew.inputs.vessel import Vessel
@@ -32,6 +31,8 @@ class TurnReach:
         between 0 and m have a standard deviation of at most m / 2, so that a perturbed current is
         slower than (1 + deviations / 2) m.
         """
+        from scipy.ndimage import maximum_filter
+
         drift = (1 + MAX_DEVIATIONS / 2) * vessel.turn_period
         wide = 2 * vessel.turning_radius
         _, speed = weakest_and_strongest(table)

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
 
 from renew._compiled import kernel
 from renew._types import FloatArray, IntArray
@@ -57,6 +56,8 @@ class TurnSampler:
     """
 
     def __init__(self, seed: int, count: int, stretch: float = 1.0) -> None:
+        from scipy.special import ndtri
+
         speed, turn, heading = _even_draws(seed, count)
         self.count = count
         self._speed, self._turn = stretch * ndtri(speed), stretch * ndtri(turn)
@@ -71,6 +72,8 @@ class TurnSampler:
         count = math.ceil(_TAIL_DRAWS / risk)
         if count <= _MAX_DRAWS:
             return cls(seed, max(_MIN_DRAWS, count))
+        from scipy.special import ndtri
+
         return cls(seed, _STRETCHED_DRAWS, float(ndtri(risk) / ndtri(_STRETCHED_SHARE)))
 
     def reaches(self, asked: TurnsAtEdges) -> FloatArray:
