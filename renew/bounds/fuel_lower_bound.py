@@ -97,12 +97,13 @@ _ROUNDING = 1e-6
 _NARROWEST = 0.2
 
 
-def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
+def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -> float:
     """Fuel below which no route from start to goal can stay, over all homotopy classes.
 
     Infinite if no water joins them. See the module for the proof and for which currents it holds.
     The grid has at least `cells` cells, as far as a changing current's slices leave room: where
-    narrow land matters, a coarse one lets the front through.
+    narrow land matters, a coarse one lets the front through. A bound above `enough` (fuel units) is
+    made no better.
 
     With via points the bounds of the parts add up. Each holds for a part begun no earlier than the
     bounds before it say, as a later start brings no earlier end (FIFO). Where
@@ -112,6 +113,7 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
     if voyage.has_price and voyage.waters.current_change > 0:
         voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
     time, vessel = 0.0, voyage.vessel
+    wanted = (enough + voyage.price_of_all_time) / voyage.cost_rate
     knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
     for at in range(len(voyage.via) + 1):
         # At a price of time `time` is a cost, and the hours of each part may be any.
@@ -119,7 +121,12 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0) -> float:
         part = voyage.part(at, begin)
         if at == 0 or knows_order or voyage.has_price:
             grid = _grid(part, cells)
-            time += max(bound for _, _, bound in _rounds(grid, part.start, part.goal))
+            proven = 0.0
+            for _, _, bound in _rounds(grid, part.start, part.goal):
+                proven = max(proven, bound)
+                if time + proven > wanted:
+                    break
+            time += proven
         else:
             fastest = vessel.speed + voyage.table.strongest
             time += math.dist(part.start, part.goal) / fastest

@@ -19,7 +19,13 @@ def write_layer(
     description: str,
     append: bool = False,
 ) -> None:
-    """Write a frame as a new layer, or append it to one."""
+    """Write a frame as a new layer, or append it to one.
+
+    SQLite does not wait for the disk: files are flushed before their folder takes its name.
+    """
+    from pyogrio import set_gdal_config_options
+
+    set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     frame.to_file(
         path,
         layer=layer,
@@ -42,6 +48,7 @@ def write_layer(
 def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """Open the file as a database, and commit what the block changes."""
     with closing(sqlite3.connect(path)) as database, database:
+        database.execute("PRAGMA synchronous = OFF")  # as `write_layer`
         yield database
 
 

@@ -8,6 +8,7 @@ close to land. Where it is above the best route's fuel, no such way is better.
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import shapely
@@ -16,6 +17,7 @@ from shapely import LineString
 import renew
 from pipeline.model import Evaluation, Scene, SeasonPlan, SideBound
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.workers.local_cluster import cores
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError
 from renew.inputs.current import as_field
@@ -23,42 +25,39 @@ from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
 # Number of lines from the island, in all directions; the shortest suitable one is taken.
 _DIRECTIONS = 72
-# Number of cells of the bound's grid. With fewer the front leaks through narrow islands: the bound
-# stays valid, but is lower. Around Palawan 16,000 prove nothing; this number proves the summer's.
-_CELLS = 160_000
+# Numbers of cells of the bound's grid, tried in turn until the side is proven. With few the front
+# leaks through narrow islands: the bound stays valid, but is lower. Around Palawan 16,000 prove
+# nothing; the larger number proves the summer's.
+_CELLS = (16_000, 160_000)
 # Width of the strip, as a share of the square root of the chart's area: three cells.
-_WIDTH = 3 / math.sqrt(_CELLS)
+_WIDTH = 3 / math.sqrt(_CELLS[-1])
 
 
 def side_bounds(
     scene: Scene, plans: Sequence[SeasonPlan], evaluation: Evaluation, options: PlannerOptions
 ) -> tuple[SideBound, ...]:
     """Bound the fuel of ways on the other sides, for each season whose routes differ in side."""
-    found = []
-    for plan in plans:
-        rows = [row for row in evaluation.routes if row.season == plan.season]
-        paths = [shapely.LineString(route.path) for route in plan.ranked_routes]
-        others = [
-            path
-            for row, path in zip(rows, paths, strict=True)
-            if row.main_passage != rows[0].main_passage
-        ]
-        if others:
-            fuel = _bound(scene, plan, paths[0], others, evaluation, options)
-            found += [SideBound(plan.season, fuel)] if math.isfinite(fuel) else []
-    return tuple(found)
+
+    def bound(plan: SeasonPlan) -> SideBound:
+        return SideBound(plan.season, _bound(scene, plan, evaluation, options))
+
+    # Threads are enough: most of it is compiled code.
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
+        return tuple(one for one in pool.map(bound, plans) if math.isfinite(one.fuel))
 
 
 def _bound(
-    scene: Scene,
-    plan: SeasonPlan,
-    best: LineString,
-    others: Sequence[LineString],
-    evaluation: Evaluation,
-    options: PlannerOptions,
+    scene: Scene, plan: SeasonPlan, evaluation: Evaluation, options: PlannerOptions
 ) -> float:
-    """Least fuel of a way that keeps off the strip; inf if there is no strip or no way."""
-    strip = _strip(scene, best, others, evaluation)
+    """Least fuel of a way on another side than the best route's; inf if nothing is known of any."""
+    rows = [row for row in evaluation.routes if row.season == plan.season]
+    paths = [shapely.LineString(route.path) for route in plan.ranked_routes]
+    others = [
+        path
+        for row, path in zip(rows, paths, strict=True)
+        if row.main_passage != rows[0].main_passage
+    ]
+    strip = _strip(scene, paths[0], others, evaluation) if others else None
     if strip is None:
         return math.inf
     extent = scene.chart.extent
@@ -77,9 +76,14 @@ def _bound(
             via=scene.via,
             choice=_choice(scene, plan),
         )
-        return fuel_lower_bound(voyage, _CELLS)
+        enough, proven = plan.ranked_routes[0].fuel, 0.0
+        for cells in _CELLS:
+            proven = max(proven, fuel_lower_bound(voyage, cells, enough))
+            if proven > enough:
+                break
     except PlanningError:
         return math.inf
+    return proven
 
 
 def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
