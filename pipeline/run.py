@@ -22,7 +22,7 @@ from pipeline.stages.plan import plan_seasons
 from pipeline.stages.project import projected
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify
-from pipeline.stages.write import write
+from pipeline.stages.write import load_libraries, write
 
 
 def run(
@@ -147,6 +147,7 @@ class _Stages:
                 self._say_season,
                 scheduler=options.scheduler,
                 limit_s=options.limit_s,
+                meanwhile=load_libraries,
             )
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds

@@ -1,5 +1,6 @@
 """Fifth stage: every season's plan and evaluation, as independent tasks."""
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ def plan_seasons(
     *,
     scheduler: str | None = None,
     limit_s: float | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> Made[Planned]:
     """Plan each season and evaluate its routes; each succeeds or fails by itself.
 
@@ -45,6 +47,8 @@ def plan_seasons(
         Called when a season ends that was not in the store.
     scheduler, limit_s
         Where the tasks are run, and how long each may take; see `run_tasks`.
+    meanwhile
+        Called in a thread of its own while plans are made, if any are.
 
     Raises
     ------
@@ -61,6 +65,8 @@ def plan_seasons(
             crashed[status.season] = status.failure
         on_season(status)
 
+    if waiting:
+        threading.Thread(target=meanwhile).start()
     run_tasks(waiting, scheduler, report)
     for task in waiting:
         result = None if task.season in crashed else task.result()

@@ -7,6 +7,7 @@ Everything is written to a folder of its own, which then takes the place of the 
 import errno
 import gc
 import hashlib
+import importlib
 import json
 import os
 import re
@@ -109,6 +110,12 @@ def _seldom_collecting() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*usual)
+
+
+def load_libraries() -> None:
+    """Import what files are written with: a second that another core has while plans are made."""
+    for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "geopandas"):
+        importlib.import_module(name)
 
 
 def output_directory(root: Path, name: str) -> Path:
