@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
+.PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -43,7 +43,7 @@ $(READY): pyproject.toml requirements.lock
 	touch $@
 
 test: $(READY)  ## the gate: style, types, import rules, tests; all of them, though one may fail
-	@$(MAKE) --no-print-directory --keep-going lint types pytest
+	@$(MAKE) --no-print-directory --keep-going --jobs=2 lint types pytest
 
 lint: $(READY)  ## ruff: rules and format
 	$(BIN)/ruff check
@@ -52,8 +52,16 @@ lint: $(READY)  ## ruff: rules and format
 types: $(READY)  ## mypy, strict
 	$(BIN)/mypy
 
-pytest: $(READY)  ## the quick tests, the import rules and the documents' examples
-	$(BIN)/python -m pytest -q -n 2
+# The times of all tests are in build/test-times.xml (JUnit's format), the slowest at the end. A process that has run its
+# half of the tests takes some of the other's.
+TIMED := --dist worksteal --durations=20 --durations-min=2 --junitxml=build/test-times.xml
+
+pytest: $(READY) compiled  ## the quick tests, the import rules and the documents' examples
+	$(BIN)/python -m pytest -q -n 2 $(TIMED)
+
+# Before the tests, whose processes would compile everything each for itself; while mypy works on the other core.
+compiled: $(READY)  ## the machine code of the planner
+	@$(BIN)/renew warm
 
 test-slow: $(READY)  ## the slow tests
 	$(BIN)/python -m pytest -q -m slow

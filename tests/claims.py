@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 
+from tests.bench.history import HISTORY
 from tests.bench.record import FOLDER, recorded
 from tests.conftest import ROOT
 from tests.readme_table import METRICS
@@ -14,9 +16,15 @@ PAGES = tomllib.loads((ROOT / "tests" / "claims.toml").read_text("utf-8"))
 """Texts (`quoted`) and figures that are measured by nobody (`given`), by page."""
 
 
+def measured() -> list[Path]:
+    """Files of figures that a bench wrote for pages to quote."""
+    return [path for path in FOLDER.glob("*.csv") if path not in {METRICS, HISTORY}]
+
+
 def figures() -> dict[str, SimpleNamespace]:
     """All recorded figures: by suite, and by their names in it."""
     suites = (path.stem for path in FOLDER.glob("*.csv") if path != METRICS)
+    suites = (path.stem for path in measured())
     found = {suite: SimpleNamespace(**recorded(suite)) for suite in suites}
     return {**found, "palawan": _palawan()}
 

@@ -5,17 +5,27 @@ from __future__ import annotations
 import ipaddress
 import os
 import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+# Before anything imports pyplot: no screen. Before anything imports numpy: no threads of its own,
+# which on small arrays wait for each other and for the other process of the tests.
+os.environ["MPLBACKEND"] = "Agg"
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
-ROOT = Path(__file__).resolve().parent.parent
+from pipeline.storage.locks import file_lock
 
-# Before any test imports pyplot: no screen.
-os.environ["MPLBACKEND"] = "Agg"
+ROOT = Path(__file__).resolve().parent.parent
+# Longest time that a process of the tests waits for what another one makes for both, s.
+WAIT_S = 600.0
 
 # The gate draws the same examples for everybody: a red run is the change's doing.
 # `make test-new-examples` draws others. No deadline, and slow draws are allowed: the first call of
@@ -62,6 +72,36 @@ def _no_network(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
             connect(self, address)
 
         monkeypatch.setattr(socket.socket, "connect", guarded)
+
+
+def once(
+    tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
+) -> Path:
+    """Folder that the first process of a test run fills, and all of them use, none changes.
+
+    Each process of pytest-xdist has a session of its own, and so its own session's fixtures.
+    """
+    is_one_of_several = "PYTEST_XDIST_WORKER" in os.environ
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if is_one_of_several else base) / name
+    with file_lock(folder.with_suffix(".lock"), wait_s=WAIT_S) as held:
+        assert held
+        if not folder.exists():
+            filling = Path(tempfile.mkdtemp(dir=folder.parent))
+            make(filling)
+            filling.rename(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Have everything compiled that plans call: `renew warm`, once for all processes."""
+    command = [sys.executable, "-m", "pipeline.cli.main", "warm"]
+    once(
+        tmp_path_factory,
+        "rehearsed",
+        lambda _: subprocess.run(command, cwd=ROOT, check=True, capture_output=True),
+    )
 
 
 @pytest.fixture(scope="session")

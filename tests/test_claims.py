@@ -22,9 +22,9 @@ from pipeline.scenario.vessel import VesselSpec
 from renew.inputs.options import Changes
 from tests import claims, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
-from tests.bench.record import COLUMNS, FOLDER
+from tests.bench.record import COLUMNS
 from tests.conftest import ROOT
-from tests.readme_table import BEGIN, END, METRICS
+from tests.readme_table import BEGIN, END
 from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
 
 # A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
@@ -88,9 +88,7 @@ def test_no_figure_stands_there_without_a_source(document: str) -> None:
 
 
 def test_each_measured_figure_has_its_date_and_commit() -> None:
-    for path in FOLDER.glob("*.csv"):
-        if path == METRICS:
-            continue
+    for path in claims.measured():
         assert path.stem in SUITES
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
@@ -109,13 +107,8 @@ def test_claims_name_suites_tests_and_dates_that_exist() -> None:
     assert {name for names in suites for name in names.split()} <= SUITES.keys()
     for file, name in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text):
         assert f"def {name}(" in (ROOT / file).read_text("utf-8"), f"{file}::{name}"
-    dates = {row["measured"] for path in _measured() for row in _rows(path)}
+    dates = {row["measured"] for path in claims.measured() for row in _rows(path)}
     assert set(re.findall(r"\b20\d\d-\d\d-\d\d\b", text)) == dates
-
-
-def _measured() -> Iterator[Path]:
-    """Files that a bench wrote."""
-    return (path for path in FOLDER.glob("*.csv") if path != METRICS)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

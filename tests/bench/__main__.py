@@ -1,14 +1,15 @@
 """Measure every figure that RENEW is held to and print them beside what was asked.
 
 Name some, as in `python -m tests.bench palawan islands`, to measure these only. With `--record` the
-figures that pages quote are written to docs/figures/SUITE.csv.
+figures that pages quote are written to docs/figures/SUITE.csv. With `--save` times are appended to
+docs/figures/bench.csv and drawn, and those that are slower than before are named.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from rich.console import Console
 from rich.table import Table
@@ -21,6 +22,7 @@ from tests.bench import (
     clock_figures,
     eddy_figures,
     fault_figures,
+    history,
     night_fault_figures,
     nightly_figures,
     output_figures,
@@ -30,6 +32,7 @@ from tests.bench import (
     published_figures,
     sea_figures,
     speed_figures,
+    startup_figures,
     tide_figures,
     writing,
 )
@@ -45,6 +48,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "triangulators": published_figures.triangulators,
     "scenes": planner_figures.random_scenes,
     "times": planner_figures.times,
+    "startup": startup_figures.figures,
     "eddies": eddy_figures.eddies,
     "padded-eddies": eddy_figures.padded_eddies,
     "walls": eddy_figures.thin_walls,
@@ -68,6 +72,8 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "nightly": nightly_figures.figures,
     "nightly-faults": night_fault_figures.figures,
 }
+# Those that measure times of what people wait for, within minutes.
+TIMED = ("startup", "times", "islands", "pipeline")
 
 
 def main() -> int:
@@ -75,8 +81,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("suites", nargs="*", choices=[*SUITES, []], help="all, if none is named")
     parser.add_argument("--record", action="store_true", help="write what pages quote")
+    parser.add_argument(
+        "--save", action="store_true", help=f"keep times; of {', '.join(TIMED)}, if none is named"
+    )
     arguments = parser.parse_args()
-    chosen = arguments.suites or list(SUITES)
+    chosen = arguments.suites or list(TIMED if arguments.save else SUITES)
     table = Table("figure", "asked", "reached", "", title="RENEW: figures to reach")
     console = Console(width=140 if not sys.stdout.isatty() else None)
     figures: list[Figure] = []
@@ -90,7 +99,19 @@ def main() -> int:
         if arguments.record and values:
             record(name, values)
     console.print(table)
+    if arguments.save:
+        keep(figures)
     return int(any(figure.met is False for figure in figures))
+
+
+def keep(figures: Iterable[Figure]) -> None:
+    """Save the times of figures, say which are slower than before, and draw all of them."""
+    before = history.saved()
+    times = [history.now(one.name, one.seconds) for one in figures if one.seconds is not None]
+    history.save(times)
+    history.draw([*before, *times])
+    for sentence in filter(None, (history.slower(time, before) for time in times)):
+        print(sentence)
 
 
 if __name__ == "__main__":

@@ -105,9 +105,9 @@ def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str)
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
+@pytest.mark.usefixtures("rehearsed")
 def test_no_plan_compiles_anything_after_the_rehearsal(root: Path) -> None:
     scenarios = catalogue.names("scenarios")
-    in_fresh_process(REHEARSE, root=root)
     found = json.loads(in_fresh_process(PLAN, *scenarios, root=root))
     assert set(scenarios) <= set(found)
     assert found.pop("counted") == 1, "what is compiled is not counted"

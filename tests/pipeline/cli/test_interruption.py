@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 import time
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.pipeline.processes import SLOW, renew, started, wait_until
+from tests.pipeline.processes import SLOW, renew, started
 
 STOPPED = "stopped; finished stages are kept, run again to continue"
 
@@ -27,13 +28,15 @@ def test_a_planning_run_stops_promptly_and_another_can_start(
     command = renew("run", str(tmp_path / "slow.toml"), "--output", str(tmp_path / "outputs"))
     for _ in range(2):
         with started(*command) as process:
-            wait_until(lambda: list(tmp_path.glob("outputs/.artefacts/project/*.artefact")))
-            time.sleep(2)  # planning by then
+            assert process.stderr is not None
+            begun = ({"stage": "plan", "event": "begun"}.items() <= json.loads(line).items()
+                     for line in process.stderr)  # fmt: skip
+            assert any(begun)
+            time.sleep(0.5)  # among the classes by then
             assert process.poll() is None
             process.send_signal(number)
             # Three seconds at most by its own clock; other tests may have the processor.
             assert process.wait(20) == code
-            assert process.stderr is not None
             assert process.stderr.read().splitlines()[-1] == STOPPED
         assert not list(tmp_path.glob("outputs/.artefacts/*/.*"))
 

@@ -25,8 +25,8 @@ def warm(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
+@pytest.mark.usefixtures("rehearsed")  # the cache of this checkout, from which the other is filled
 def test_it_fills_the_folder_asked_for_and_says_so(root: Path, tmp_path: Path) -> None:
-    warm(root)  # the cache of this checkout, from which the other is filled
     done = warm(root, NUMBA_CACHE_DIR=str(tmp_path))
     assert done.returncode == 0, done.stderr
     (folder,) = tmp_path.iterdir()

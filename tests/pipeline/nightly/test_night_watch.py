@@ -17,9 +17,9 @@ from tests.pipeline.nightly.nights import plane_night
 from tests.pipeline.nightly.ping_service import Service
 
 
-def renew(folder: Path, url: str, **variables: str) -> Result:
+def renew(folder: Path, url: str, *options: str, **variables: str) -> Result:
     """Run the night in a folder."""
-    arguments = ["--config", folder / "night.toml", "--output", folder / "out"]
+    arguments = ["--config", folder / "night.toml", "--output", folder / "out", *options]
     arguments += ["--metrics", folder / "renew.prom", *(["--ping", url] if url else [])]
     return CliRunner(env=variables).invoke(app, ["nightly", "run", *map(str, arguments)])
 
@@ -37,7 +37,8 @@ def figures(folder: Path) -> dict[str, float]:
 
 
 def test_a_night_that_ends_well_and_one_that_fails(tmp_path: Path, service: Service) -> None:
-    plane_night(tmp_path, pairs=2)
+    """By workers of its own; other tests have those of the session."""
+    plane_night(tmp_path, pairs=2, workers=1)
     before = time.time()
     assert renew(tmp_path, f"{service.url}/ID").exit_code == 0
     assert service.asked == ["/ID/start", "/ID"]
@@ -68,11 +69,11 @@ def test_a_second_job_tells_nothing(tmp_path: Path, service: Service) -> None:
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:9/0f5c3a1e-secret"])
 def test_a_service_that_is_away_and_a_file_that_cannot_be_written_fail_nothing(
-    tmp_path: Path, url: str
+    tmp_path: Path, url: str, cluster: str
 ) -> None:
     plane_night(tmp_path, pairs=2)
     (tmp_path / "renew.prom").mkdir()
-    result = renew(tmp_path, url)
+    result = renew(tmp_path, url, "--scheduler", cluster)
     assert result.exit_code == 0
     assert (tmp_path / "out" / "latest").is_symlink()
     notes = [json.loads(line) for line in result.stderr.splitlines()]
