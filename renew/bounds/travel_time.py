@@ -140,23 +140,27 @@ def _arrival(
         legs[1, 0], legs[1, 1], corner_currents, deviation, polar
     )
     best = min(first, second)
-    place, least, step = 0.5, np.inf, 0.5
+    place, least = 0.5, np.inf
+    step, side = 0.5, 0.0
     for k in range(7):
-        # The middle, then a step of a quarter, an eighth, a sixteenth to either side.
-        if k == 0:
-            s = 0.5
-        elif k % 2 == 1:
+        # The middle, then a step of a quarter, an eighth, a sixteenth: towards the side that was
+        # better last, and only if that is no better to the other.
+        if k % 2 == 1:
             step /= 2
-            centre = place
-            s = centre - step
-        else:
-            s = centre + step
+            is_better = False
+        elif k > 0 and is_better:
+            continue
+        s = place + side * step
         dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
         dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
         value = (1 - s) * times[0] + s * times[1]
         value += stretch * _passage(dx, dy, corner_currents, deviation, polar)
-        if value < least:
-            place, least = s, value
+        if k == 0:
+            least, side = value, 1.0 if second < first else -1.0
+        elif value < least:
+            place, least, is_better = s, value, True
+        else:
+            side = -side
     return float(min(best, least))
 
 
