@@ -1,9 +1,7 @@
 """Classes without a route as values: kind of reason, places, moments; and the sentence about it."""
 
-from datetime import timedelta
-
 import renew
-from pipeline._types import FloatArray
+from pipeline.formats.shared.note_words import note_value
 from pipeline.formats.shared.result import RunResult
 from renew.errors import Strait
 
@@ -20,34 +18,23 @@ def rejections(result: RunResult, season: str) -> list[dict[str, object]]:
 
 def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict[str, object]:
     """Describe one of them."""
-    departure = result.scene.departures.get(season)
-    seconds = [moment.seconds for moment in rejected.text.moments]
     return {
         "class": rejected.homotopy,
         "kind": type(rejected.cause).__name__ if rejected.cause else None,
         "reason": result.rejection_reason(season, rejected),
-        "places": [_position(result, place) for place in rejected.text.places],
+        "places": [note_value(result.scene.place(place)) for place in rejected.text.places],
         "moments": [
-            one if departure is None else (departure + timedelta(seconds=round(one))).isoformat()
-            for one in seconds
+            note_value(result.scene.moment(season, one.seconds)) for one in rejected.text.moments
         ],
         "strait": None if rejected.strait is None else _strait(result, rejected.strait),
     }
-
-
-def _position(result: RunResult, place: FloatArray) -> dict[str, float]:
-    """A place (2,) of the plane, as the scenario gives positions."""
-    if result.scene.is_planar:
-        return {"x_m": float(place[0]), "y_m": float(place[1])}
-    lon, lat = result.scene.projection.to_lonlat(place)
-    return {"lon": float(lon), "lat": float(lat)}
 
 
 def _strait(result: RunResult, strait: Strait) -> dict[str, object]:
     """The gap that padding takes whole: its banks, and what they need, true metres."""
     scale = result.scene.projection.scale
     return {
-        "banks": [_position(result, bank) for bank in strait.gap],
+        "banks": [note_value(result.scene.place(bank)) for bank in strait.gap],
         "width_m": result.scene.projection.geodesic_length_m(strait.gap),
         "padding_left_m": strait.padding_left * scale,
         "padding_right_m": strait.padding_right * scale,

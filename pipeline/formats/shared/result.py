@@ -25,6 +25,7 @@ from pipeline.model import (
     Simplified,
     Zone,
 )
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 
 
@@ -55,7 +56,7 @@ class RunResult:
     evaluation: Evaluation
     timings: Mapping[str, float]
     created: datetime
-    choices: tuple[str, ...] = ()
+    choices: tuple[Note, ...] = ()
     straits: tuple[ShutStrait, ...] = ()
     departures: tuple[DepartureChoice, ...] = ()
 
@@ -79,8 +80,8 @@ class RunResult:
         return tuple(ranked)
 
     @cached_property
-    def unknowns(self) -> tuple[str, ...]:
-        """What is not known of the routes, one sentence each; among the notes, too."""
+    def unknowns(self) -> tuple[Note, ...]:
+        """What is not known of the routes; among the notes, too."""
         return unknowns(self)
 
     def departure_choice(self, season: str) -> DepartureChoice | None:

@@ -7,7 +7,6 @@ from datetime import UTC, datetime, timedelta
 from pipeline.geo.position import position_text
 from pipeline.model import GapShares, RouteMetrics, Zone
 from pipeline.scenario.departures import named_departure
-from pipeline.scenario.model import Scenario
 from renew.errors import Moment, in_seconds
 
 ABSENT = "–"
@@ -196,8 +195,3 @@ def seasons_text(seasons: Sequence[str]) -> str:
 def season_text(season: str) -> str:
     """Name one season in a message."""
     return seasons_text([season])
-
-
-def about_season(season: str, scenario: Scenario) -> str:
-    """Begin a note on a season by its name; empty where the scenario has only that season."""
-    return f"{season_text(season)}: " if len(scenario.seasons) > 1 else ""

@@ -8,8 +8,10 @@ from typing import TypeVar
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
+from pipeline.model.notes import Note
 from pipeline.nightly.planning.small_map import SmallMap
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -37,7 +39,7 @@ class NightChart:
     scene: Scene
     land_key: str
     accuracy_m: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     small_map: SmallMap
 
 
@@ -191,4 +193,4 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
 def _stand_in(grid: CurrentGrid) -> str:
     """Say which current replaces the first choice, and why; empty if it is the first choice."""
     reasons = [passed.reason for passed in grid.passed_over]
-    return "; ".join((*grid.stand_in_notes, *reasons)) if grid.is_stand_in else ""
+    return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""
