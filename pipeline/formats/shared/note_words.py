@@ -2,7 +2,8 @@
 
 A note's words are a sentence for `str.format`, or a function of its values where the sentence
 depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
-`{n:route|routes}` for a count with its noun, and `{list:, }` for a list and what separates it.
+`{n:route|routes}` for a count with its noun, `{list:, }` for a list and what separates it, and
+`{list:, /3/ and # more}` for a list of which three are named.
 """
 
 import string
@@ -13,14 +14,12 @@ from typing import Any, TypeAlias
 
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
-from pipeline.formats.shared.trade_offs import TradeOff, trade_off_text
-from pipeline.model import DepartureChoice
+from pipeline.formats.shared.trade_offs import trade_off_text
 from pipeline.model.notes import Note, Place
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
-# Largest numbers of places of a way, of times, of classes, and of crossings that a note names.
-_MAX_PLACES, _MAX_TIMES, _MAX_CLASSES, _MAX_CROSSINGS = 3, 3, 3, 8
+_BOUNDS = "{bounds[0]:g} to {bounds[2]:g} E, {bounds[1]:g} to {bounds[3]:g} N"
 MORE_CURRENTS = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
     '(--currents still, or currents = ["still"])'
@@ -79,7 +78,8 @@ class _Formatter(string.Formatter):
         if "|" in format_spec:
             return text.count(value, *format_spec.split("|"))
         if isinstance(value, tuple):
-            return format_spec.join(value)
+            items = [note_text(one) if isinstance(one, Note) else str(one) for one in value]
+            return _first(items, *format_spec.split("/"))
         return value.text if isinstance(value, Place) else format(value, format_spec)
 
 
@@ -90,10 +90,11 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
 }
 
 
-def _first(items: Sequence[str], most: int, separator: str, more: str) -> str:
-    """Name the first of some items, and count the others by a template."""
-    rest = more.format(len(items) - most) if len(items) > most else ""
-    return separator.join(items[:most]) + rest
+def _first(items: Sequence[str], separator: str, most: str = "", more: str = "") -> str:
+    """Name items, at most some of them, and count the others in the place of a #."""
+    named = items[: int(most)] if most else items
+    rest = more.replace("#", str(len(items) - len(named))) if len(named) < len(items) else ""
+    return separator.join(named) + rest
 
 
 def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
@@ -107,14 +108,6 @@ def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
 
 def _place_shut(place: Place, begin: _Moment, until: _Moment) -> str:
     return f"at {place.text}{_from_until(begin, until, ' on')}"
-
-
-def _way_shut(way: str, places: Sequence[Note]) -> str:
-    return f"{way} {_first(note_texts(places), _MAX_PLACES, ', ', ' and at {} more places')}"
-
-
-def _ways(ways: Sequence[Note]) -> str:
-    return _first(note_texts(ways), _MAX_CLASSES, "; ", ", and of {} more")
 
 
 def _area_shut(area: str, begin: _Moment, until: _Moment) -> str:
@@ -135,25 +128,12 @@ def _water_shut_for_hours(
     hours: Sequence[Sequence[datetime]],
 ) -> str:
     times = [f"from {text.moment_text(a)} until {text.moment_text(b)}" for a, b in hours]
-    shut = f"shut {_first(times, _MAX_TIMES, ', ', ' and {} more times')}"
+    shut = f"shut {_first(times, ', ', '3', ' and # more times')}"
     return (
         f"{share:.1%} of the water is shut for some hours by a current as fast as the vessel "
         f"({speed_m_s:g} m/s); where it is strongest, up to {most_m_s:.2f} m/s at {place.text}, "
         f"{shut if times else 'before the vessel departs'}: routes are the best without waiting"
     )
-
-
-def _second_shoreline(crossings: Sequence[Note]) -> str:
-    return (
-        "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land where routes "
-        "cross water of this chart; look there at an official one: "
-        + _first(note_texts(crossings), _MAX_CROSSINGS, "; ", "; and {} shorter places")
-    )
-
-
-def _crossing(length_m: float, place: Place, routes: Sequence[int]) -> str:
-    named = ", ".join(f"route {rank}" for rank in routes)
-    return f"{length_m:.0f} m at {place.text} on {named}"
 
 
 def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
@@ -164,13 +144,6 @@ def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
         more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
         texts.append(f"{text.percent(largest)} of route {rank}{more}")
     return " and ".join(texts)
-
-
-def _current_filled(first: int, shares: Sequence[tuple[int, float]]) -> str:
-    filled = _shares(first, shares)
-    return (
-        f"the source of the current has no figure for {filled}: it was filled from the water around"
-    )
 
 
 def _current_lacking(share: float, distance_m: float) -> str:
@@ -192,26 +165,14 @@ def _offing(offing_m: float, wanted_m: float) -> str:
     )
 
 
-def _region(bounds: Sequence[float]) -> str:
-    west, south, east, north = bounds
-    return f"{west:g} to {east:g} E, {south:g} to {north:g} N"
-
-
 def _ends(ends: Sequence[Note]) -> str:
     return f"{'; '.join(note_texts(ends))}. For more, {MORE_CURRENTS}"
 
 
 def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
     rest = f"; {_ends(ends)}" if ends else ""
-    return f"region {_region(bounds)}, chosen to hold the ways round what lies between{rest}"
-
-
-def _departure_chosen(choice: DepartureChoice) -> str:
-    return " ".join(departure_text(choice))
-
-
-def _speeds_chosen(found: TradeOff) -> str:
-    return trade_off_text(found)[0].removesuffix(".")
+    region = _BOUNDS.format(bounds=bounds)
+    return f"region {region}, chosen to hold the ways round what lies between{rest}"
 
 
 WORDS: Mapping[str, str | Callable[..., str]] = {
@@ -266,46 +227,44 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "zeros-are-land": "zeros in the file are treated as land",
     # What was chosen.
     "currents-end": "in the {sides: and } it ends where {source} does",
-    "departure-chosen": _departure_chosen,
+    "departure-chosen": lambda choice: " ".join(departure_text(choice)),
     "departures-asked": "{count} departures are planned to choose from",
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another may still be better by "
     "{unproven_s:hours}",
     "offing-chosen": _offing,
     "region-chosen": _region_chosen,
-    "region-opened": lambda bounds: (
-        f"region widened to {_region(bounds)}, as no way joins start and goal in a smaller one"
-    ),
-    "region-widened": lambda bounds, near: (
-        f"region widened to {_region(bounds)}, as the best route came near its "
-        f"{' and '.join(near)} edge"
-    ),
+    "region-opened": f"region widened to {_BOUNDS}, as no way joins start and goal in a smaller "
+    "one",
+    "region-widened": f"region widened to {_BOUNDS}, as the best route came near its "
+    "{near: and } edge",
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
-    "speeds-chosen": _speeds_chosen,
+    "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     # The routes.
     "area-shut": _area_shut,
-    "classes-shut-for-hours": lambda ways: (
-        "without a route, and with water on the way that the current shuts for a while: "
-        f"{_ways(ways)}. At another departure it may be open"
+    "classes-shut-for-hours": "without a route, and with water on the way that the current shuts "
+    "for a while: {ways:; /3/, and of # more}. At another departure it may be open",
+    "crossing": "{length_m:.0f} m at {place} on route {routes:, }",
+    "current-filled": lambda first, shares: (
+        f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
+        "the water around"
     ),
-    "crossing": _crossing,
-    "current-filled": _current_filled,
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
     "the best route met {no_go}, the first from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" is verified',
     "place-shut": _place_shut,
-    "routes-shut-for-hours": lambda ways: (
-        f"the current shuts water for a while on the way of {_ways(ways)}. The routes are the best "
-        "without waiting"
-    ),
-    "second-shoreline": _second_shoreline,
+    "routes-shut-for-hours": "the current shuts water for a while on the way of "
+    "{ways:; /3/, and of # more}. The routes are the best without waiting",
+    "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
+    "where routes cross water of this chart; look there at an official one: "
+    "{crossings:; /8/; and # shorter places}",
     "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
     "current {cell_m:distance}: its tide is not resolved, and may run harder and turn at another "
     "time than planned",
     "straits-shut": "{count:strait is|straits are} shut by margin or padding, the widest at "
     "{widest}: {width_m:distance} between its sides, and {needed_m:distance} are needed",
-    "way-shut": _way_shut,
+    "way-shut": "{way} {places:, /3/ and at # more places}",
 }
 """The words of each kind of note."""

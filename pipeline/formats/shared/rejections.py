@@ -10,7 +10,8 @@ def rejections(result: RunResult, season: str) -> list[dict[str, object]]:
     """Describe the rejected classes of a season for JSON, in the order in which they were rejected.
 
     `kind` is the class of the error behind a reason; `places` are the positions that the reason
-    names, degrees, or metres in a plane; `moments` are dates, or seconds where none is known.
+    names, degrees, or metres in a plane; `moments` are dates, or seconds where none is known;
+    `lengths_m` are true metres.
     """
     plans = (entry.plan for entry in result.plans if entry.season == season and entry.plan)
     return [_rejection(result, season, one) for plan in plans for one in plan.rejected]
@@ -26,6 +27,7 @@ def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict
         "moments": [
             note_value(result.scene.moment(season, one.seconds)) for one in rejected.text.moments
         ],
+        "lengths_m": [result.scene.projection.scale * one.metres for one in rejected.text.lengths],
         "strait": None if rejected.strait is None else _strait(result, rejected.strait),
     }
 

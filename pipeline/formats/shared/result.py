@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.shared.text import moments_of, season_name
+from pipeline.formats.shared.text import planner_text, season_name
 from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import (
     Credit,
@@ -174,8 +174,7 @@ class RunResult:
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
         """Why a class of a season has no route, as text for readers."""
-        moments = moments_of(self.scene.departures.get(season))
-        return rejected.located_reason(self.scene.place_text, moments)
+        return planner_text(rejected.text, self.scene, season)
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 
 from pipeline.geo.position import position_text
-from pipeline.model import GapShares, RouteMetrics, Zone
+from pipeline.model import GapShares, RouteMetrics, Scene, Zone
 from pipeline.scenario.departures import named_departure
-from renew.errors import Moment, in_seconds
+from renew.errors import Moment, Text, in_seconds
 
 ABSENT = "–"
 USEFUL_GAP = 1.0
@@ -161,6 +161,14 @@ def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Mo
     return lambda moment: exact_moment_text(
         departure + timedelta(seconds=round(stretch * moment.seconds))
     )
+
+
+def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) -> str:
+    """Write a message of the planner on a season with its positions, dates and true lengths."""
+    moments = moments_of(scene.departures.get(season), stretch)
+    scale = scene.projection.scale
+    words = text.spelled(scene.place_text, moments, lambda one: distance(scale * one.metres))
+    return " ".join(words.split())
 
 
 def to_minute(moment: datetime) -> datetime:

@@ -11,7 +11,6 @@ from pipeline.errors import StageError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
-from pipeline.model.notes import Note
 from pipeline.nightly.planning.small_map import SmallMap
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -39,7 +38,6 @@ class NightChart:
     scene: Scene
     land_key: str
     accuracy_m: float
-    notes: tuple[Note, ...]
     small_map: SmallMap
 
 
@@ -145,7 +143,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
     """Fetch, simplify and project a scenario's chart; keep the ends of pairs in water."""
     if scenario.is_planar:
         scene = replace(planar.plane_scene(scenario), currents={})
-        return NightChart(scenario, scene, "", 0.0, (), SmallMap.of(scene))
+        return NightChart(scenario, scene, "", 0.0, SmallMap.of(scene))
     if scenario.region is None:
         region = chosen_region(scenario, store, offline=False)
         scenario = region.complete(scenario)
@@ -153,8 +151,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
     land = fetcher.land
     simplified = simplify(scenario, Made(fetcher.land_key, land), store, ends).value
     scene = project(scenario, Fetched(land, ()), simplified.simplified)
-    notes = (*land.notes, *simplified.notes)
-    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, notes, SmallMap.of(scene))
+    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, SmallMap.of(scene))
 
 
 def _fetcher(scenario: Scenario, store: Store) -> Fetcher:

@@ -15,7 +15,7 @@ import numpy as np
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import moments_of, season_text
+from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.machine.storage.store import Made, Store, artefact_key
 from pipeline.model import DepartureChoice, Scene
 from pipeline.model.for_planner import plan_options
@@ -72,8 +72,7 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
-            moments = moments_of(season.first_departure)
-            reason = " ".join(error.located(scene.value.place_text, moments).split())
+            reason = planner_text(error.text, scene.value, season.name)
             departed = _without(departed, season.name, reason)
     if scenario.seasons and not departed.parts.current_keys:
         raise RequestError(
@@ -116,7 +115,6 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
         progress=partial(_say_progress, len(times), say),
         with_classes=False,
     )
-    moments = moments_of(first)
     return DepartureChoice(
         season=season.name,
         first=first,
@@ -125,7 +123,7 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
         durations_s=found.durations,
         homotopies=found.homotopies,
         reasons=tuple(
-            "" if cause is None else " ".join(cause.located(scene.place_text, moments).split())
+            "" if cause is None else planner_text(cause.text, scene, season.name)
             for cause in found.causes
         ),
         chosen_s=float(found.departures[found.best]),

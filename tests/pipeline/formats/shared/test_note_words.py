@@ -37,7 +37,9 @@ def asked_values(words: object) -> set[str]:
     """The names of the values that words ask for."""
     if callable(words):
         return set(inspect.signature(words).parameters)
-    return {name for _, name, _, _ in string.Formatter().parse(str(words)) if name}
+    return {
+        name.partition("[")[0] for _, name, _, _ in string.Formatter().parse(str(words)) if name
+    }
 
 
 def test_every_note_has_words_for_its_values() -> None:
@@ -55,7 +57,7 @@ def test_values_are_in_the_sentence_and_in_json() -> None:
     crossing = Note.of("crossing", length_m=120.4, place=Place(-70.5, 42.25), routes=(1, 3))
     note = Note.of("second-shoreline", crossings=(crossing,)).about("july", "2024-07-01t0600z")
     assert note_text(note).startswith("july, departure 2024-07-01 06:00 UTC: a second, ")
-    assert note_text(note).endswith(": 120 m at 70.5000 W 42.2500 N on route 1, route 3")
+    assert note_text(note).endswith(": 120 m at 70.5000 W 42.2500 N on route 1, 3")
     assert note_json(note) == {
         "text": note_text(note),
         "kind": "second-shoreline",
