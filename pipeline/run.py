@@ -2,13 +2,15 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.storage.store import Made, Store, artefact_key, file_hash
+from pipeline.model.notes import Note, Say
 from pipeline.running.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.running.session import Origin, session
 from pipeline.scenario.model import Scenario
@@ -122,7 +124,7 @@ class _Stages:
         offline = self.options.offline
         return search_region(asked, self.store, self._in_region, offline=offline)
 
-    def _in_region(self, scenario: Scenario, region_notes: tuple[str, ...]) -> Made[RunResult]:
+    def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Made[RunResult]:
         """Run all stages but the last for a scenario with a region, and notes on how it came by."""
         store, options = self.store, self.options
         with self._stage("fetch") as say:
@@ -171,12 +173,14 @@ class _Stages:
             return True
 
     @contextlib.contextmanager
-    def _stage(self, stage: Stage) -> Iterator[Callable[[str], None]]:
+    def _stage(self, stage: Stage) -> Iterator[Say]:
         """Report a stage's begin and end, and time it; give what reports a note on it."""
         started = time.perf_counter()
         self.on_event(Event(stage, "begun"))
         try:
-            yield lambda note: self.on_event(Event(stage, "note", detail=note))
+            yield lambda note: self.on_event(
+                Event(stage, "note", detail=note_text(note), note=note)
+            )
         except Exception as error:
             self.on_event(Event(stage, "failed", detail=str(error).replace("\n", "; ")))
             raise

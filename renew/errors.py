@@ -40,42 +40,73 @@ def in_seconds(moment: Moment) -> str:
     return f"{moment.seconds:.6g} s"
 
 
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length in planar metres that a message names."""
+
+    metres: float
+
+
+LengthSpelling: TypeAlias = Callable[[Length], str]
+"""Spells a length for a message: in planar metres, or in true ones by whoever knows the scale."""
+
+
+def in_planar_metres(length: Length) -> str:
+    """Spell a length in planar metres, to the centimetre."""
+    return f"{length.metres:.2f} m"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Text:
-    """A message that keeps the places and moments it names as values, until somebody spells them.
+    """A message that keeps places, moments and lengths as values, until somebody spells them.
 
     Attributes
     ----------
     template : for `str.format`, {0} being the first value; taken as it is where there is none.
-    values : places (2,), m; moments; texts inside the text.
+    values : places (2,), m; moments; lengths; texts inside the text.
     """
 
     template: str
-    values: tuple[FloatArray | Moment | Text, ...] = ()
+    values: tuple[FloatArray | Moment | Length | Text, ...] = ()
 
     def __str__(self) -> str:
-        """Return the message with places in metres and moments in seconds."""
+        """Return the message with places and lengths in metres and moments in seconds."""
         return self.spelled()
 
-    def spelled(self, place: PlaceSpelling = in_metres, moment: MomentSpelling = in_seconds) -> str:
-        """Return the message with its places and moments spelled by functions."""
+    def spelled(
+        self,
+        place: PlaceSpelling = in_metres,
+        moment: MomentSpelling = in_seconds,
+        length: LengthSpelling = in_planar_metres,
+    ) -> str:
+        """Return the message with its places, moments and lengths spelled by functions."""
         words = []
         for value in self.values:
-            if isinstance(value, Text):
-                words.append(value.spelled(place, moment))
-            else:
-                words.append(moment(value) if isinstance(value, Moment) else place(value))
+            match value:
+                case Text():
+                    words.append(value.spelled(place, moment, length))
+                case Moment():
+                    words.append(moment(value))
+                case Length():
+                    words.append(length(value))
+                case _:
+                    words.append(place(value))
         return self.template.format(*words) if words else self.template
 
     @property
     def places(self) -> tuple[FloatArray, ...]:
         """The places that it names, (2,) m each, in the order of its values."""
-        return tuple(value for value in _values_in(self) if not isinstance(value, Moment))
+        return tuple(value for value in _values_in(self) if isinstance(value, np.ndarray))
 
     @property
     def moments(self) -> tuple[Moment, ...]:
         """The moments that it names, in the order of its values."""
         return tuple(value for value in _values_in(self) if isinstance(value, Moment))
+
+    @property
+    def lengths(self) -> tuple[Length, ...]:
+        """The lengths that it names, in the order of its values."""
+        return tuple(value for value in _values_in(self) if isinstance(value, Length))
 
     @classmethod
     def joined(cls, separator: str, texts: Sequence[Text]) -> Text:
@@ -83,8 +114,8 @@ class Text:
         return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
 
 
-def _values_in(text: Text) -> Iterator[FloatArray | Moment]:
-    """Places and moments of a text, and of the texts inside it."""
+def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length]:
+    """Places, moments and lengths of a text, and of the texts inside it."""
     for value in text.values:
         if isinstance(value, Text):
             yield from _values_in(value)
@@ -109,11 +140,11 @@ class PlanningError(Exception):
     message
         The text; where values are given, a template for `str.format`: {0} is the first.
     values
-        Places (2,), m, moments and texts that the message names. `str(error)` gives places in
-        planar metres and moments in seconds.
+        Places (2,), m, moments, lengths and texts that the message names. `str(error)` gives
+        places and lengths in planar metres and moments in seconds.
     """
 
-    def __init__(self, message: str | Text, *values: FloatArray | Moment | Text) -> None:
+    def __init__(self, message: str | Text, *values: FloatArray | Moment | Length | Text) -> None:
         self.text = message if isinstance(message, Text) else Text(message, values)
         super().__init__(str(self.text))
 
@@ -122,9 +153,14 @@ class PlanningError(Exception):
         """The places that the message names, (2,) m each."""
         return self.text.places
 
-    def located(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
-        """Text of the message with its places, and moments, spelled in another way."""
-        return self.text.spelled(place, moment)
+    def located(
+        self,
+        place: PlaceSpelling,
+        moment: MomentSpelling = in_seconds,
+        length: LengthSpelling = in_planar_metres,
+    ) -> str:
+        """Text of the message with its places, moments and lengths spelled in another way."""
+        return self.text.spelled(place, moment, length)
 
     def __reduce__(self) -> tuple[type[PlanningError], tuple[Text]]:
         """Survive the way back from a worker process."""
@@ -216,11 +252,13 @@ class InfeasibleError(PlanningError):
     ) -> InfeasibleError:
         """Blame one gap, with what it lacks, of all that are blocked."""
         error = cls(
-            f"blocked at {{0}}, between {{1}} and {{2}}: the gap is {strait.width:.2f} m wide, and "
-            f"the padding takes {strait.padding_left:.2f} m on the left and "
-            f"{strait.padding_right:.2f} m on the right bank",
+            "blocked at {0}, between {1} and {2}: the gap is {3} wide, and the padding takes {4} "
+            "on the left and {5} on the right bank",
             strait.gap.mean(axis=0),
             *strait.gap,
+            Length(strait.width),
+            Length(strait.padding_left),
+            Length(strait.padding_right),
         )
         error.strait, error.blocked = strait, frozenset((strait.transition, *blocked))
         return error
@@ -240,9 +278,10 @@ class TooSharpError(InfeasibleError):
         """Blame the leg of a path (n, 2) that lacks most: lengths (n - 1,), m, asked and had."""
         worst = int((asked - length).argmax())
         error = cls(
-            f"the corners beside the leg at {{0}} need {asked[worst]:.2f} m to turn in; it has "
-            f"{length[worst]:.2f} m",
+            "the corners beside the leg at {0} need {1} to turn in; it has {2}",
             path[worst],
+            Length(float(asked[worst])),
+            Length(float(length[worst])),
         )
         by_leg = asked / np.maximum(length, 1e-300)
         error.excess = np.maximum(np.append(by_leg, 0.0), np.append(0.0, by_leg))

@@ -5,6 +5,7 @@ import math
 from datetime import datetime
 
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.note_words import note_json, note_texts
 from pipeline.formats.shared.rejections import rejections
 from pipeline.model import ClockWorth, RouteMetrics
 from pipeline.running.outcome import Outcome
@@ -37,8 +38,9 @@ def outcome_json(outcome: Outcome) -> str:
             for one in rejections(outcome.result, plan.season)
         ],
         "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
-        "unknown": list(outcome.result.unknowns),
-        "notes": list(outcome.fetched.notes),
+        "unknown": note_texts(outcome.result.unknowns),
+        "notes": note_texts(outcome.fetched.notes),
+        "note_values": json_value([note_json(note) for note in outcome.fetched.notes]),
         "failures": list(outcome.failures),
     }
     return json.dumps(fields, ensure_ascii=False, allow_nan=False)

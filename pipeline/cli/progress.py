@@ -7,6 +7,8 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
+from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.note_words import note_json
 from pipeline.running.outcome import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
 
@@ -102,6 +104,8 @@ def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Ev
             fields["season"] = event.season
         if event.detail:
             fields["detail"] = event.detail
+        if event.note:
+            fields["note"] = json_value(note_json(event.note))
         if event.status == "done" and event.seconds:
             fields["seconds"] = round(event.seconds, 3)
         level = {"failed": log.error, "note": log.warning}.get(event.status, log.info)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.text import (
     clearance,
     count,
@@ -64,7 +65,7 @@ def season_table(outcome: Outcome) -> str:
     lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
     found = unknowns(outcome.result)
-    lines += ["Not known:", *(f"- {text}" for text in found), ""] * bool(found)
+    lines += ["Not known:", *(f"- {text}" for text in note_texts(found)), ""] * bool(found)
     lines += [
         "  ".join(
             cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)

@@ -5,7 +5,6 @@ from pipeline.model.currents import (
     Fetched,
     PassedOver,
     current_notes,
-    season_notes,
 )
 from pipeline.model.evaluation import (
     ClockWorth,
@@ -62,5 +61,4 @@ __all__ = [
     "SpeedChoice",
     "Zone",
     "current_notes",
-    "season_notes",
 ]

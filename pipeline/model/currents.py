@@ -1,6 +1,6 @@
 """Currents on their grids, and the notes on them."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.geo.known_cells import KnownCells
 from pipeline.model.land import Credit, Land
+from pipeline.model.notes import Note, of_seasons
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class CurrentGrid:
     v: FloatArray
     valid: str
     credit: Credit
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     files: tuple[tuple[str, str], ...] = ()
     climatology_for: str = ""
     passed_over: tuple[PassedOver, ...] = ()
@@ -59,11 +60,9 @@ class CurrentGrid:
         return len(self.times_s) > 1
 
     @property
-    def change_notes(self) -> tuple[str, ...]:
+    def change_notes(self) -> tuple[Note, ...]:
         """Say by how many time steps it changes; nothing of a steady one."""
-        if not self.changes:
-            return ()
-        return (f"the current changes on the way, by {len(self.times_s)} time steps",)
+        return (Note.of("current-changes", steps=len(self.times_s)),) if self.changes else ()
 
     @property
     def at_departure(self) -> tuple[FloatArray, FloatArray]:
@@ -82,55 +81,46 @@ class CurrentGrid:
         return bool(self.passed_over or self.climatology_for)
 
     @property
-    def stand_in_notes(self) -> tuple[str, ...]:
+    def stand_in_notes(self) -> tuple[Note, ...]:
         """What the season was planned on in place of its first choice; empty where it is that."""
-        if self.climatology_for:
-            used = f"planned on {self.credit.name}: {self.valid} stands for {self.climatology_for}"
-        else:
-            used = f"planned on {self.credit.name}, valid {self.valid}"
-        return (used,) if self.is_stand_in else ()
+        source, valid, asked = self.credit.name, self.valid, self.climatology_for
+        if asked:
+            return (Note.of("climatology-stands-in", source=source, valid=valid, asked=asked),)
+        used = Note.of("current-stands-in", source=source, valid=valid)
+        return (used,) if self.passed_over else ()
 
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
     """Data from the sources: land, and one current grid per season.
 
-    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` says in
-    plain words which preferred sources were passed over and why, and what to know about the others.
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` says
+    which preferred sources were passed over and why, and what to know about the others.
     """
 
     land: Land
     currents: tuple[CurrentGrid, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
-    def stand_in_notes(self) -> tuple[str, ...]:
+    def stand_in_notes(self) -> tuple[Note, ...]:
         """Those of the notes that only name what was used in place of a first choice."""
-        used = {grid.season: grid.stand_in_notes for grid in self.currents}
-        return tuple(season_notes(used))
+        return of_seasons({grid.season: grid.stand_in_notes for grid in self.currents})
 
 
-def current_notes(currents: Iterable[CurrentGrid]) -> tuple[str, ...]:
+def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
     """Notes on the currents of all seasons, and on the sources passed over for them."""
-    return tuple(
-        season_notes(
-            {
-                grid.season: (
-                    *grid.change_notes,
-                    *grid.notes,
-                    *(passed.reason for passed in grid.passed_over),
-                    *grid.stand_in_notes,
-                )
-                for grid in currents
-            }
-        )
+    return of_seasons(
+        {
+            grid.season: (
+                *grid.change_notes,
+                *grid.notes,
+                *(
+                    Note.of("source-passed-over", source=passed.source, reason=passed.reason)
+                    for passed in grid.passed_over
+                ),
+                *grid.stand_in_notes,
+            )
+            for grid in currents
+        }
     )
-
-
-def season_notes(notes: Mapping[str, Iterable[str]]) -> Iterator[str]:
-    """Spell notes by season as "summer, winter: note", each text once."""
-    seasons: dict[str, list[str]] = {}
-    for season, texts in notes.items():
-        for text in dict.fromkeys(texts):
-            seasons.setdefault(text, []).append(season)
-    return (f"{', '.join(names)}: {text}" for text, names in seasons.items())

@@ -7,6 +7,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geo.known_cells import DepthCover
+from pipeline.model.notes import Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ class Land:
     polygons: tuple[Polygon, ...]
     credits: tuple[Credit, ...]
     accuracy_m: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     zones: tuple[Zone, ...] = ()
     second_shore: tuple[Polygon, ...] = ()
     places: tuple[PlaceName, ...] = ()

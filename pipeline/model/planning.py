@@ -12,8 +12,8 @@ from shapely.geometry import Polygon
 import renew
 from pipeline._types import FloatArray
 from pipeline.geo.known_cells import DepthCover, KnownCells
-from pipeline.geo.position import position_text
 from pipeline.geo.projection import Projection
+from pipeline.model.notes import Place
 from pipeline.scenario.season import Season
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -122,10 +122,19 @@ class Scene:
 
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: by degrees, in a plane by metres."""
-        if self.is_planar:
-            return f"({place[0]:.6g}, {place[1]:.6g}) m"
-        lon, lat = self.projection.to_lonlat(place)
-        return position_text(float(lon), float(lat))
+        return self.place(place).text
+
+    def place(self, place: FloatArray) -> Place:
+        """A place (2,), planar metres, in degrees; in a plane as it is."""
+        x, y = (place if self.is_planar else self.projection.to_lonlat(place)).tolist()
+        return Place(x, y, self.is_planar)
+
+    def moment(self, season: str, seconds: float) -> datetime | float | None:
+        """A moment on a season's clock, s, as a date if its begin is known; None if infinite."""
+        if not math.isfinite(seconds):
+            return None
+        departure = self.departures.get(season)
+        return seconds if departure is None else departure + timedelta(seconds=round(seconds))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,12 @@ from html import escape
 from pathlib import Path
 from typing import Literal, get_args
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.position import position_text
 from pipeline.model import Evaluation, Fetched, SeasonPlan
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
@@ -26,6 +28,7 @@ class Event:
     season: str = ""
     seconds: float = 0.0
     detail: str = ""
+    note: Note | None = None
 
 
 EventHandler = Callable[[Event], None]
@@ -62,8 +65,8 @@ class Outcome:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """What was chosen where the scenario left something out."""
-        return self.result.choices
+        """What was chosen where the scenario left something out, in sentences."""
+        return tuple(note_texts(self.result.choices))
 
     @property
     def fetched(self) -> Fetched:

@@ -339,6 +339,10 @@ class Scenario(StrictModel):
         )
         return self.model_copy(update={"seasons": seasons})
 
+    def season_if_several(self, season: str) -> tuple[str, ...]:
+        """A season that a note has to name: none where it is the only one."""
+        return (season,) if len(self.seasons) > 1 else ()
+
     def passage(self, season: str, duration_s: float) -> tuple[datetime, datetime] | None:
         """Departure and arrival, UTC, of a voyage in a season; None without a departure."""
         departure = next((one.departure for one in self.seasons if one.name == season), None)

@@ -3,15 +3,15 @@
 Its region is chosen before the first stage, by `pipeline.stages.choosing.region_search`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from pipeline.machine.storage.store import Store
+from pipeline.model.notes import Say
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.choosing.offing import Offing
 
 
-def choose(given: Chosen, store: Store, say: Callable[[str], None]) -> Chosen:
+def choose(given: Chosen, store: Store, say: Say) -> Chosen:
     """Return a scenario that leaves nothing out, with its scene; report what was chosen.
 
     Raises

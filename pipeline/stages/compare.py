@@ -1,6 +1,5 @@
 """Sixth stage: compares the routes of all seasons, and names their ways."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -8,6 +7,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.machine.storage.store import Made, Store, artefact_key
+from pipeline.model.notes import Note, Say
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.comparing.overpowering_current import waiting_notes
 from pipeline.stages.comparing.second_shoreline import crossing_notes
@@ -25,7 +25,7 @@ def compare(
     land: Made[SimplifiedLand],
     planned: Made[Planned],
     store: Store,
-    say: Callable[[str], None],
+    say: Say,
 ) -> Made[RunResult]:
     """Name each route's way, bound the other sides, and find the straits that are shut.
 
@@ -65,7 +65,7 @@ def compare(
     return Made(artefact_key("compare", *inputs), replace(result, fetched=fetched))
 
 
-def _notes(result: RunResult) -> tuple[str, ...]:
+def _notes(result: RunResult) -> tuple[Note, ...]:
     """Return the notes on the routes for a reader."""
     return (
         *speed_notes(result),

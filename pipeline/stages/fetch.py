@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pipeline.errors import RequestError, StageError
+from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
 from pipeline.machine.storage.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
@@ -65,8 +66,8 @@ def fetch(
 def _refuse_stand_ins(parts: FetchedParts) -> None:
     """Refuse to plan on other currents than those that the scenario asks for first."""
     faults = [
-        f"{season_text(grid.season)} would be {grid.stand_in_notes[0]}, which is not its first "
-        "choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
+        f"{season_text(grid.season)} would be {note_text(grid.stand_in_notes[0])}, which is not "
+        "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
         for grid in parts.fetched.currents
         if grid.is_stand_in
     ]

@@ -32,6 +32,7 @@ from pipeline.geo.projection import Projection
 from pipeline.machine.storage.store import Made, Store
 from pipeline.model import Land, Simplified
 from pipeline.model.for_planner import planner_vessel
+from pipeline.model.notes import Note, Place
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar
@@ -55,10 +56,10 @@ _UNCOVERED_M2 = 1.0
 
 @dataclass(frozen=True, slots=True)
 class SimplifiedLand:
-    """The stage's result, and notes on it in plain words: a margin raised, a passage opened."""
+    """The stage's result, and notes on it: a margin raised, a passage opened."""
 
     simplified: Simplified
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def simplify(
@@ -199,15 +200,11 @@ class _Area:
         return np.asarray(polygons[shapely.intersects(self.extent, polygons)])
 
 
-def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[str, ...]]:
+def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[Note, ...]]:
     """Return the margin, never below the accuracy, and a note where that is more than asked."""
-    note = (
-        f"chart.margin_m is {margin_m:g} m, below the {accuracy_m:g} m by which the coast may "
-        f"be off: {accuracy_m:g} m were added"
-        if margin_m is not None and margin_m < accuracy_m
-        else ""
-    )
-    return max(margin_m or 0.0, accuracy_m), (note,) if note else ()
+    if margin_m is None or margin_m >= accuracy_m:
+        return margin_m or accuracy_m, ()
+    return accuracy_m, (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
 
 
 def check(
@@ -303,14 +300,10 @@ def _count_vertices(polygons: Geometries) -> int:
     return int(shapely.get_num_coordinates(polygons).sum() - rings)
 
 
-def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tuple[str, ...]:
+def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tuple[Note, ...]:
     """Say where start and goal are connected by less water than the margin leaves."""
     if cover.narrowest is None:
         return ()
-    lon, lat = plane.to_lonlat(cover.narrowest)
-    note = (
-        f"the margin of {margin_m:g} m would close every passage between start and goal: it was "
-        f"narrowed on the way; the narrowest place has {cover.width_m:.0f} m between its sides, "
-        f"at {position_text(lon, lat)}"
-    )
+    place = Place(*plane.to_lonlat(cover.narrowest).tolist())
+    note = Note.of("margin-narrowed", margin_m=margin_m, width_m=cover.width_m, place=place)
     return (note,)

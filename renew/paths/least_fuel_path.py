@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.errors import InfeasibleError
+from renew.errors import InfeasibleError, Length
 from renew.kernels.capsules import capsules_near
 from renew.kernels.viterbi import quickest_chain
 from renew.paths.corridor import SLACK, Corridor
@@ -128,9 +128,10 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
         needed = max(padded.around(point).padding.max(initial=0.0) for padded in beside)
         if needed > 0:
             raise InfeasibleError(
-                f"the via point {{0}} lies within the padding, {needed:.2f} m there, where "
-                "the vessel can't turn away; move it further off",
+                "the via point {0} lies within the padding, {1} there, where the vessel can't "
+                "turn away; move it further off",
                 point,
+                Length(float(needed)),
             )
     return corridor.chained(_refined_part, corridor.voyage.cut(rough))
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from renew.classes.dual_graph import widest_gap
 from renew.classes.h_signature import shortened
-from renew.errors import Text, TooLateError, UnreachableError
+from renew.errors import Length, Text, TooLateError, UnreachableError
 from renew.planner.classes import plan_classes
 from renew.planner.one_class import ClassPlanner
 from renew.results.plan import Rejected
@@ -39,15 +39,15 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
     if all(isinstance(one.cause, TooLateError) for one in rejected):
         # Neither padding nor risk makes the vessel arrive much earlier.
-        remedy = "take currents that reach further, or depart earlier"
+        remedy = Text("take currents that reach further, or depart earlier")
     else:
-        tried = "; ".join(suggest_relaxations(planner))
-        remedy = f"{tried}; or allow a smaller padding or clearance, or more classes"
+        tried = Text.joined("; ", suggest_relaxations(planner))
+        remedy = Text("{0}; or allow a smaller padding or clearance, or more classes", (tried,))
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     error = UnreachableError(
         f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
         Text.joined("; ", reasons),
-        Text(remedy),
+        remedy,
     )
     error.causes = tuple(one.cause for one in rejected if one.cause is not None)
     straits = tuple(one.strait for one in rejected if one.strait is not None)
@@ -63,19 +63,19 @@ def _named(group: list[Rejected]) -> str:
     return f"class{'es' * (len(group) > 1)} {names}{more}"
 
 
-def suggest_relaxations(planner: ClassPlanner) -> list[str]:
+def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
     """What would leave a route, each tried out; the widest way through comes first."""
     options, search = planner.options, _RelaxationSearch(planner)
     triangulation = planner.problem.triangulation
     stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
     gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
-    found = [f"the widest way through has a gap of {gap:.2f} m"]
+    found = [Text("the widest way through has a gap of {0}", (Length(gap),))]
     if not isinstance(options.padding, str) and options.padding > 0:
         route = search.route(padding="adaptive")
         if route is not None:
-            found.append(f'padding = "adaptive" would leave one, {_description(route)}')
+            found.append(Text('padding = "adaptive" would leave one, {0}', (_description(route),)))
     if options.is_adaptive:
-        found.append(search.least_risk())
+        found.append(Text(search.least_risk()))
     return found + search.largest_padding(min(options.min_width or math.inf, gap / 2))
 
 
@@ -108,7 +108,7 @@ class _RelaxationSearch:
                 high = middle
         return f"a risk of {high:g} would leave one"
 
-    def largest_padding(self, most: float) -> list[str]:
+    def largest_padding(self, most: float) -> list[Text]:
         """The largest fixed padding up to `most` m that leaves a route, to 2 %, if one does."""
         if not 0 < most < math.inf:
             return []
@@ -120,11 +120,15 @@ class _RelaxationSearch:
                 high = middle
             else:
                 low, best = middle, route
-        return [f"a padding of {low:.4g} m would leave one, {_description(best)}"] if best else []
+        if best is None:
+            return []
+        # As the option takes it, whatever lengths are spelled in.
+        return [
+            Text(f"padding = {low:.4g} (planar m) would leave one, {{0}}", (_description(best),))
+        ]
 
 
-def _description(route: Route) -> str:
+def _description(route: Route) -> Text:
     """Fuel and clearance of a route, as text."""
-    name = shortened(route.homotopy)
-    clearance = f"{route.clearance:.2f} m clear of no-go zones"
-    return f"class {name} for a fuel of {route.fuel:.6g}, {clearance}"
+    fuel = Text(f"class {shortened(route.homotopy)} for a fuel of {route.fuel:.6g}")
+    return Text("{0}, {1} clear of no-go zones", (fuel, Length(route.clearance)))

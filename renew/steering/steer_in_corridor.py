@@ -9,7 +9,7 @@ import shapely
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.errors import InfeasibleError, TooSharpError
+from renew.errors import InfeasibleError, Length, TooSharpError
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
 from renew.steering.corner_rounding import round_corners
@@ -199,9 +199,9 @@ def steer_as_drawn(
     missed = np.maximum(voyage.missed(path), voyage.missed(track))
     if (missed > _MISS * voyage.vessel.turning_radius).any():
         raise InfeasibleError(
-            "there is no room to turn at the via point {0}: it would be passed "
-            f"{missed.max():.2f} m off; move it",
+            "there is no room to turn at the via point {0}: it would be passed {1} off; move it",
             voyage.via[missed.argmax()],
+            Length(float(missed.max())),
         )
     return trajectory
 

@@ -24,6 +24,7 @@ from pipeline.formats.exchange.text import (
     wrapped_longitude,
 )
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.templates import xml_environment
 from pipeline.formats.shared.text import shortened
@@ -91,7 +92,8 @@ def write_rtz(
         raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
     points = season_waypoints(result, season)[0]
     form = VERSIONS[version]
-    method = "; ".join((_METHOD, *route_unknowns(result, points.ranked.metrics)))
+    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    method = "; ".join((_METHOD, *unknown))
     content = (
         xml_environment("pipeline.formats.exchange")
         .get_template("route.rtz.jinja")

@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.formats.passage.tracks import DECIMALS
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.model import RouteMetrics
@@ -57,7 +58,7 @@ def attribution(result: RunResult) -> str:
 
 def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
     """Say what is not known of a route, in one line; empty where nothing is to be said."""
-    found = "; ".join(route_unknowns(result, metrics))
+    found = "; ".join(note_texts(route_unknowns(result, metrics)))
     return f"{found[:1].upper()}{found[1:]}." if found else ""
 
 

@@ -15,6 +15,7 @@ from pipeline.formats.gis.layers.passage_layers import waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
 from pipeline.formats.shared.json_values import write_json
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 
 # Decimals of degrees, a centimetre: RFC 7946 asks for no more precision than is needed.
@@ -45,7 +46,7 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
         "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
         "title": document_title(result, season),
         "credits": attribution(result),
-        "unknown": list(result.unknowns),
+        "unknown": note_texts(result.unknowns),
         "features": [
             *_features("route", routes.set_geometry(lines)),
             *_features("waypoint", waypoints.set_geometry(shapely.points(places))),

@@ -31,6 +31,7 @@ from pipeline.formats.paper.legs_table import (
     tightest_text,
 )
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
@@ -175,7 +176,7 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
 
 def _notes(points: Waypoints, result: RunResult) -> list[str]:
     """What is not known, and the credits."""
-    unknown = route_unknowns(result, points.ranked.metrics)
+    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
     return [
         f"Not known: {'; '.join(unknown)}." if unknown else "",
         f"Sources: {attribution(result)}.",

@@ -16,6 +16,7 @@ from pipeline.formats.report.parts.comparison import Comparison
 from pipeline.formats.report.parts.season import SeasonPart
 from pipeline.formats.report.parts.unknown import Unknown
 from pipeline.formats.shared import text
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import SEASON_COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
@@ -204,4 +205,4 @@ def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
 def _other_notes(result: RunResult) -> tuple[str, ...]:
     """Notes of the run, without those that `_stand_ins` and `Unknown` show already."""
     shown = {*result.fetched.stand_in_notes, *result.unknowns}
-    return tuple(note for note in result.fetched.notes if note not in shown)
+    return tuple(note_texts(note for note in result.fetched.notes if note not in shown))

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.shared.text import moments_of, season_name
+from pipeline.formats.shared.text import planner_text, season_name
 from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import (
     Credit,
@@ -25,6 +25,7 @@ from pipeline.model import (
     Simplified,
     Zone,
 )
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 
 
@@ -55,7 +56,7 @@ class RunResult:
     evaluation: Evaluation
     timings: Mapping[str, float]
     created: datetime
-    choices: tuple[str, ...] = ()
+    choices: tuple[Note, ...] = ()
     straits: tuple[ShutStrait, ...] = ()
     departures: tuple[DepartureChoice, ...] = ()
 
@@ -79,8 +80,8 @@ class RunResult:
         return tuple(ranked)
 
     @cached_property
-    def unknowns(self) -> tuple[str, ...]:
-        """What is not known of the routes, one sentence each; among the notes, too."""
+    def unknowns(self) -> tuple[Note, ...]:
+        """What is not known of the routes; among the notes, too."""
         return unknowns(self)
 
     def departure_choice(self, season: str) -> DepartureChoice | None:
@@ -173,8 +174,7 @@ class RunResult:
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
         """Why a class of a season has no route, as text for readers."""
-        moments = moments_of(self.scene.departures.get(season))
-        return rejected.located_reason(self.scene.place_text, moments)
+        return planner_text(rejected.text, self.scene, season)
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).

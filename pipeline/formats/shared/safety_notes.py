@@ -3,22 +3,26 @@
 import numpy as np
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import season_name
+from pipeline.model.notes import Note, Place
 
 
-def safety_notes(result: RunResult) -> tuple[str, ...]:
+def safety_notes(result: RunResult) -> tuple[Note, ...]:
     """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
     return tuple(
-        f"not safe everywhere: {season_name(row.season)}, {row.collisions:,} of {row.trials:,} "
-        f"hard-over turns along the best route met {row.no_go_name}, the first from "
-        f"{_first_place(result, row.season)}; it was planned with padding = "
-        f'{result.scenario.planner.padding!r}, and only "adaptive" is verified'
+        Note.of(
+            "not-safe-everywhere",
+            collisions=row.collisions,
+            turns=row.trials,
+            no_go=row.no_go_name,
+            place=_first_place(result, row.season),
+            padding=result.scenario.planner.padding,
+        ).about(row.season)
         for row in result.evaluation.routes
         if row.rank == 1 and row.collisions
     )
 
 
-def _first_place(result: RunResult, season: str) -> str:
-    """Name the first place of a season's best route from which a turn met land."""
+def _first_place(result: RunResult, season: str) -> Place:
+    """The first place of a season's best route from which a turn met land."""
     turns = result.evaluation.contingency[season, 1]
-    return result.scene.place_text(np.asarray(turns.points)[np.asarray(turns.collided)][0])
+    return result.scene.place(np.asarray(turns.points)[np.asarray(turns.collided)][0])

@@ -5,10 +5,9 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 
 from pipeline.geo.position import position_text
-from pipeline.model import GapShares, RouteMetrics, Zone
+from pipeline.model import GapShares, RouteMetrics, Scene, Zone
 from pipeline.scenario.departures import named_departure
-from pipeline.scenario.model import Scenario
-from renew.errors import Moment, in_seconds
+from renew.errors import Moment, Text, in_seconds
 
 ABSENT = "–"
 USEFUL_GAP = 1.0
@@ -164,6 +163,14 @@ def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Mo
     )
 
 
+def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) -> str:
+    """Write a message of the planner on a season with its positions, dates and true lengths."""
+    moments = moments_of(scene.departures.get(season), stretch)
+    scale = scene.projection.scale
+    words = text.spelled(scene.place_text, moments, lambda one: distance(scale * one.metres))
+    return " ".join(words.split())
+
+
 def to_minute(moment: datetime) -> datetime:
     """Round a moment to the nearest minute, UTC: an arrival seconds before the hour is at it."""
     return (moment.astimezone(UTC) + timedelta(seconds=30)).replace(second=0, microsecond=0)
@@ -196,8 +203,3 @@ def seasons_text(seasons: Sequence[str]) -> str:
 def season_text(season: str) -> str:
     """Name one season in a message."""
     return seasons_text([season])
-
-
-def about_season(season: str, scenario: Scenario) -> str:
-    """Begin a note on a season by its name; empty where the scenario has only that season."""
-    return f"{season_text(season)}: " if len(scenario.seasons) > 1 else ""

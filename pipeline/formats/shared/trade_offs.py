@@ -8,8 +8,9 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import about_season, hours, moment_text, percent
+from pipeline.formats.shared.text import hours, moment_text, percent
 from pipeline.model import SpeedChoice
+from pipeline.model.notes import Note
 
 # Share of the time under way by which an arrival is earlier or later, to say what that is worth.
 _MORE_OR_LESS = 0.1
@@ -102,10 +103,10 @@ def trade_off_text(found: TradeOff) -> tuple[str, ...]:
     return (f"{how} the vessel there {there}, with the least fuel.", *_worth(found))
 
 
-def speed_notes(result: RunResult) -> tuple[str, ...]:
-    """The first sentence on each season whose speeds are chosen, for the run's notes."""
+def speed_notes(result: RunResult) -> tuple[Note, ...]:
+    """Note the speeds of each season in which they are chosen."""
     return tuple(
-        about_season(one.season, result.scenario) + trade_off_text(one)[0].removesuffix(".")
+        Note.of("speeds-chosen", found=one).about(*result.scenario.season_if_several(one.season))
         for one in trade_offs(result)
     )
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from pipeline.formats.shared.text import distance, percent, place
-from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait, season_notes
+from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait
+from pipeline.model.notes import Note, Place, of_seasons
 from pipeline.scenario.model import Scenario
 
 MAX_STRAITS = 10
@@ -38,8 +38,8 @@ class Planned(Protocol):
         ...
 
 
-def unknowns(planned: Planned) -> tuple[str, ...]:
-    """Say what is not known of a run's routes, one sentence each; nothing of a plane's."""
+def unknowns(planned: Planned) -> tuple[Note, ...]:
+    """Note what is not known of a run's routes; nothing of a plane's."""
     if planned.scenario.is_planar:
         return ()
     rows = planned.evaluation.routes
@@ -47,11 +47,11 @@ def unknowns(planned: Planned) -> tuple[str, ...]:
     by_season = {
         season: _of_routes([row for row in rows if row.season == season]) for season in seasons
     }
-    return (*_of_chart(planned), *season_notes(by_season), *_of_straits(planned.straits))
+    return (*_of_chart(planned), *of_seasons(by_season), *_of_straits(planned.straits))
 
 
-def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[str, ...]:
-    """Say what is not known of one route."""
+def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[Note, ...]:
+    """Note what is not known of one route."""
     if planned.scenario.is_planar:
         return ()
     return (*_of_chart(planned), *_of_routes([metrics]))
@@ -62,46 +62,35 @@ def has_all_depths(metrics: RouteMetrics) -> bool:
     return metrics.uncharted_share <= _NONE
 
 
-def _of_chart(planned: Planned) -> Iterator[str]:
+def _of_chart(planned: Planned) -> Iterator[Note]:
     """Yield that a chart has no depths."""
     if planned.fetched.land.depths is None:
-        yield "no depths in this chart: the draught was not used, and shoals are not avoided"
+        yield Note.of("no-depths")
 
 
-def _of_routes(rows: Sequence[RouteMetrics]) -> list[str]:
-    """Say how much of a season's routes is without depths, and without figures of the current."""
-    filled = _shares(rows, [row.filled_share for row in rows])
-    blank = _shares(rows, [row.uncharted_share for row in rows])
-    found = []
-    if filled:
-        found.append(
-            f"the source of the current has no figure for {filled}: it was filled from the water "
-            "around"
+def _of_routes(rows: Sequence[RouteMetrics]) -> list[Note]:
+    """Note how much of a season's routes is without depths, and without figures of the current."""
+    found = {
+        "current-filled": [(row.rank, row.filled_share) for row in rows],
+        "depth-uncharted": [(row.rank, row.uncharted_share) for row in rows],
+    }
+    some = {
+        kind: tuple((rank, share) for rank, share in shares if share > _NONE)
+        for kind, shares in found.items()
+    }
+    return [
+        Note.of(kind, first=rows[0].rank, shares=shares) for kind, shares in some.items() if shares
+    ]
+
+
+def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[Note]:
+    """Yield a note on the straits that are shut, with the place of the widest."""
+    if straits:
+        widest = straits[0]
+        yield Note.of(
+            "straits-shut",
+            count=len(straits),
+            widest=Place(widest.lon, widest.lat),
+            width_m=widest.width_m,
+            needed_m=widest.needed_m,
         )
-    if blank:
-        found.append(f"no depth is charted for {blank}")
-    return found
-
-
-def _shares(rows: Sequence[RouteMetrics], shares: Sequence[float]) -> str:
-    """Spell the shares of the routes that have any: of the first, and the largest of the others."""
-    some = [(row.rank, share) for row, share in zip(rows, shares, strict=True) if share > _NONE]
-    texts = [f"{percent(share)} of route {rank}" for rank, share in some if rank == rows[0].rank]
-    others = [one for one in some if one[0] != rows[0].rank]
-    if others:
-        rank, largest = max(others, key=lambda one: one[1])
-        more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
-        texts.append(f"{percent(largest)} of route {rank}{more}")
-    return " and ".join(texts)
-
-
-def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[str]:
-    """Yield a sentence on the straits that are shut, with the place of the widest."""
-    if not straits:
-        return
-    widest = straits[0]
-    count = "1 strait is" if len(straits) == 1 else f"{len(straits)} straits are"
-    yield (
-        f"{count} shut by margin or padding, the widest at {place(widest.lon, widest.lat)}: "
-        f"{distance(widest.width_m)} between its sides, and {distance(widest.needed_m)} are needed"
-    )

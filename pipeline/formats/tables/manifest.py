@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 
 from pipeline.formats.shared.json_values import json_value
+from pipeline.formats.shared.note_words import note_json, note_texts
 from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import MAX_STRAITS
@@ -85,7 +86,8 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
             }
             for entry in result.plans
         ],
-        "unknown": list(result.unknowns),
+        "unknown": note_texts(result.unknowns),
+        "note_values": json_value([note_json(note) for note in result.fetched.notes]),
         "shut_straits": [json_value(asdict(strait)) for strait in result.straits[:MAX_STRAITS]],
         "shut_straits_in_all": len(result.straits),
         "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
@@ -125,7 +127,7 @@ def provenance(result: RunResult) -> dict[str, object]:
             {"season": grid.season, "valid": grid.valid, **asdict(grid.credit)}
             for grid in result.fetched.currents
         ],
-        "notes": list(result.fetched.notes),
+        "notes": note_texts(result.fetched.notes),
         "command": shlex.join([Path(sys.argv[0]).name, *map(_named, sys.argv[1:])]),
         "code": {"commit": code_commit(), "plan_sha256": code_hash()},
         "platform": {

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.os_errors import os_error
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
@@ -99,7 +100,7 @@ def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
         "valid": grid.valid,
         "time_coverage_start": valid.begin.isoformat() if valid else "",
         "time_coverage_end": valid.end.isoformat() if valid else "",
-        "notes": _listed(grid.notes),
+        "notes": _listed(note_texts(grid.notes)),
     }
     return {name: _storable(text) for name, text in attributes.items() if text}
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.nightly.planning.small_map import SmallMap
@@ -37,7 +38,6 @@ class NightChart:
     scene: Scene
     land_key: str
     accuracy_m: float
-    notes: tuple[str, ...]
     small_map: SmallMap
 
 
@@ -143,7 +143,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
     """Fetch, simplify and project a scenario's chart; keep the ends of pairs in water."""
     if scenario.is_planar:
         scene = replace(planar.plane_scene(scenario), currents={})
-        return NightChart(scenario, scene, "", 0.0, (), SmallMap.of(scene))
+        return NightChart(scenario, scene, "", 0.0, SmallMap.of(scene))
     if scenario.region is None:
         region = chosen_region(scenario, store, offline=False)
         scenario = region.complete(scenario)
@@ -151,8 +151,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
     land = fetcher.land
     simplified = simplify(scenario, Made(fetcher.land_key, land), store, ends).value
     scene = project(scenario, Fetched(land, ()), simplified.simplified)
-    notes = (*land.notes, *simplified.notes)
-    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, notes, SmallMap.of(scene))
+    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, SmallMap.of(scene))
 
 
 def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
@@ -191,4 +190,4 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
 def _stand_in(grid: CurrentGrid) -> str:
     """Say which current replaces the first choice, and why; empty if it is the first choice."""
     reasons = [passed.reason for passed in grid.passed_over]
-    return "; ".join((*grid.stand_in_notes, *reasons)) if grid.is_stand_in else ""
+    return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""

@@ -7,12 +7,13 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline.model import Credit, CurrentGrid, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.catalogue import StillSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import Bounds
 
-_NOTE = "planned without currents, as in still water"
+_CREDIT = "planned without currents, as in still water"
 # Nodes along each side of the region: enough to interpolate, and to show on a map that there is
 # nothing.
 _NODES = 5
@@ -57,6 +58,6 @@ class StillWater(CurrentSource):
             u=zeros,
             v=zeros.copy(),
             valid=season.valid or "any time",
-            credit=Credit(self.spec.title, "current", _NOTE, licence=""),
-            notes=(_NOTE,),
+            credit=Credit(self.spec.title, "current", _CREDIT, licence=""),
+            notes=(Note.of("still-water"),),
         )

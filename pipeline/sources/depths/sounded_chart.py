@@ -17,6 +17,7 @@ from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.machine.storage.store import file_hash
 from pipeline.model import Credit, Land, Zone
+from pipeline.model.notes import Note
 from pipeline.sources.depths.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.depths.shallow_water import shallow_polygons
 from pipeline.sources.interfaces import LandSource
@@ -87,20 +88,14 @@ class SoundedChart:
         name = self.file.title or f"{name_of(self.file.path)}, user's file"
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
-    def _notes(self, heights: Heights, region: Polygon) -> Iterator[str]:
+    def _notes(self, heights: Heights, region: Polygon) -> Iterator[Note]:
         """Yield what is no-go by the depths, and how much of the region they don't cover."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
-        yield (
-            f"no-go: all that {name} shows less than {self.safety_depth_m:g} m deep (draught plus "
-            f"under-keel clearance, as the grid counts depths, without tide), and one cell of "
-            f"{cell_m:.0f} m around; smaller shoals than a cell are not in such a grid"
-        )
+        depth_m = self.safety_depth_m
+        yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
         lacking = 1 - _covered_share(heights, region)
         if lacking > _MIN_NOTED_SHARE:
-            yield (
-                f"{name} has no depths for {lacking:.1%} of the region (land may be among it): "
-                "water there is not no-go, whatever its depth"
-            )
+            yield Note.of("depths-lacking", source=name, share=lacking)
 
     def _check_sign(self, heights: Heights, land: Land, region: Polygon) -> None:
         """Refuse heights by which most of the chart's water lies above the sea."""

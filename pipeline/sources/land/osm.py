@@ -14,6 +14,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.model import Credit, Land
+from pipeline.model.notes import Note
 from pipeline.sources.land.polygons import (
     BEYOND_M,
     box_around,
@@ -41,7 +42,7 @@ class LandPolygons:
     repaired: int
     duplicates: int
     seam_pieces: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray, Geometries
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
+from pipeline.model.notes import Note
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
 # once it is buffered or gaps are closed, and a map needs its surroundings.
@@ -96,12 +97,9 @@ def repaired(
     return valid, int((is_invalid & is_area).sum())
 
 
-def repair_note(name: str, count: int) -> tuple[str, ...]:
-    """Write the note that areas of a source were invalid; none where there were none."""
-    if not count:
-        return ()
-    were = "1 area was invalid and was" if count == 1 else f"{count:,} areas were invalid and were"
-    return (f"{name}: {were} repaired (rings that cross or touch themselves)",)
+def repair_note(name: str, count: int) -> tuple[Note, ...]:
+    """Note that areas of a source were invalid; nothing where there were none."""
+    return (Note.of("areas-repaired", source=name, count=count),) if count else ()
 
 
 def clipped(polygons: Geometries, box: Polygon) -> Geometries:

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import Geometries
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Credit, DepthArea, Land, PlaceName, Zone
+from pipeline.model.notes import Note
 from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
@@ -139,10 +140,7 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
     if not uncharted.is_empty:
         zones.append(Zone("uncharted", "", "no S-57 cell covers it", uncharted))
     used = [part for part in parts if part.area.intersects(region)]
-    depth_note = (
-        f"no-go: all that is not charted as {safety_depth_m:g} m deep or more (draught plus "
-        "under-keel clearance, at chart datum, without tide)"
-    )
+    depth_note = Note.of("chart-no-go", safety_depth_m=safety_depth_m)
     return Land(
         polygons=(
             *unsafe.tolist(),
@@ -254,19 +252,16 @@ def _zones(part: _Part) -> Iterator[Zone]:
                 yield Zone("traffic", title or _TRAFFIC[name], rule, area)
 
 
-def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterator[str]:
+def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterator[Note]:
     """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
     covered = merged(np.array([part.area for part in parts], dtype=object))
     blank = shapely.area(shapely.difference(region, covered))
     if (share := blank / region.area) > _MIN_NOTED_SHARE:
-        yield f"no S-57 cell covers {share:.1%} of the region: it is no-go"
+        yield Note.of("no-cell", share=share)
     water = shapely.intersection(sea, region)
     poor = shapely.area(shapely.intersection(water, merged(_poor(parts))))
     if water.area and (share := poor / water.area) > _MIN_NOTED_SHARE:
-        yield (
-            f"{share:.0%} of the water is charted from poor or unassessed surveys (zones of "
-            "confidence C, D, U): objects may lie 500 m or more off their charted place"
-        )
+        yield Note.of("poor-survey", share=share)
     prohibited = [
         zone
         for part in parts
@@ -274,11 +269,12 @@ def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterat
         if _NO_ENTRY.intersection(zone.rule.split(", ")) and zone.area.intersects(region)
     ]
     if prohibited:
-        names = ", ".join(dict.fromkeys(zone.name or "unnamed" for zone in prohibited))
-        yield f"routes may cross areas where entry is prohibited or to be avoided: {names}"
+        names = dict.fromkeys(zone.name or "unnamed" for zone in prohibited)
+        yield Note.of("entry-prohibited", areas=tuple(names))
     for part in parts:
         yield from repair_note(part.cell.name, part.cell.repaired)
-        yield from (f"{part.cell.name}: GDAL warns: {text}" for text in part.cell.warnings)
+        for text in part.cell.warnings:
+            yield Note.of("gdal-warning", source=part.cell.name, warning=text)
 
 
 def _poor(parts: Sequence[_Part]) -> Geometries:

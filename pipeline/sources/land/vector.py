@@ -19,6 +19,7 @@ from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import (
@@ -142,12 +143,9 @@ class VectorFile:
             "out, or name the right CRS if that is wrong",
         )
 
-    def _accuracy_note(self) -> tuple[str, ...]:
+    def _accuracy_note(self) -> tuple[Note, ...]:
         """Say that an accuracy is assumed, if so."""
         if self.entry or self.source.accuracy_m is not None:
             return ()
-        note = (
-            f"{self.path.name}: its coast is assumed to be accurate to {_ASSUMED_ACCURACY_M:g} m, "
-            "as no accuracy is given (accuracy_m)"
-        )
-        return (note,)
+        name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
+        return (Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m),)

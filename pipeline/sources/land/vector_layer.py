@@ -17,6 +17,7 @@ from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import PlaceName
+from pipeline.model.notes import Note
 from pipeline.scenario.messages import near_miss
 from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading, vector_library
 from pipeline.sources.land.places import NAME_COLUMNS, named_places
@@ -45,7 +46,7 @@ class NearbyFeatures:
 
     geometry: Geometries
     repaired: int
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class VectorLayer:
                 crosses = ~shapely.covers(window, valid)
                 valid[crosses] = shapely.intersection(valid[crosses], window)
                 found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
-        return NearbyFeatures(np.concatenate(found), total, self._notes(issued))
+        return NearbyFeatures(np.concatenate(found), total, tuple(self._notes(issued)))
 
     def places(self, box: Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
@@ -168,13 +169,12 @@ class VectorLayer:
         meets = (left <= east) & (right >= west) & (bottom <= north) & (top >= south)
         return bool(meets.any())
 
-    def _notes(self, issued: list[str]) -> tuple[str, ...]:
-        """Notes on features without a geometry, and on GDAL's warnings."""
-        given = [f"GDAL warns: {text}" for text in (*self.warnings, *issued)]
+    def _notes(self, issued: list[str]) -> Iterator[Note]:
+        """Yield notes on features without a geometry, and on GDAL's warnings."""
+        for text in dict.fromkeys((*self.warnings, *issued)):
+            yield Note.of("gdal-warning", source=self.path.name, warning=text)
         if count := int(self._is_blank.sum()):
-            have = "1 feature has" if count == 1 else f"{count:,} features have"
-            given.append(f"{have} no geometry, and so no land")
-        return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(given))
+            yield Note.of("features-without-geometry", source=self.path.name, count=count)
 
     def _windows(self, box: Polygon) -> Iterator[Polygon]:
         """Yield the box in the file's CRS.

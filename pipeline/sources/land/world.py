@@ -32,6 +32,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.machine.storage.whole_files import UNFINISHED, whole_file
+from pipeline.model.notes import Note
 from pipeline.sources.land.polygons import meets_box, near_box
 from renew._compiled import user_cache
 
@@ -67,7 +68,7 @@ class NearPolygons(NamedTuple):
     is_valid: npt.NDArray[np.bool_]
 
 
-def polygons_near(shoreline: Shoreline, box: Polygon) -> tuple[NearPolygons, tuple[str, ...]]:
+def polygons_near(shoreline: Shoreline, box: Polygon) -> tuple[NearPolygons, tuple[Note, ...]]:
     """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
 
     They are moved by whole turns into the box's longitudes; one that meets the box both ways round
@@ -86,12 +87,7 @@ def polygons_near(shoreline: Shoreline, box: Polygon) -> tuple[NearPolygons, tup
             if found is not None:
                 return found, ()
             problem = f"{path} is damaged as soon as it is written"
-    note = (
-        f"the world's land could not be kept in the user's cache ({problem}): it is unpacked "
-        "anew for each region, which takes some seconds; set XDG_CACHE_HOME to a folder that can "
-        "be written"
-    )
-    return read_near(unpacked(shoreline), box), (note,)
+    return read_near(unpacked(shoreline), box), (Note.of("land-not-cached", problem=problem),)
 
 
 def cache_file(shoreline: Shoreline) -> Path | None:

@@ -8,6 +8,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.model.notes import Note
 from pipeline.sources.quality.field import Field, LandMask
 
 # Number of points along each side of the region's bounds at which its water is sampled.
@@ -26,14 +27,9 @@ class WaterWithoutData:
     distance_m: float
 
     @property
-    def note(self) -> str:
-        """Sentence for a reader."""
-        share = f"{self.share:.0%}" if self.share >= 0.01 else "less than 1%"
-        return (
-            f"the current has no data for {share} of the region's water, which lies up to "
-            f"{self.distance_m / 1000:.0f} km from the nearest value: it is filled from the water "
-            "around"
-        )
+    def note(self) -> Note:
+        """What a reader should know of it."""
+        return Note.of("current-lacking", share=self.share, distance_m=self.distance_m)
 
 
 def water_without_data(field: Field, mask: LandMask, region: Polygon) -> WaterWithoutData | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import MORE_CURRENTS
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
@@ -18,10 +19,6 @@ from pipeline.stages.choosing.region_choice import Voyage
 _AROUND_DEG = 1e-3
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0
-REMEDY = (
-    "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
-    '(--currents still, or currents = ["still"])'
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +95,7 @@ def covered_by_currents(
         raise RequestError(
             [
                 f"season{'s' * (len(names) > 1)} {', '.join(names)}: no currents for this voyage: "
-                f"{why}; {REMEDY}"
+                f"{why}; {MORE_CURRENTS}"
                 for why, names in reasons.items()
             ]
         )

@@ -15,11 +15,11 @@ import numpy as np
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.departure_text import departure_text
-from pipeline.formats.shared.text import about_season, moments_of, season_text
+from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.machine.storage.store import Made, Store, artefact_key
 from pipeline.model import DepartureChoice, Scene
 from pipeline.model.for_planner import plan_options
+from pipeline.model.notes import Note, Say
 from pipeline.scenario.interval import interval
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
@@ -40,10 +40,10 @@ class Chosen:
     parts: FetchedParts
     scene: Made[Scene]
     choices: tuple[DepartureChoice, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
-def choose_departures(given: Chosen, store: Store, say: Callable[[str], None]) -> Chosen:
+def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
     """Choose the departure of every season that leaves it open; the new scene is stored, too.
 
     Raises
@@ -60,8 +60,10 @@ def choose_departures(given: Chosen, store: Store, say: Callable[[str], None]) -
         )
         choice = store.load("departures", key, DepartureChoice)
 
-        def say_of_it(note: str, about: str = about_season(season.name, scenario)) -> None:
-            say(f"{about}{note}")
+        def say_of_it(
+            note: Note, about: tuple[str, ...] = scenario.season_if_several(season.name)
+        ) -> None:
+            say(note.about(*about))
 
         try:
             if choice is None:
@@ -70,8 +72,7 @@ def choose_departures(given: Chosen, store: Store, say: Callable[[str], None]) -
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
-            moments = moments_of(season.first_departure)
-            reason = " ".join(error.located(scene.value.place_text, moments).split())
+            reason = planner_text(error.text, scene.value, season.name)
             departed = _without(departed, season.name, reason)
     if scenario.seasons and not departed.parts.current_keys:
         raise RequestError(
@@ -88,9 +89,7 @@ def _in_thread(work: Callable[[], DepartureChoice]) -> DepartureChoice:
         return pool.submit(work).result()
 
 
-def _choice(
-    scene: Scene, season: Season, options: PlannerOptions, say: Callable[[str], None]
-) -> DepartureChoice:
+def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
     """Plan a season's departures."""
     asked: dict[str, Any] = {
         "options": plan_options(options, min_lateness=MIN_LATENESS_S),
@@ -104,7 +103,7 @@ def _choice(
     if season.departures is None:
         raise ValueError(f"season {season.name!r} leaves no departure open")
     times = season.departures.seconds
-    say(f"{len(times)} departures are planned to choose from")
+    say(Note.of("departures-asked", count=len(times)))
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
     # All classes at the best one are planned later, at the full second.
     found = renew.plan_departures(
@@ -116,7 +115,6 @@ def _choice(
         progress=partial(_say_progress, len(times), say),
         with_classes=False,
     )
-    moments = moments_of(first)
     return DepartureChoice(
         season=season.name,
         first=first,
@@ -125,7 +123,7 @@ def _choice(
         durations_s=found.durations,
         homotopies=found.homotopies,
         reasons=tuple(
-            "" if cause is None else " ".join(cause.located(scene.place_text, moments).split())
+            "" if cause is None else planner_text(cause.text, scene, season.name)
             for cause in found.causes
         ),
         chosen_s=float(found.departures[found.best]),
@@ -150,17 +148,14 @@ def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureCho
     )
 
 
-def _say_progress(asked: int, say: Callable[[str], None], count: int, unproven_s: float) -> None:
+def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
     """Say now and then how many of the departures asked for, or beyond them, are planned."""
     if count % _TOLD_EVERY:
         return
     if count < asked:
-        say(f"{count} of {asked} departures are planned")
+        say(Note.of("departures-planned", count=count, asked=asked))
     elif count > asked:
-        say(
-            f"{count} departures are planned; another may still be better by "
-            f"{unproven_s / 60:.0f} min"
-        )
+        say(Note.of("departures-refined", count=count, unproven_s=unproven_s))
 
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
@@ -199,7 +194,9 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
         choices=(*departed.choices, choice),
         notes=(
             *departed.notes,
-            about_season(name, departed.scenario) + " ".join(departure_text(choice)),
+            Note.of("departure-chosen", choice=choice).about(
+                *departed.scenario.season_if_several(name)
+            ),
         ),
     )
 

@@ -22,6 +22,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.model import Scene
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.vessel import VesselSpec
 
@@ -65,16 +66,9 @@ class Offing:
         return self.metres / self.scale
 
     @property
-    def note(self) -> str:
-        """Sentence for a reader."""
-        kept = f"an offing of at least {self.metres:.0f} m" if self.metres else "no offing"
-        why = "chosen for this vessel and chart"
-        if self.metres < math.floor(self.wanted_m):
-            why = f"as {self.wanted_m:.0f} m would leave no way"
-        return (
-            f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance "
-            "(--clearance) sets another, 0 none"
-        )
+    def note(self) -> Note:
+        """What a reader should know of it."""
+        return Note.of("offing-chosen", offing_m=self.metres, wanted_m=self.wanted_m)
 
 
 def wanted_offing_m(vessel: VesselSpec, accuracy_m: float, distance_m: float) -> float:

@@ -9,12 +9,13 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.machine.storage.store import DOWNLOADS, Store, artefact_key
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.coverage import Bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
-from pipeline.stages.choosing.coverage import REMEDY, Coverage, covered_by_currents
+from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import Voyage, choose_region
 from pipeline.stages.choosing.region_growth import SIDES, grown, opened, sides_near
 
@@ -30,7 +31,7 @@ class ChosenRegion:
     bounds: Bounds
     coverage: Coverage
     voyage: Voyage
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def complete(self, scenario: Scenario) -> Scenario:
         """Return the scenario with this region."""
@@ -71,9 +72,8 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
 
     bounds = store.load_or_make("region", key, tuple, choose)
     chosen = ChosenRegion(bounds, coverage, voyage)
-    note = f"region {_spelled(bounds)}, chosen to hold the ways round what lies between"
     ends = _ends_of_currents(chosen, range(len(SIDES)))
-    return replace(chosen, notes=(f"{note}{'; ' * bool(ends)}{ends}",))
+    return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:
@@ -85,8 +85,8 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
     bounds = grown(chosen.bounds, near, chosen.voyage.margin_m, chosen.coverage.bounds)
     if bounds == chosen.bounds:
         return None
-    sides = " and ".join(SIDES[side] for side in near)
-    note = f"region widened to {_spelled(bounds)}, as the best route came near its {sides} edge"
+    sides = tuple(SIDES[side] for side in near)
+    note = Note.of("region-widened", bounds=bounds, near=sides)
     return replace(chosen, bounds=bounds, notes=(*chosen.notes, note))
 
 
@@ -95,34 +95,25 @@ def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
     bounds = opened(chosen.bounds, chosen.voyage.distance_m, chosen.coverage.bounds)
     if bounds == chosen.bounds:
         return None
-    note = f"region widened to {_spelled(bounds)}, as no way joins start and goal in a smaller one"
+    note = Note.of("region-opened", bounds=bounds)
     return replace(chosen, bounds=bounds, notes=(*chosen.notes, note))
 
 
-def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[str, ...]:
+def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[Note, ...]:
     """Say where a best route is near an edge beyond which there are no currents."""
     near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
     ends = _ends_of_currents(chosen, near)
-    return (f"the best route comes near the region's edge: {ends}",) if ends else ()
+    return (Note.of("route-near-edge", ends=ends),) if ends else ()
 
 
-def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> str:
-    """Say on which of some sides the region ends at the edge of its currents; "" if on none."""
+def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> tuple[Note, ...]:
+    """Note for each source on which of some sides the region ends at the edge of its currents."""
     limits, sources = chosen.coverage.bounds, chosen.coverage.sources
     ending: dict[str, list[str]] = {}
     for side in sides:
         if sources[side] and chosen.bounds[side] == limits[side]:
             ending.setdefault(sources[side], []).append(SIDES[side])
-    if not ending:
-        return ""
-    text = "; ".join(
-        f"in the {' and '.join(names)} it ends where {source} does"
+    return tuple(
+        Note.of("currents-end", sides=tuple(names), source=source)
         for source, names in ending.items()
     )
-    return f"{text}. For more, {REMEDY}"
-
-
-def _spelled(bounds: Bounds) -> str:
-    """Spell bounds for a reader."""
-    west, south, east, north = bounds
-    return f"{west:g} to {east:g} E, {south:g} to {north:g} N"

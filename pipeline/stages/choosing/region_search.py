@@ -7,6 +7,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.storage.store import Made, Store
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.stages.choosing.region import (
     ChosenRegion,
@@ -16,7 +17,7 @@ from pipeline.stages.choosing.region import (
     wider_region,
 )
 
-RunInRegion = Callable[[Scenario, tuple[str, ...]], Made[RunResult]]
+RunInRegion = Callable[[Scenario, tuple[Note, ...]], Made[RunResult]]
 
 # Number of times that a chosen region is widened: each is a plan of its own.
 _MAX_WIDENINGS = 3

@@ -10,15 +10,13 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.geo.position import position_text
-from pipeline.model import Scene, ShoreCrossing, season_notes
+from pipeline.model import Scene, ShoreCrossing
+from pipeline.model.notes import Note, Place, of_seasons
 
 # Least length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0
 # Crossings are at the same place if they agree to this many decimals of a degree: about 100 m.
 _SAME_PLACE = 3
-# Maximum number of places that a note lists.
-_MAX_PLACES = 8
 
 
 class SecondShoreline:
@@ -45,33 +43,21 @@ class SecondShoreline:
         return tuple(found)
 
 
-def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[str, ...]:
-    """Write a note for each season with the places where its routes cross the second shoreline.
+def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
+    """Note for each season the places where its routes cross the second shoreline.
 
     Crossings of the best route come first, then the longest ones.
     """
-    seasons = {one.season: _places(crossings, one.season) for one in crossings}
-    return tuple(
-        season_notes(
-            {
-                season: [
-                    "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land where "
-                    "routes cross water of this chart; look there at an official one: "
-                    + "; ".join(places[:_MAX_PLACES])
-                    + (
-                        f"; and {more} shorter places"
-                        if (more := len(places) - _MAX_PLACES) > 0
-                        else ""
-                    )
-                ]
-                for season, places in seasons.items()
-            }
-        )
+    return of_seasons(
+        {
+            season: [Note.of("second-shoreline", crossings=_places(crossings, season))]
+            for season in dict.fromkeys(one.season for one in crossings)
+        }
     )
 
 
-def _places(crossings: Sequence[ShoreCrossing], season: str) -> list[str]:
-    """Name the places of a season, each with all routes that cross there."""
+def _places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
+    """The places of a season, each with all routes that cross there."""
     there: dict[tuple[float, float], list[ShoreCrossing]] = {}
     for one in crossings:
         if one.season == season:
@@ -81,8 +67,12 @@ def _places(crossings: Sequence[ShoreCrossing], season: str) -> list[str]:
         (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
         for group in there.values()
     ]
-    return [
-        f"{longest.length_m:.0f} m at {position_text(longest.lon, longest.lat)} on "
-        + ", ".join(f"route {rank}" for rank in sorted({one.rank for one in group}))
+    return tuple(
+        Note.of(
+            "crossing",
+            length_m=longest.length_m,
+            place=Place(longest.lon, longest.lat),
+            routes=tuple(sorted({one.rank for one in group})),
+        )
         for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
-    ]
+    )

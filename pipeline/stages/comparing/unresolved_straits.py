@@ -8,9 +8,9 @@ import shapely
 
 import renew
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import distance, place, season_name
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import CurrentGrid, Scene
+from pipeline.model.notes import Note, Place
 
 # Number of cells across a strait from which its tide is resolved at all.
 _MIN_CELLS = 2.0
@@ -18,9 +18,8 @@ _MIN_CELLS = 2.0
 _ON_COAST = 1e-6
 
 
-def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
+def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
     """Name, for each season's best route, the worst strait whose tide the grid can't resolve."""
-    notes = []
     for grid in result.fetched.currents:
         if not grid.changes:
             continue
@@ -32,12 +31,9 @@ def unresolved_strait_notes(result: RunResult) -> tuple[str, ...]:
             ]
             if straits:
                 _, width_m, cell, middle = min(straits, key=lambda one: one[0])
-                notes.append(
-                    f"{season_name(grid.season)}: the strait at {place(*middle)} is "
-                    f"{distance(width_m)} wide, and a cell of the current {distance(cell)}: its "
-                    "tide is not resolved, and may run harder and turn at another time than planned"
-                )
-    return tuple(notes)
+                yield Note.of(
+                    "strait-unresolved", place=Place(*middle), width_m=width_m, cell_m=cell
+                ).about(grid.season)
 
 
 def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:

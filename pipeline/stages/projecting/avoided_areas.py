@@ -11,9 +11,10 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import moment_text, moments_of, season_name
+from pipeline.formats.shared.text import moment_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan, Zone
+from pipeline.model.notes import Note
 from pipeline.scenario.avoided import AvoidedArea
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource
@@ -85,12 +86,15 @@ def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea
     )
 
 
-def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[str, ...]:
+def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
     """Say which areas routes go around because a way through would meet them while shut."""
     return tuple(
-        f"{season_name(plan.season)}: a way of less fuel leads through "
-        f"{area.text.spelled(moment=moments_of(scene.departures.get(plan.season)))}, and might "
-        "meet it then, early, on time or late: the routes keep out of it (best without waiting)"
+        Note.of(
+            "area-shut",
+            area=area.name,
+            begin=scene.moment(plan.season, area.begin),
+            until=scene.moment(plan.season, area.end),
+        ).about(plan.season)
         for plan in plans
         if plan.plan is not None
         for area in plan.plan.shut

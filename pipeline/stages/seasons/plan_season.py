@@ -4,7 +4,7 @@ import math
 import time
 
 import renew
-from pipeline.formats.shared.text import moments_of, season_text
+from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.model import Scene, SeasonPlan
 from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
@@ -40,8 +40,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
             plan = planned(arrive_by_s)
     except renew.PlanningError as error:
         stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
-        moments = moments_of(scene.departures.get(season), stretch)
-        failure = " ".join(error.located(scene.place_text, moments).split())
+        failure = planner_text(error.text, scene, season, stretch)
         causes = error.causes if isinstance(error, renew.UnreachableError) else ()
         are_late = [isinstance(cause, TooLateError) for cause in causes]
         if any(are_late):

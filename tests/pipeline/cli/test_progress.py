@@ -11,6 +11,8 @@ import pytest
 
 from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
+from pipeline.formats.shared.note_words import note_text
+from pipeline.model.notes import Note
 from pipeline.run import run
 from pipeline.running.outcome import Event
 from pipeline.scenario.catalogue import read_toml, scenario_path
@@ -25,7 +27,9 @@ def test_a_line_says_what_is_at_work_until_the_run_ends(
     table["seasons"].append({"name": "second", "uniform": {"u": 0.1}})
     first = table["seasons"][0]["name"]
     threads = threading.active_count()
+    note = Note.of("margin-raised", margin_m=10.0, accuracy_m=25.0)
     with progress(parse_scenario(table), ["a note"]) as on_event:
+        on_event(Event("simplify", "note", detail=note_text(note), note=note))
         on_event(Event("plan", "begun"))
         time.sleep(0.5)
         on_event(Event("plan", "done", season=first))
@@ -33,6 +37,8 @@ def test_a_line_says_what_is_at_work_until_the_run_ends(
     assert threading.active_count() == threads
     lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     assert lines[0]["detail"] == "a note"
+    assert lines[1]["note"]["values"] == {"margin_m": 10.0, "accuracy_m": 25.0}
+    assert lines[1]["note"]["text"] == lines[1]["detail"]
     beats = [line for line in lines if line.get("status") == "working"]
     assert {line["stage"] for line in beats} == {"plan"}
     assert [first, "second"] in [line["seasons"] for line in beats]

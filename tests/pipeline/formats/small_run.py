@@ -27,6 +27,7 @@ from pipeline.model import (
     Zone,
     current_notes,
 )
+from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
@@ -36,6 +37,13 @@ STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")
 PREFERRED = Credit("Better source", "current", "Figures made up with more care", "CC BY 4.0")
 PASSED_OVER = PassedOver("better-source", "better-source needs an account")
 REASON = f"summer: {PASSED_OVER.reason}"
+
+
+def note(text: str) -> Note:
+    """A note of just these words."""
+    return Note.of("source-passed-over", source="a source", reason=text)
+
+
 NOTES = (REASON, "summer: planned on Test table, valid 2020-06-17")
 SPACING = 4.0
 

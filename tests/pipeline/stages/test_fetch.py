@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.storage.store import Store
 from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
@@ -46,8 +47,10 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
     assert (summer.passed_over, winter.passed_over) == ((), (PassedOver(SERVICE, REASON),))
     assert summer.stand_in_notes == ()
     used = f"winter: planned on {winter.credit.name}, valid {winter.valid}"
-    assert result.fetched.stand_in_notes == (used,)
-    assert [note for note in result.fetched.notes if "winter" in note or "summer" in note] == [
+    assert note_texts(result.fetched.stand_in_notes) == [used]
+    assert [
+        note for note in note_texts(result.fetched.notes) if "winter" in note or "summer" in note
+    ] == [
         f"winter: {REASON}",
         used,
     ]
@@ -99,7 +102,9 @@ def test_seasons_with_the_same_reason_share_a_note(across_outputs: Path) -> None
     asked = scenario([SERVICE, EMBEDDED], [SERVICE, EMBEDDED])
     fetched = fetch(asked, Store(across_outputs / ".artefacts"), offline=True).fetched
     assert all(grid.is_stand_in for grid in fetched.currents)
-    assert [note for note in fetched.notes if REASON in note] == [f"summer, winter: {REASON}"]
+    assert [note for note in note_texts(fetched.notes) if REASON in note] == [
+        f"summer, winter: {REASON}"
+    ]
     assert len(fetched.stand_in_notes) == 2
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from pipeline._types import Geometries
 from pipeline.errors import StageError
+from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model import Land
 from pipeline.sources.land.osm import land as osm_land
@@ -250,7 +251,7 @@ def test_the_margin_is_at_least_the_charts_accuracy(
     assert result.simplified.margin_m == used
     assert bool(result.notes) is noted
     if noted:
-        assert "chart.margin_m is 10 m, below the 25 m" in result.notes[0]
+        assert "chart.margin_m is 10 m, below the 25 m" in note_text(result.notes[0])
 
 
 def test_the_margin_is_in_true_metres_at_70_degrees() -> None:
@@ -303,7 +304,7 @@ def test_a_harbour_stays_open_with_a_note() -> None:
     water = EXTENT.difference(shapely.union_all(_planar(result)))
     endpoints = shapely.points(PLANE.to_plane([start, goal]))
     assert any(shapely.intersects(part, endpoints).all() for part in shapely.get_parts(water))
-    (note,) = result.notes
+    (note,) = note_texts(result.notes)
     assert "the margin of 1000 m would close every passage between start and goal" in note
     width = int(note.split("the narrowest place has ")[1].split(" m")[0])
     assert 290 < width < 305

@@ -20,6 +20,7 @@ import pipeline
 from pipeline.cli.outcome_json import outcome_json
 from pipeline.cli.summary import season_table
 from pipeline.errors import NoWayError, RequestError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import run
 from pipeline.running.outcome import Outcome
 from pipeline.scenario.loading import load_scenario
@@ -91,7 +92,7 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     assert region.shape.contains(ISLAND)
     assert "in the south it ends where" in outcome.choices[0]
     assert "an offing of at least 54 m" in outcome.choices[1]  # a two-hundredth of 11 km
-    assert set(outcome.choices) <= set(outcome.fetched.notes)
+    assert set(outcome.choices) <= set(note_texts(outcome.fetched.notes))
 
 
 @pytest.mark.usefixtures("plain_report")
@@ -300,11 +301,11 @@ def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
     manifest = json.loads((outcome.directory / "manifest.json").read_text())
     (sentence,) = [text for text in manifest["unknown"] if "depth" in text]
     assert sentence.startswith("still: no depth is charted for ")
-    assert sentence in outcome.fetched.notes
+    assert sentence in note_texts(outcome.fetched.notes)
     assert manifest["inputs"]["land"]["has_depths"] is True
     rtz = (outcome.directory / "deep-still.rtz").read_text()
     assert "no depth is charted for" in rtz
-    assert any("less than 3 m deep" in note for note in outcome.fetched.notes)
+    assert any("less than 3 m deep" in note for note in note_texts(outcome.fetched.notes))
     again = run(load_scenario(str(outcome.directory / "scenario.toml")), tmp_path / "again")
     assert metrics(again.directory) == rows
 

@@ -32,8 +32,8 @@ def test_where_a_fixed_padding_blocks_all_the_adaptive_one_is_suggested_first() 
     assert float(adaptive[1]) == pytest.approx(
         renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL).best.fuel, rel=1e-3
     )
-    suggested = float(re.search(r"a padding of ([\d.]+) m would leave one", text)[1])  # type: ignore[index]
-    assert text.index("adaptive") < text.rindex("a padding of")
+    suggested = float(re.search(r"padding = ([\d.]+) \(planar m\) would leave one", text)[1])  # type: ignore[index]
+    assert text.index("adaptive") < text.rindex("padding = ")
     assert renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=suggested).routes
     # The largest one: half of the gap, less the slack with which a path is planned.
     assert 4.6 < suggested < 5
@@ -46,7 +46,7 @@ def test_where_a_clearance_blocks_all_the_largest_padding_is_suggested() -> None
         renew.plan(
             chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL, padding="none", clearance=8.0
         )
-    suggested = float(re.search(r"padding of ([\d.]+) m would", str(caught.value))[1])  # type: ignore[index]
+    suggested = float(re.search(r"padding = ([\d.]+) \(planar m\) would", str(caught.value))[1])  # type: ignore[index]
     assert 2.7 < suggested < 3
 
 
@@ -55,9 +55,13 @@ def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() 
         renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
     text = str(caught.value)
     assert "no risk up to 0.5 would leave one" in text
-    assert re.search(r"a padding of 2\.\d+ m would leave one", text)
+    assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one", text)
     assert "widest way through has a gap of 6.00 m" in text
     assert text.startswith("the only class was rejected: class e: blocked at (50, 45) m")
+    # Where a planar metre is a kilometre, only what the option takes stays in planar metres.
+    at_scale = caught.value.located(str, length=lambda one: f"{one.metres:.2f} km")
+    assert "widest way through has a gap of 6.00 km" in at_scale
+    assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one, .* 3\.00 km clear", at_scale)
 
 
 def test_a_reason_that_classes_share_is_given_once() -> None:

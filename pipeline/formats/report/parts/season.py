@@ -7,7 +7,6 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
-from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
@@ -253,13 +252,7 @@ def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]
 
 def _place(result: RunResult, rejected: Rejected) -> str:
     """The middle of the places that a reason names, for the map; empty if it names none."""
-    named: list[FloatArray] = []
-
-    def noted(place: FloatArray) -> str:
-        named.append(np.asarray(place, dtype=float))
-        return ""
-
-    rejected.located_reason(noted)
+    named = rejected.text.places
     return place_on_map(result, np.mean(named, axis=0)) if named else ""
 
 

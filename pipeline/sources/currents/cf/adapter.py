@@ -18,6 +18,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
 from pipeline.machine.storage.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.checked_fields import read_checked_fields
 from pipeline.sources.currents.cf.contents import Contents, find_files, name_of, read_contents
@@ -126,7 +127,10 @@ class CfFiles(CurrentSource):
                 *slices.notes,
                 *found.notes,
                 *((lacking.note,) if lacking else ()),
-                *(f"check {name}: {warning}" for warning in found.assessment.warnings),
+                *(
+                    Note.of("current-doubtful", source=name, warning=warning)
+                    for warning in found.assessment.warnings
+                ),
             ),
             files=_file_hashes(contents, slices),
             climatology_for=season.valid if slices.is_climatology else "",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline._types import FloatArray
+from pipeline.model.notes import Note
 from pipeline.sources.currents.cf.dataset import coordinate_values
 from pipeline.sources.quality.field import SURFACE_DEPTH_M
 
@@ -68,7 +69,7 @@ def grid_fault(dataset: xr.Dataset, array: xr.DataArray) -> str:
     return f"{array.name} is along {dims}, not along a latitude and a longitude; {remedy}"
 
 
-def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
+def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[Note]]:
     """Return the index of the uppermost level, and notes; ValueError where it is too deep."""
     attributes, levels = {}, np.arange(dataset.sizes[dim], dtype=float)
     if dim in dataset.variables:
@@ -86,7 +87,7 @@ def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[str]]:
             f"its uppermost level ({dim}) is {levels[index]:g} m deep; give currents of the surface"
         )
     is_deep = levels[index] > SURFACE_DEPTH_M
-    return index, [f"the currents are those at {levels[index]:g} m depth"] if is_deep else []
+    return index, [Note.of("current-at-depth", depth_m=float(levels[index]))] if is_deep else []
 
 
 def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, FloatArray | None]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray
+from pipeline.model.notes import Note
 from pipeline.sources.currents.cf.contents import Contents
 from pipeline.sources.currents.cf.grid import FieldReader, Window
 from pipeline.sources.currents.cf.slices import SelectedSlices
@@ -47,7 +48,7 @@ class CheckedFields:
     v: FloatArray
     wide: Field
     assessment: Assessment
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def read_checked_fields(
@@ -96,7 +97,7 @@ def _cropped(field: Field, bounds: Bounds) -> Field:
 
 def _zeros_on_land(
     fields: Sequence[Field], mask: LandMask
-) -> tuple[BoolArray | None, tuple[str, ...]]:
+) -> tuple[BoolArray | None, tuple[Note, ...]]:
     """Cells (ny, nx) whose zeros stand for land, as they would slow the water beside it; a note.
 
     Those that are zero in each of some fields: where the water turns it stands still for a while.
@@ -110,7 +111,7 @@ def _zeros_on_land(
         return None, ()
     if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
         return None, ()
-    return zero, ("zeros in the file are treated as land",)
+    return zero, (Note.of("zeros-are-land"),)
 
 
 def _without(field: Field, cells: BoolArray | None) -> Field:

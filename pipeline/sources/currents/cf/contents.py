@@ -20,6 +20,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import shown, unreadable_reason
+from pipeline.model.notes import Note
 from pipeline.sources.currents.cf.axes import (
     axis_role,
     coordinate_axis,
@@ -87,7 +88,7 @@ class Component:
     lats_deg: FloatArray
     lons_deg: FloatArray
     steps: TimeSteps
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def lazy(self, dataset: xr.Dataset) -> xr.Variable:
         """Return the variable of its open file, not yet read."""
@@ -110,7 +111,7 @@ class Contents:
     steps: TimeSteps
     u_index: tuple[tuple[int, int], ...]
     v_index: tuple[tuple[int, int], ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     attributes: dict[str, str]
     reference_time: datetime | None = None
 
@@ -247,12 +248,12 @@ def _groups_hint(files: Sequence[Path]) -> str:
     return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
 
 
-def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[str, ...]:
+def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ...]:
     """Say what is not part of this kind of current."""
     standard, name = pair[0]
     if "geostrophic" in standard or name == "ugos":
-        return ("the currents are geostrophic: without tide and wind drift",)
-    return ("the currents are without tide",) if "no_tide" in standard else ()
+        return (Note.of("current-geostrophic"),)
+    return (Note.of("current-without-tide"),) if "no_tide" in standard else ()
 
 
 def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
@@ -296,16 +297,16 @@ def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
     )
 
 
-def _unit_m_s(array: xr.DataArray) -> tuple[float, list[str]]:
+def _unit_m_s(array: xr.DataArray) -> tuple[float, list[Note]]:
     """Return a variable's unit in m/s, and notes; ValueError where it is no unit of speed."""
     units = str(array.attrs.get("units", "")).strip()
     if not units:
-        return 1.0, [f"{array.name} has no unit: m/s is assumed"]
+        return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
     plain = units.lower().translate(str.maketrans("", "", " .^*"))
     for unit_m_s, spellings in _UNITS_M_S.items():
         if plain in spellings:
-            notes = [] if unit_m_s == 1 else [f"{array.name} is in {units}: converted to m/s"]
-            return unit_m_s, notes
+            converted = Note.of("unit-converted", variable=str(array.name), unit=units)
+            return unit_m_s, [] if unit_m_s == 1 else [converted]
     raise ValueError(
         f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true unit"
     )
@@ -315,7 +316,7 @@ def _combined(
     datasets: dict[Path, xr.Dataset],
     u: Sequence[Component],
     v: Sequence[Component],
-    notes: tuple[str, ...],
+    notes: tuple[Note, ...],
 ) -> Contents:
     """Combine both components of all files; ValueError where they don't match each other."""
     first = u[0]

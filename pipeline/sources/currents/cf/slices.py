@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from pipeline.model.notes import Note
 from pipeline.scenario.period import Period
 from pipeline.scenario.season import Season, TimeMethod
 from pipeline.sources.currents.cf.contents import Contents
@@ -29,7 +30,7 @@ class SelectedSlices:
 
     weights: tuple[Mapping[int, float], ...]
     valid: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     is_climatology: bool = False
     times_s: tuple[float, ...] = (0.0,)
     labels: tuple[str, ...] = ("",)
@@ -60,8 +61,7 @@ def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> Select
     if steps.months:
         return _month_of_climatology(steps, middle, method)
     if not steps.moments:
-        note = "the file gives no time: it is assumed to be for the time asked for"
-        return SelectedSlices(({0: 1.0},), "", (note,))
+        return SelectedSlices(({0: 1.0},), "", (Note.of("time-assumed"),))
     if method == "mean":
         return _mean(steps, period)
     return (_linear if method == "linear" else _nearest)(steps, middle)
@@ -96,22 +96,20 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
     if last > first:
         valid += f"/{steps.labels[last]}"
     weights = dict.fromkeys(inside, 1 / len(inside))
-    return SelectedSlices((weights,), valid, tuple(_sparse_notes(steps, inside, period)))
+    return SelectedSlices((weights,), valid, _sparse_notes(steps, inside, period))
 
 
-def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> list[str]:
-    """Say that the steps do not fill the period, if so."""
+def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
+    """Note that the steps do not fill the period, if so."""
     interval = steps.interval
     # A step stands for the time around it, or after it.
     times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
     largest = max(later - earlier for earlier, later in itertools.pairwise(times))
     if largest <= _MISSING_STEP * interval:
-        return []
-    count, verb = ("one time step", "stands")
-    if len(inside) > 1:
-        count, verb = f"{len(inside)} time steps", "stand"
-    span = " to ".join(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
-    return [f"{count} ({span}) {verb} for all of {label(period.begin)} to {label(period.end)}"]
+        return ()
+    span = tuple(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
+    asked = (label(period.begin), label(period.end))
+    return (Note.of("steps-sparse", count=len(inside), steps=span, asked=asked),)
 
 
 def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:

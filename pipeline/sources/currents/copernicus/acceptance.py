@@ -18,6 +18,7 @@ from shapely.geometry import Polygon
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.model import Land
+from pipeline.model.notes import Note
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.currents.cf.axes import coordinate_axis
 from pipeline.sources.currents.cf.dataset import coordinate_values, open_dataset, reading
@@ -83,7 +84,7 @@ class Expected:
 class AcceptedFields:
     """Ascending lon (nx,) and lat (ny,) in degrees; u, v (nt, ny, nx) in m/s, NaN where no data.
 
-    The gaps are the same at all times. `warnings` say what is suspicious about the fields but not
+    The gaps are the same at all times. `notes` say what is suspicious about the fields but not
     enough to refuse them.
     """
 
@@ -91,7 +92,7 @@ class AcceptedFields:
     lat: FloatArray
     u: FloatArray
     v: FloatArray
-    warnings: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def at_each_time(self) -> Iterator[Field]:
         """Return the fields one by one."""
@@ -122,8 +123,11 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
             assessment = assess_series(fields.at_each_time(), labels, mask, limit_m_s)
             faults = list(assessment.faults)
             lacking = water_without_data(first, mask, expected.region)
-            gaps = (lacking.note,) if lacking else ()
-            fields = replace(fields, warnings=(*assessment.warnings, *gaps))
+            doubts = [
+                Note.of("current-doubtful", source=expected.spec.dataset, warning=warning)
+                for warning in assessment.warnings
+            ]
+            fields = replace(fields, notes=(*doubts, *((lacking.note,) if lacking else ())))
     if faults or fields is None:
         raise StageError(f"{path.name} is not what was requested: {'; '.join(faults)}")
     return fields

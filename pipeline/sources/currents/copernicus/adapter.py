@@ -22,6 +22,7 @@ from shapely.geometry import Polygon
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.copernicus.acceptance import AcceptedFields, Expected, accept
@@ -161,7 +162,7 @@ class Copernicus(CurrentSource):
                 url=self.spec.url,
                 retrieved=metadata["retrieved_utc"],
             ),
-            notes=(*self._step_notes(steps), *fields.warnings),
+            notes=(*self._step_notes(steps), *fields.notes),
             files=((cached.file.name, metadata["sha256"]),),
         )
 
@@ -298,10 +299,10 @@ class Copernicus(CurrentSource):
         moments = [self._resolution.valid_time(start) for start in steps.starts]
         return np.array([(moment - season.period.begin).total_seconds() for moment in moments])
 
-    def _step_notes(self, steps: SelectedSteps) -> tuple[str, ...]:
+    def _step_notes(self, steps: SelectedSteps) -> tuple[Note, ...]:
         """Say what steps of a current that changes can't show."""
         if steps.are_fields and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
-            return (f"its time steps are means of a {self.spec.step}, without the tide",)
+            return (Note.of("steps-are-means", step=self.spec.step),)
         return ()
 
 

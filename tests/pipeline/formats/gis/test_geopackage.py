@@ -18,6 +18,7 @@ import shapely
 
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan, Zone
@@ -273,7 +274,7 @@ def test_sources_travel_inside_the_file(package: Path, result: RunResult) -> Non
     content = json.loads(rows[0][1])
     assert content["land_sources"][0]["text"] == small_run.LAND.text
     assert [s["name"] for s in content["current_sources"]] == ["Test table", "Better source"]
-    assert content["notes"] == list(result.fetched.notes)
+    assert content["notes"] == note_texts(result.fetched.notes)
     # The manifest without the list of files, of which this is one.
     assert set(content) == set(manifest(result, ())) - {"outputs"}
     assert content["scenario_as_run"]["name"] == "small-run"

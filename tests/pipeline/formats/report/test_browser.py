@@ -44,7 +44,7 @@ def hostile(result: RunResult) -> RunResult:
         fetched=replace(
             result.fetched,
             land=replace(result.fetched.land, credits=(credit,)),
-            notes=(HOSTILE,),
+            notes=(small_run.note(HOSTILE),),
         ),
         evaluation=replace(result.evaluation, routes=rows, islands=islands),
     )

@@ -159,7 +159,9 @@ def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
 
 def test_other_notes_are_no_warning(result: RunResult) -> None:
     def page_with(*notes: str) -> Page:
-        fetched = replace(without_stand_ins(result).fetched, notes=notes)
+        fetched = replace(
+            without_stand_ins(result).fetched, notes=tuple(map(small_run.note, notes))
+        )
         return Page(render(gather(replace(result, fetched=fetched))))
 
     assert page_with().with_class("notice") == []
@@ -295,7 +297,9 @@ def test_hostile_names_stay_text(result: RunResult) -> None:
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(1)")
     land = replace(result.fetched.land, credits=(credit,))
-    fetched = replace(without_stand_ins(result).fetched, land=land, notes=(HOSTILE,))
+    fetched = replace(
+        without_stand_ins(result).fetched, land=land, notes=(small_run.note(HOSTILE),)
+    )
     page = Page(render(gather(replace(result, scenario=scenario, fetched=fetched))))
     assert [e.flat_text for e in page.all("h1")] == [" ".join(HOSTILE.split())]
     assert page.all("img") == page.all("a") == []
@@ -331,7 +335,8 @@ def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
         straits=straits,
     )
     changed = replace(
-        changed, fetched=replace(changed.fetched, notes=("a note", *changed.unknowns))
+        changed,
+        fetched=replace(changed.fetched, notes=(small_run.note("a note"), *changed.unknowns)),
     )
     page = Page(render(gather(changed)))
     (part,) = [

@@ -18,6 +18,7 @@ from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.geo.known_cells import DepthCover
@@ -79,7 +80,7 @@ def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Pa
     assert not said(text.splitlines())
     assert "clear of no-go areas, km" in text
     assert "stays off the no-go areas" in text
-    assert all("met no-go areas" in note for note in safety_notes(with_depths))
+    assert all("met no-go areas" in note for note in note_texts(safety_notes(with_depths)))
 
 
 def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:

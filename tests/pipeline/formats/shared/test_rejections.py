@@ -52,6 +52,20 @@ def test_places_and_widths_are_those_of_the_sentence() -> None:
     assert (values["padding_left_m"], values["padding_right_m"]) == (25.0 * scale, 30.0 * scale)
 
 
+def test_lengths_of_a_sentence_are_true_ones_at_a_scale() -> None:
+    result = small_run.parts()
+    assert result.scene.projection.scale == 1000
+    gap = np.array([result.scene.start, result.scene.start + np.array([4.15, 0.0])])
+    strait = Strait(gap, 0, 1, 2, 3.84, 0.25)
+    shut = with_rejected(result, InfeasibleError.at_strait(strait), strait)
+    (found,) = rejections(shut, shut.plans[0].season)
+    assert found["lengths_m"] == pytest.approx([4150.0, 3840.0, 250.0])
+    assert str(found["reason"]).endswith(
+        "the gap is 4.15 km wide, and the padding takes 3.84 km on the left and 250.0 m on the "
+        "right bank"
+    )
+
+
 def test_moments_are_dates() -> None:
     late = TooLateError(Text("known until {0}", (Text("{0}", (Moment(3600.0),)),)))
     result = with_rejected(small_run.parts(), late, None)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.model import Evaluation
 from tests.pipeline.formats import small_run
@@ -22,7 +23,7 @@ def test_turns_that_met_land_are_told_with_the_first_place() -> None:
         for row in result.evaluation.routes
     )
     flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
-    (note,) = safety_notes(replace(result, evaluation=Evaluation(rows, flown)))
+    (note,) = note_texts(safety_notes(replace(result, evaluation=Evaluation(rows, flown))))
     lon, lat = result.scene.projection.to_lonlat(turns.points[5])
-    assert note.startswith("not safe everywhere: winter, 2 of ")
+    assert note.startswith("winter: not safe everywhere: 2 of ")
     assert f"met land, the first from {lon:.4f} E {lat:.4f} N; it was planned" in note

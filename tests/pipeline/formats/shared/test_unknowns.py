@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns, unknowns
 from pipeline.geo.known_cells import DepthCover
@@ -34,28 +35,28 @@ def with_shares(
 
 
 def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
-    assert unknowns(with_shares(small_run.parts(), {})) == (NO_DEPTHS,)
+    assert note_texts(unknowns(with_shares(small_run.parts(), {}))) == [NO_DEPTHS]
 
 
 def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
     result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
-    _, text = unknowns(result)
+    _, text = note_texts(unknowns(result))
     assert text == (
         "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
         "3 (the most of 2 others): it was filled from the water around"
     )
     best, second = result.season_routes("summer")[:2]
-    assert "12.3 % of route 1:" in route_unknowns(result, best.metrics)[1]
-    assert "20.0 % of route 2:" in route_unknowns(result, second.metrics)[1]
+    assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
+    assert "20.0 % of route 2:" in note_texts(route_unknowns(result, second.metrics))[1]
     winter = result.season_routes("winter")[0].metrics
-    assert route_unknowns(result, winter) == (NO_DEPTHS,)
+    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
 
 def test_missing_depths_are_told_and_complete_ones_are_nothing_unknown() -> None:
-    (text,) = unknowns(with_shares(small_run.parts(), {}, 0.04))
+    (text,) = note_texts(unknowns(with_shares(small_run.parts(), {}, 0.04)))
     assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
     complete = with_shares(small_run.parts(), {}, 0.0)
-    assert unknowns(complete) == ()
+    assert note_texts(unknowns(complete)) == []
     assert all(has_all_depths(row) for row in complete.evaluation.routes)
     without_depths = small_run.parts().evaluation.routes
     assert not any(has_all_depths(row) for row in without_depths)
@@ -65,12 +66,12 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
     straits = (widest, replace(widest, width_m=300.0))
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
-    assert unknowns(result)[1] == (
+    assert note_texts(unknowns(result))[1] == (
         "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1.58 km "
         "between its sides, and 1.71 km are needed"
     )
-    (one,) = unknowns(replace(result, straits=(widest,)))[1:]
+    (one,) = note_texts(unknowns(replace(result, straits=(widest,))))[1:]
     assert one.startswith("1 strait is shut")
     planar = small_run.parts(planar=True)
-    assert unknowns(planar) == ()
-    assert route_unknowns(planar, planar.routes[0].metrics) == ()
+    assert note_texts(unknowns(planar)) == []
+    assert note_texts(route_unknowns(planar, planar.routes[0].metrics)) == []

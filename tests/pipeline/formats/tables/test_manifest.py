@@ -55,11 +55,22 @@ def test_files_are_named_without_their_folders(
         for season in result.scenario.seasons
     )
     asked = result.scenario.model_copy(update={"seasons": seasons})
-    notes = ("see https://example.org/a/b and /data/enc/US1.000; 0.5 m/s, /srv/x.nc: 1/2 read",)
-    changed = replace(result, scenario=asked, fetched=replace(result.fetched, notes=notes))
+    told = "see https://example.org/a/b and /data/enc/US1.000; 0.5 m/s, /srv/x.nc: 1/2 read"
+    changed = replace(
+        result, scenario=asked, fetched=replace(result.fetched, notes=(small_run.note(told),))
+    )
     content = manifest(changed, [])
     assert content["command"] == "renew run 'my scenario.toml' --charts=enc --offline"
-    assert content["notes"] == ["see https://example.org/a/b and US1.000; 0.5 m/s, x.nc: 1/2 read"]
+    told = "see https://example.org/a/b and US1.000; 0.5 m/s, x.nc: 1/2 read"
+    assert content["notes"] == [told]
+    assert content["note_values"] == [
+        {
+            "text": told,
+            "kind": "source-passed-over",
+            "seasons": [],
+            "values": {"source": "a source", "reason": told},
+        }
+    ]
     text = json.dumps(content)
     assert "my currents.nc" in text
     assert "https://example.org/land" in text

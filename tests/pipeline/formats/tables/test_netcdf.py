@@ -195,7 +195,11 @@ def test_the_file_has_global_attributes(currents: Path, result: RunResult) -> No
 
 def test_notes_and_references_are_told(result: RunResult, tmp_path: Path) -> None:
     summer, winter = result.fetched.currents
-    summer = replace(summer, notes=("one", "two"), credit=replace(summer.credit, url="https://u"))
+    summer = replace(
+        summer,
+        notes=(small_run.note("one"), small_run.note("two")),
+        credit=replace(summer.credit, url="https://u"),
+    )
     write_currents(with_grids(result, summer, winter), "summer", tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert file.attrs["notes"] == "one; two"
@@ -260,7 +264,7 @@ def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> No
     bad = badly_named(result)
     odd = bad.scenario.model_copy(update={"title": f"{SCRIPT}\0\ud800"})
     summer, winter = bad.fetched.currents
-    summer = replace(summer, credit=BAD_CREDIT, notes=(ODD,))
+    summer = replace(summer, credit=BAD_CREDIT, notes=(small_run.note(ODD),))
     path, run = tmp_path / "currents.nc", replace(with_grids(bad, summer, winter), scenario=odd)
     write_currents(run, SCRIPT, path)
     with xr.open_dataset(path) as file:

@@ -14,6 +14,7 @@ import pytest
 import renew
 from pipeline.formats.figures.trade_off_plot import trade_off_figure, trade_off_svg
 from pipeline.formats.report.page import gather, render
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.still_water import still_fuel_per_metre, still_speed_m_s
 from pipeline.formats.shared.trade_offs import TradeOff, speed_notes, trade_off, trade_off_text
@@ -95,8 +96,8 @@ def test_the_sentences_say_how_fast_and_what_time_is_worth(
     assert "10.0 min less would take" in worth
     assert f"{100 * (found.fuels[0] / found.fuel - 1):.1f} % more fuel" in earliest
     assert "More time saves fuel until" in latest
-    (note,) = speed_notes(result)
-    assert note == f"season 'chosen': {how[:-1]}"
+    (note,) = note_texts(speed_notes(result))
+    assert note == f"chosen: {how[:-1]}"
     one_speed = replace(found, slowest=2.0, fastest=2.0, durations_s=np.array([found.duration_s]))
     one_speed = replace(one_speed, fuels=np.array([found.fuel]))
     (only,) = trade_off_text(one_speed)

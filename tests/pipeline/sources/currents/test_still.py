@@ -9,6 +9,7 @@ import pytest
 import shapely
 from pydantic import ValidationError
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Land
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source
@@ -23,7 +24,7 @@ def test_it_is_zero_over_the_whole_region_and_says_so() -> None:
     assert (grid.lon[0], grid.lat[0], grid.lon[-1], grid.lat[-1]) == REGION.bounds
     assert not np.any([grid.u, grid.v])
     assert source.covered_bounds(REGION, STILL) == REGION.bounds
-    assert any("without currents" in note for note in grid.notes)
+    assert any("without currents" in note for note in note_texts(grid.notes))
 
 
 def test_it_needs_nothing() -> None:

@@ -13,6 +13,7 @@ import xarray as xr
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_text
 from pipeline.model import Credit, Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.depths.depth_file import DepthFile
@@ -65,8 +66,8 @@ def test_shallow_water_joins_the_land_and_is_shown(tmp_path: Path) -> None:
         "an island",
         "A sea floor made up for a test",
     ]
-    assert "less than 5 m deep" in land.notes[0]
-    assert "one cell of 2" in land.notes[0]  # 0.02 degrees: 2.2 km
+    assert "less than 5 m deep" in note_text(land.notes[0])
+    assert "one cell of 2" in note_text(land.notes[0])  # 0.02 degrees: 2.2 km
     assert len(land.notes) == 1
     assert land.depths is not None
     assert land.depths.at(np.array([[0.6, 49.7], [0.0, 50.0], [5.0, 50.0]])).tolist() == [
@@ -82,7 +83,7 @@ def test_a_grid_that_does_not_cover_all_is_said_and_its_gaps_stay_water(tmp_path
     south = LAT < 50.3
     land = sounded(grids.gebco(tmp_path / "grid.nc", LON, LAT[south], floor[south])).land(REGION)
     x, y = 1 - 0.5 / 2, 0.8 / 1.0  # of the region's width and height
-    assert f"has no depths for {1 - x * y:.0%}"[:-2] in land.notes[1]
+    assert f"has no depths for {1 - x * y:.0%}"[:-2] in note_text(land.notes[1])
     no_go = shapely.union_all(land.polygons)
     assert not no_go.intersects(shapely.box(-1.0, 49.5, -0.5, 50.5))
     assert land.depths is not None

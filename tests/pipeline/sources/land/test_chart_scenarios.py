@@ -13,6 +13,7 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.geo.projection import Projection
 from pipeline.run import run
 from pipeline.running.outcome import Outcome
@@ -72,7 +73,10 @@ def test_hansando(oscar: Path, tmp_path: Path) -> None:
 def test_far_east(oscar: Path, tmp_path: Path) -> None:
     outcome = run(load_scenario("far-east", currents=[oscar]), tmp_path)
     assert_valid(outcome)
-    assert any("as fast as the vessel (1 m/s) or faster" in note for note in outcome.fetched.notes)
+    assert any(
+        "as fast as the vessel (1 m/s) or faster" in note
+        for note in note_texts(outcome.fetched.notes)
+    )
 
 
 @pytest.mark.slow

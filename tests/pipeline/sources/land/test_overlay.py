@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from pipeline.errors import RequestError
 from pipeline.model import Credit, Land, Zone
+from pipeline.model.notes import Note
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.osm_adapter import OsmLand
@@ -41,7 +42,7 @@ def chart(
     """Make the land of one source."""
     zones = () if uncharted is None else (Zone("uncharted", "", "", uncharted),)
     credit = Credit(name, "land", name, "")
-    return Land(polygons, (credit,), accuracy_m, (f"note of {name}",), zones)
+    return Land(polygons, (credit,), accuracy_m, (Note.of("gdal-warning", source=name),), zones)
 
 
 def fault(folder: Path, source: str) -> str:
@@ -60,7 +61,7 @@ def test_areas_and_credits_add_up_and_the_worst_accuracy_counts() -> None:
     assert shapely.union_all(both.polygons).equals(shapely.union(one, two))
     assert [credit.name for credit in both.credits] == ["one", "two"]
     assert both.accuracy_m == 60.0
-    assert both.notes == ("note of one", "note of two")
+    assert both.notes == tuple(Note.of("gdal-warning", source=name) for name in ("one", "two"))
     assert both.zones == ()
 
 

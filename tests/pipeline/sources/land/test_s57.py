@@ -13,6 +13,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
@@ -131,7 +132,7 @@ def test_accuracy_and_restrictions_are_the_cells_own(cells: Path, harbour: Land)
     bay = S57Chart(cells, DEPTH_M).land(prohibited.centroid.buffer(0.01))
     assert bay.accuracy_m == 40.0
     assert "entry prohibited" in {zone.rule for zone in bay.zones}
-    assert any("entry is prohibited" in note for note in bay.notes)
+    assert any("entry is prohibited" in note for note in note_texts(bay.notes))
 
 
 def test_what_no_cell_covers_is_no_go_and_noted(cells: Path) -> None:
@@ -143,7 +144,7 @@ def test_what_no_cell_covers_is_no_go_and_noted(cells: Path) -> None:
     blank = shapely.union_all([z.area for z in land.zones if z.kind == "uncharted"])
     assert blank.contains(shapely.Point(-71.04, 42.33))
     assert shapely.union_all(land.polygons).contains(shapely.Point(-71.04, 42.33))
-    assert "no S-57 cell covers 50.0% of the region: it is no-go" in land.notes
+    assert "no S-57 cell covers 50.0% of the region: it is no-go" in note_texts(land.notes)
 
 
 def test_a_region_without_any_cell_is_refused(cells: Path) -> None:
@@ -318,7 +319,7 @@ def test_of_cells_of_one_scale_the_later_issue_takes_precedence() -> None:
 def test_poor_surveys_are_noted() -> None:
     east = shapely.box(0.005, 0, 0.01, 0.01)
     land = s57.land([cell({"M_QUAL": objects(east, CATZOC=5.0)})], AROUND, HARBOUR, DEPTH_M)
-    assert any("50% of the water is charted from poor" in note for note in land.notes)
+    assert any("50% of the water is charted from poor" in note for note in note_texts(land.notes))
 
 
 def test_traffic_lanes_are_zones_but_not_no_go() -> None:

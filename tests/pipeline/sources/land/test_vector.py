@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_text
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.polygons import BEYOND_M
@@ -143,7 +144,7 @@ def test_invalid_rings_are_repaired_and_reported(tmp_path: Path) -> None:
     found = VectorFile(file, ChartSource(path=str(file))).land(REGION)
     assert all(polygon.is_valid for polygon in found.polygons)
     assert shapely.union_all(found.polygons).covers(shapely.Point(118.3, 9.5))
-    assert "land.gpkg: 1 area was invalid and was repaired" in found.notes[0]
+    assert "land.gpkg: 1 area was invalid and was repaired" in note_text(found.notes[0])
 
 
 def test_points_and_lines_need_a_radius(tmp_path: Path) -> None:
@@ -228,7 +229,7 @@ def test_an_accuracy_that_is_not_given_is_assumed_and_noted(tmp_path: Path) -> N
     file = write(tmp_path / "land.gpkg", ISLAND)
     without = VectorFile(file, ChartSource(path=str(file))).land(REGION)
     assert without.accuracy_m == 50.0
-    assert "assumed to be accurate to 50 m" in without.notes[0]
+    assert "assumed to be accurate to 50 m" in note_text(without.notes[0])
     given = VectorFile(file, ChartSource(path=str(file), accuracy_m=3.0)).land(REGION)
     assert (given.accuracy_m, given.notes) == (3.0, ())
 

@@ -16,6 +16,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import land_source
@@ -133,7 +134,7 @@ def test_odd_but_valid_geometries_are_read(tmp_path: Path, kind: str) -> None:
 
 def test_features_without_a_geometry_are_noted(tmp_path: Path) -> None:
     (note,) = read(geojson(tmp_path, None, None), accuracy_m=5).notes
-    assert note == "land.geojson: 2 features have no geometry, and so no land"
+    assert note_text(note) == "land.geojson: 2 features have no geometry, and so no land"
 
 
 def test_deep_collections_lose_nothing(tmp_path: Path) -> None:
@@ -202,7 +203,7 @@ def test_measured_coordinates_are_read(tmp_path: Path) -> None:
         pyogrio.read_info(path)
     land = read(path, accuracy_m=5)
     assert shapely.union_all(land.polygons).area == pytest.approx(AREA)
-    assert land.notes == ("land.gpkg: 1 feature has no geometry, and so no land",)
+    assert note_texts(land.notes) == ["land.gpkg: 1 feature has no geometry, and so no land"]
 
 
 # --- what is no file ----------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
@@ -61,7 +62,7 @@ def test_a_hole_across_an_island_is_noted_though_it_is_all_near_the_coast(
     lon, lat = 121.0, 10.85
     holed = with_hole(cuyo, lon, lat, 7)
     assert np.isnan(cuyo.u[np.isnan(holed.u)]).any(), "the hole has land in it"
-    (note,) = read(tmp_path, holed).notes
+    (note,) = note_texts(read(tmp_path, holed).notes)
     # By hand: the water whose nearest node has no value, point by point.
     x, y = (np.arange(low, low + 0.8, 0.002) + 0.001 for low in (120.6, 10.4))
     column, row = (
@@ -86,7 +87,7 @@ def test_gaps_on_land_alone_are_not_noted(tmp_path: Path, cuyo: Field) -> None:
 
 
 def test_a_single_cell_is_noted(tmp_path: Path, cuyo: Field) -> None:
-    (note,) = read(tmp_path, with_hole(cuyo, 120.75, 10.55, 1)).notes
+    (note,) = note_texts(read(tmp_path, with_hole(cuyo, 120.75, 10.55, 1)).notes)
     assert "no data for less than 1% of the region's water" in note
 
 
@@ -123,7 +124,7 @@ def test_the_embedded_table_says_where_it_has_no_data() -> None:
         return EmbeddedTable(spec).current(region, season, Land(land, (), 0.0), Path())
 
     as_water = grid()
-    (note,) = as_water.notes
+    (note,) = note_texts(as_water.notes)
     assert "has no data for" in note
     row, column = np.nonzero(np.isnan(as_water.u[0]))
     around = shapely.buffer(shapely.points(as_water.lon[column], as_water.lat[row]), 0.1)
@@ -147,4 +148,4 @@ def test_a_download_with_a_hole_at_a_coast_is_noted(
     east = replace(test_acceptance.EXPECTED, region=corner)
     for expected, is_noted_there in ((test_acceptance.EXPECTED, is_noted), (east, False)):
         found = accept(path, expected, test_acceptance.LAND)
-        assert any("has no data for" in warning for warning in found.warnings) is is_noted_there
+        assert any(note.kind == "current-lacking" for note in found.notes) is is_noted_there

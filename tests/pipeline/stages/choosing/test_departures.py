@@ -17,6 +17,7 @@ from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.text import exact_moment_text
 from pipeline.machine.storage.store import Made, Store
 from pipeline.model import DepartureChoice
+from pipeline.model.notes import Note
 from pipeline.scenario.season import Season
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
@@ -33,7 +34,7 @@ def result() -> Any:  # noqa: ANN401 - a RunResult
     return run(tide(14), ())
 
 
-def _chosen(result: Any, folder: Path, told: list[str], **asked: object) -> Chosen:  # noqa: ANN401
+def _chosen(result: Any, folder: Path, told: list[Note], **asked: object) -> Chosen:  # noqa: ANN401
     data = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
     season = Season.model_validate({k: v for k, v in data.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
@@ -48,7 +49,7 @@ WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
 
 
 def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    told: list[str] = []
+    told: list[Note] = []
     departed = _chosen(result, tmp_path, told, departure=None, departures=WINDOW, to_within="30min")
     (choice,) = departed.choices
     assert len(choice.departures_s) > COUNT
@@ -72,9 +73,9 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
     assert departed.parts.current_keys["tide"] != "current"
     assert departed.scene.key != "scene"
-    assert "5 departures are planned" in told[0]
+    assert told[0] == Note.of("departures-asked", count=5)
     # It is stored: nothing is told a second time.
-    again: list[str] = []
+    again: list[Note] = []
     same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")
     assert again == []
     assert same.scene.key == departed.scene.key

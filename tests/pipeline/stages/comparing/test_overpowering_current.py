@@ -12,6 +12,7 @@ import pytest
 import shapely
 
 import renew
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Credit, CurrentGrid, SeasonPlan
 from pipeline.stages.comparing.overpowering_current import overpowering_notes, waiting_notes
 from tests.pipeline.formats import small_run
@@ -35,18 +36,18 @@ def test_share_strength_and_place() -> None:
     u[5, 7] = 1.6  # 135 E
     u[0, 0] = 3.0  # outside the region
     u[8:10, 3:6] = np.nan
-    (note,) = overpowering_notes(grid(u), REGION, 1.0)
+    (note,) = note_texts(overpowering_notes(grid(u), REGION, 1.0))
     lat = np.arange(31.0, 40.0)
     row, cell = np.cos(np.radians(33.0)), np.cos(np.radians(lat)).sum()
     land = 3 * np.cos(np.radians([36.0, 37.0])).sum()
     assert f"in {9 * row / (9 * cell - land):.1%} of the water" in note
-    assert "up to 1.60 m/s at 135.00 E 33.00 N" in note
+    assert "up to 1.60 m/s at 135.0000 E 33.0000 N" in note
     assert note.startswith("winter: ")
 
 
 @pytest.mark.parametrize("strength", [0.99, np.nan])
 def test_no_note_where_the_current_is_weaker(strength: float) -> None:
-    assert overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0) == ()
+    assert note_texts(overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0)) == []
 
 
 def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
@@ -60,9 +61,9 @@ def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
         "tide", lon, lat, u, 0 * u, "", Credit("c", "current", "c", ""), times_s=times
     )
     departure = datetime(2026, 11, 22, tzinfo=UTC)
-    (note,) = overpowering_notes(known, REGION, 1.0, departure)
+    (note,) = note_texts(overpowering_notes(known, REGION, 1.0, departure))
     half = math.acos(2 / 3) / (2 * math.pi) * 12 * 60  # min
-    assert "up to 1.50 m/s at 135.00 E 33.00 N" in note
+    assert "up to 1.50 m/s at 135.0000 E 33.0000 N" in note
     spells = re.findall(
         r"from 2026-11-22 (\d\d):(\d\d) UTC until 2026-11-22 (\d\d):(\d\d) UTC", note
     )
@@ -72,7 +73,7 @@ def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
         assert 60 * int(hour) + int(minute) == pytest.approx(middle - half, abs=6)
         assert 60 * int(to_hour) + int(to_minute) == pytest.approx(middle + half, abs=6)
     assert "and 1 more times: routes are the best without waiting" in note
-    assert overpowering_notes(known, REGION, 2.0, departure) == ()
+    assert note_texts(overpowering_notes(known, REGION, 2.0, departure)) == []
 
 
 def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> None:
@@ -94,10 +95,10 @@ def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> No
         for at in (75.0, 105.0)
     ]  # fmt: skip
     through, around = plans
-    note, *_ = waiting_notes(scene, [through])
+    note, *_ = note_texts(waiting_notes(scene, [through]))
     assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
     assert note.endswith("The routes are the best without waiting")
-    (other,) = waiting_notes(scene, [around])
+    (other,) = note_texts(waiting_notes(scene, [around]))
     assert other.startswith("tide: without a route, and with water on the way")
     for text in (note, other):
         place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
@@ -109,4 +110,4 @@ def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> No
             for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
         ]
         assert max(strength[:2]) < 0.97 < min(strength[2:])
-    assert waiting_notes(scene, [SeasonPlan("tide", None, "no water", 0.0)]) == ()
+    assert note_texts(waiting_notes(scene, [SeasonPlan("tide", None, "no water", 0.0)])) == []

@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 import renew
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, ShoreCrossing
 from pipeline.stages.comparing.second_shoreline import SecondShoreline, crossing_notes
@@ -56,9 +57,9 @@ def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> Non
     same = ShoreCrossing("summer", 4, 24.0001, 37.1001, 105.0)
     others = [ShoreCrossing("summer", i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
     winter = ShoreCrossing("winter", 1, -5.25, -36.5, 60.4)
-    one, other = crossing_notes([*others, same, best, winter])
+    one, other = note_texts(crossing_notes([*others, same, best, winter]))
     places = one.split("; look there at an official one: ")[1].split("; ")
-    assert places[0] == "105 m at 24.0001 E 37.1001 N on route 1, route 4"
+    assert places[0] == "105 m at 24.0001 E 37.1001 N on route 1, 4"
     assert places[1] == "1000 m at 24.0000 E 38.0000 N on route 10"
     assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
     assert places[8] == "and 2 shorter places"

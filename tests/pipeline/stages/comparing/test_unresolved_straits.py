@@ -9,6 +9,7 @@ import pyproj
 import pytest
 import shapely
 
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.text import distance
 from pipeline.stages.comparing.unresolved_straits import straits_of, unresolved_strait_notes
 from tests.pipeline.tidal_run import planned, run, tide
@@ -30,7 +31,7 @@ def test_a_strait_between_two_islands_is_found_with_its_width() -> None:
     assert 119.044 < lon < 119.056
     assert lat == pytest.approx(9.5305, abs=2e-3)
     # Cells of 0.01 degrees are 1.1 km: more than half of the strait.
-    (note,) = unresolved_strait_notes(result)
+    (note,) = note_texts(unresolved_strait_notes(result))
     assert f"is {distance(narrowest)} wide" in note
     assert "its tide is not resolved" in note
     grid = result.fetched.currents[0]
@@ -43,9 +44,9 @@ def test_a_strait_between_two_islands_is_found_with_its_width() -> None:
         times_s=np.array([0.0, 1e5]),
     )
     resolved = replace(result, fetched=replace(result.fetched, currents=(fine,)))
-    assert unresolved_strait_notes(resolved) == ()
+    assert note_texts(unresolved_strait_notes(resolved)) == []
 
 
 def test_the_way_round_one_island_has_no_strait() -> None:
     assert list(straits_of(planned().routes[0].route, planned().scene)) == []
-    assert unresolved_strait_notes(planned()) == ()
+    assert note_texts(unresolved_strait_notes(planned())) == []

@@ -14,6 +14,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.toml_text import scenario_text
@@ -89,7 +90,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     assert any(
         "a way of less fuel leads through area 'range', which is shut from 2026-11-22 06:00 UTC "
         "until 2026-11-22 08:00 UTC" in note
-        for note in outcome.fetched.notes
+        for note in note_texts(outcome.fetched.notes)
     )
     assert plan.plan.best.times[-1] < met.end
     for route in plan.ranked_routes:

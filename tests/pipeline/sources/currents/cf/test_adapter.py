@@ -17,7 +17,9 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import CurrentGrid, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
@@ -97,7 +99,9 @@ def test_the_grid_is_the_region_with_a_margin(tmp_path: Path, palawan: Field) ->
     assert np.array_equal(grid.v[0], palawan.v[np.ix_(y, x)], equal_nan=True)
     assert np.isnan(grid.u).any(), "Palawan is in it"
     assert grid.valid == "2024-07-01"
-    assert grid.notes == ("one time step (2024-07-01) stands for all of 2024-07-01 to 2024-08-01",)
+    asked = ("2024-07-01", "2024-08-01")
+    sparse = Note.of("steps-sparse", count=1, steps=("2024-07-01",), asked=asked)
+    assert grid.notes == (sparse,)
     credit = grid.credit
     assert credit.name == "Somebody's model"
     assert credit.text == "Somebody's model; An institute; NEMO 4.2"
@@ -112,7 +116,7 @@ def test_zeros_on_land_are_gaps(tmp_path: Path, palawan: Field) -> None:
     grid = current(write(tmp_path / "zeros.nc", data))
     x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
     assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
-    assert "zeros in the file are treated as land" in grid.notes
+    assert Note.of("zeros-are-land") in grid.notes
     assert grid.credit.name == "zeros.nc, user's file"
 
 
@@ -180,7 +184,7 @@ def test_real_files_are_accepted_for_palawan(
     region = load_scenario("palawan-season").area
     grid = current(path, valid=valid, region=region)
     assert grid.valid == used
-    on_gaps = [note for note in grid.notes if "has no data for" in note]
+    on_gaps = [note for note in note_texts(grid.notes) if "has no data for" in note]
     assert len(grid.notes) - len(on_gaps) == notes, grid.notes
     assert len(on_gaps) == bool(share), grid.notes
     assert all(f"for {share} of the region's water" in note for note in on_gaps)
@@ -219,7 +223,7 @@ def test_faults_in_real_files_are_reported(
 def messages(path: Path, valid: str, region: shapely.Polygon) -> tuple[str, ...]:
     """Return why a file is refused, or the notes with which it is accepted."""
     try:
-        return current(path, valid=valid, region=region).notes
+        return tuple(note_texts(current(path, valid=valid, region=region).notes))
     except RequestError as error:
         return error.faults
 

@@ -10,6 +10,8 @@ import pytest
 import xarray as xr
 
 from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.model.notes import Note
 from pipeline.sources.currents.cf.contents import find_files, read_contents
 from pipeline.sources.quality.field import Field
 from tests.pipeline.sources.currents.cf.sample_files import (
@@ -65,17 +67,17 @@ def test_what_a_reader_should_know_is_noted(tmp_path: Path) -> None:
         ("knots", "vo is in knots: converted"),
     ):
         path = write(tmp_path / f"{variant[:2]}.nc", VARIANTS[variant]())
-        assert any(text in note for note in read_contents((path,)).notes), variant
+        assert any(text in note for note in note_texts(read_contents((path,)).notes)), variant
     for variant in ("as usual", "u and v", "levels in metres"):
         path = write(tmp_path / f"{variant[:2]}.nc", VARIANTS[variant]())
         assert read_contents((path,)).notes == ()
     deep = read_contents((write(tmp_path / "deep.nc", at_levels([15.0], "m", "down")),))
-    assert deep.notes == ("the currents are those at 15 m depth",)
+    assert deep.notes == (Note.of("current-at-depth", depth_m=15.0),)
     data = dataset(SEA)
     for name in ("uo", "vo"):
         del data[name].attrs["units"]
     notes = read_contents((write(tmp_path / "unitless.nc", data),)).notes
-    assert any("uo has no unit" in note for note in notes)
+    assert any("uo has no unit" in note for note in note_texts(notes))
 
 
 # --- several files ------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import xarray as xr
 
 from pipeline.errors import RequestError
 from pipeline.model import CurrentGrid, Land
+from pipeline.model.notes import Note
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.adapter import CfFiles
 from pipeline.sources.quality.field import Field, LandMask
@@ -220,4 +221,4 @@ def test_zeros_on_land_are_gaps_at_all_times(tmp_path: Path, steps: list[Field])
     grid = fetched(season(max_hours=20), write(tmp_path / "zeros.nc", hourly(zeros)))
     single = fetched(season(max_hours=20), write(tmp_path / "gaps.nc", hourly(steps)))
     assert np.array_equal(grid.u, single.u, equal_nan=True)
-    assert "zeros in the file are treated as land" in grid.notes
+    assert Note.of("zeros-are-land") in grid.notes

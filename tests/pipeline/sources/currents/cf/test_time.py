@@ -11,6 +11,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.formats.shared.note_words import note_text
 from pipeline.scenario.period import period
 from pipeline.scenario.season import TimeMethod
 from pipeline.sources.currents.cf.slices import select_steps
@@ -90,15 +91,23 @@ def test_six_fields_five_days_apart_stand_for_their_month_without_a_note() -> No
 @pytest.mark.parametrize(
     ("axis", "text"),
     [
-        (days("2024-01-01", 5), "5 time steps (2024-01-01 to 2024-01-05) stand for all of"),
-        (days("2024-01-20", 20), "12 time steps (2024-01-20 to 2024-01-31) stand for all of"),
-        (days("2024-01-17", 1), "one time step (2024-01-17) stands for all"),
+        (
+            days("2024-01-01", 5),
+            "5 time steps stand for all of 2024-01-01 to 2024-02-01: 2024-01-01 to 2024-01-05",
+        ),
+        (
+            days("2024-01-20", 20),
+            "12 time steps stand for all of 2024-01-01 to 2024-02-01: 2024-01-20 to 2024-01-31",
+        ),
+        (
+            days("2024-01-17", 1),
+            "1 time step stands for all of 2024-01-01 to 2024-02-01: 2024-01-17",
+        ),
     ],
 )
 def test_steps_that_do_not_fill_the_month_are_noted(axis: TimeSteps, text: str) -> None:
     (note,) = select_steps(axis, period("2024-01"), "mean").notes
-    assert text in note
-    assert "2024-01-01 to 2024-02-01" in note
+    assert note_text(note) == text.format("2024-01-01 to 2024-02-01")
 
 
 def test_a_single_field_stands_for_its_day_without_a_note() -> None:
@@ -205,7 +214,7 @@ def test_a_climatology_without_the_month_is_refused() -> None:
 def test_a_file_without_time_is_accepted_with_a_note() -> None:
     chosen = select_steps(read_steps(None, None), period("2024-07"), "mean")
     assert dict(chosen.weights[0]) == {0: 1.0}
-    assert "gives no time" in chosen.notes[0]
+    assert "gives no time" in note_text(chosen.notes[0])
 
 
 # --- several files ------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import StageError
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.storage.store import Store
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario
@@ -71,7 +72,9 @@ def test_without_credentials_the_embedded_table_is_used_with_a_note(across_outpu
         catalogue.source("embedded-palawan").title
     ] * 2
     assert not parts.failures
-    notes = [note for note in parts.fetched.notes if note.startswith(("summer", "winter"))]
+    notes = [
+        note for note in note_texts(parts.fetched.notes) if note.startswith(("summer", "winter"))
+    ]
     reason, summer, winter = notes
     assert reason.startswith("summer, winter: ")
     assert USERNAME in reason

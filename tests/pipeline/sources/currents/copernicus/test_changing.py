@@ -14,6 +14,7 @@ from pipeline.cli.main import app
 from pipeline.errors import StageError
 from pipeline.machine.storage.store import Store
 from pipeline.model import CurrentGrid
+from pipeline.model.notes import Note
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.sources.currents.copernicus.adapter import Copernicus
@@ -98,7 +99,7 @@ def test_all_steps_from_before_departure_to_the_last_arrival_are_fields(
         first, last = valid.split("/")
         ends = (first, last if "T" in last else f"2024-07-15T{last}")
         assert grid.valid == f"2024-07-15T{ends[0]}/{ends[1]}"
-    assert ("its time steps are means of a day, without the tide" in grid.notes) == (name == DAILY)
+    assert (Note.of("steps-are-means", step="day") in grid.notes) == (name == DAILY)
 
 
 @pytest.mark.slow

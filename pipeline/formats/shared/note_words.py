@@ -1,0 +1,270 @@
+"""The words of notes: the one place where they are put to a note's values.
+
+A note's words are a sentence for `str.format`, or a function of its values where the sentence
+depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
+`{n:route|routes}` for a count with its noun, `{list:, }` for a list and what separates it, and
+`{list:, /3/ and # more}` for a list of which three are named.
+"""
+
+import string
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from datetime import datetime
+from typing import Any, TypeAlias
+
+from pipeline.formats.shared import text
+from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.trade_offs import trade_off_text
+from pipeline.model.notes import Note, Place
+
+# A moment as a date, or in seconds on the clock of the current; None where it is not known.
+_Moment: TypeAlias = datetime | float | None
+_BOUNDS = "{bounds[0]:g} to {bounds[2]:g} E, {bounds[1]:g} to {bounds[3]:g} N"
+MORE_CURRENTS = (
+    "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
+    '(--currents still, or currents = ["still"])'
+)
+"""The remedy where currents cover too little."""
+
+
+def note_text(note: Note) -> str:
+    """Return a note as a sentence, without a full stop."""
+    about = f"{', '.join(map(text.season_name, note.seasons))}: " if note.seasons else ""
+    words, values = WORDS[note.kind], dict(note.values)
+    return about + (words(**values) if callable(words) else _FORMATTER.vformat(words, (), values))
+
+
+def note_texts(notes: Iterable[Note]) -> list[str]:
+    """Return notes as sentences."""
+    return [note_text(note) for note in notes]
+
+
+def note_json(note: Note) -> dict[str, object]:
+    """Return a note for JSON: the sentence, its kind, its seasons, and its values."""
+    values = {name: note_value(value) for name, value in note.values}
+    return {
+        "text": note_text(note),
+        "kind": note.kind,
+        "seasons": list(note.seasons),
+        "values": values,
+    }
+
+
+def note_value(value: object) -> object:
+    """Return a value of a note for JSON; of an object, its figures and names."""
+    if isinstance(value, Note):
+        return {"kind": value.kind, **{name: note_value(one) for name, one in value.values}}
+    if isinstance(value, Place):
+        names = ("x_m", "y_m") if value.is_planar else ("lon", "lat")
+        return dict(zip(names, (value.x, value.y), strict=True))
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, tuple):
+        return [note_value(one) for one in value]
+    if is_dataclass(value):
+        figures = {one.name: getattr(value, one.name) for one in fields(value)}
+        plain = (str, int, float, datetime)
+        return {name: note_value(one) for name, one in figures.items() if isinstance(one, plain)}
+    return value
+
+
+class _Formatter(string.Formatter):
+    """Puts values into a sentence."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:  # noqa: ANN401 - as the base class
+        """Return a value as text."""
+        if format_spec in _FORMATS:
+            return _FORMATS[format_spec](value)
+        if "|" in format_spec:
+            return text.count(value, *format_spec.split("|"))
+        if isinstance(value, tuple):
+            items = [note_text(one) if isinstance(one, Note) else str(one) for one in value]
+            return _first(items, *format_spec.split("/"))
+        return value.text if isinstance(value, Place) else format(value, format_spec)
+
+
+_FORMATTER = _Formatter()
+_FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "distance": text.distance,
+    "hours": text.hours,
+}
+
+
+def _first(items: Sequence[str], separator: str, most: str = "", more: str = "") -> str:
+    """Name items, at most some of them, and count the others in the place of a #."""
+    named = items[: int(most)] if most else items
+    rest = more.replace("#", str(len(items) - len(named))) if len(named) < len(items) else ""
+    return separator.join(named) + rest
+
+
+def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
+    """Say from when until when; `on` stands for an end that is not known."""
+    first, last = (
+        text.exact_moment_text(one) if isinstance(one, datetime) else f"{one:.6g} s"
+        for one in (0.0 if begin is None else begin, 0.0 if until is None else until)
+    )
+    return ("" if begin is None else f" from {first}") + (on if until is None else f" until {last}")
+
+
+def _place_shut(place: Place, begin: _Moment, until: _Moment) -> str:
+    return f"at {place.text}{_from_until(begin, until, ' on')}"
+
+
+def _area_shut(area: str, begin: _Moment, until: _Moment) -> str:
+    name = f"area {area!r}" if area else "an area"
+    hours = _from_until(begin, until, "")
+    when = f", which is shut{hours}" if hours else ", always shut"
+    return (
+        f"a way of less fuel leads through {name}{when}, and might meet it then, early, on time "
+        "or late: the routes keep out of it (best without waiting)"
+    )
+
+
+def _water_shut_for_hours(
+    share: float,
+    speed_m_s: float,
+    most_m_s: float,
+    place: Place,
+    hours: Sequence[Sequence[datetime]],
+) -> str:
+    times = [f"from {text.moment_text(a)} until {text.moment_text(b)}" for a, b in hours]
+    shut = f"shut {_first(times, ', ', '3', ' and # more times')}"
+    return (
+        f"{share:.1%} of the water is shut for some hours by a current as fast as the vessel "
+        f"({speed_m_s:g} m/s); where it is strongest, up to {most_m_s:.2f} m/s at {place.text}, "
+        f"{shut if times else 'before the vessel departs'}: routes are the best without waiting"
+    )
+
+
+def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
+    """Spell the shares of the routes that have any: of the first, and the largest of the others."""
+    texts = [f"{text.percent(share)} of route {rank}" for rank, share in shares if rank == first]
+    if others := [one for one in shares if one[0] != first]:
+        rank, largest = max(others, key=lambda one: one[1])
+        more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
+        texts.append(f"{text.percent(largest)} of route {rank}{more}")
+    return " and ".join(texts)
+
+
+def _current_lacking(share: float, distance_m: float) -> str:
+    return (
+        f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
+        f"region's water, which lies up to {distance_m / 1000:.0f} km from the nearest value: it "
+        "is filled from the water around"
+    )
+
+
+def _offing(offing_m: float, wanted_m: float) -> str:
+    kept = f"an offing of at least {offing_m:.0f} m" if offing_m else "no offing"
+    why = "chosen for this vessel and chart"
+    if offing_m < int(wanted_m):
+        why = f"as {wanted_m:.0f} m would leave no way"
+    return (
+        f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance (--clearance) "
+        "sets another, 0 none"
+    )
+
+
+def _ends(ends: Sequence[Note]) -> str:
+    return f"{'; '.join(note_texts(ends))}. For more, {MORE_CURRENTS}"
+
+
+def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
+    rest = f"; {_ends(ends)}" if ends else ""
+    region = _BOUNDS.format(bounds=bounds)
+    return f"region {region}, chosen to hold the ways round what lies between{rest}"
+
+
+WORDS: Mapping[str, str | Callable[..., str]] = {
+    # The chart.
+    "accuracy-assumed": "{source}: its coast is assumed to be accurate to {accuracy_m:g} m, as no "
+    "accuracy is given (accuracy_m)",
+    "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
+    "repaired (rings that cross or touch themselves)",
+    "chart-no-go": "no-go: all that is not charted as {safety_depth_m:g} m deep or more (draught "
+    "plus under-keel clearance, at chart datum, without tide)",
+    "depths-lacking": "{source} has no depths for {share:.1%} of the region (land may be among "
+    "it): water there is not no-go, whatever its depth",
+    "depths-no-go": "no-go: all that {source} shows less than {safety_depth_m:g} m deep (draught "
+    "plus under-keel clearance, as the grid counts depths, without tide), and one cell of "
+    "{cell_m:.0f} m around; smaller shoals than a cell are not in such a grid",
+    "entry-prohibited": "routes may cross areas where entry is prohibited or to be avoided: "
+    "{areas:, }",
+    "features-without-geometry": "{source}: {count:feature has|features have} no geometry, and so "
+    "no land",
+    "gdal-warning": "{source}: GDAL warns: {warning}",
+    "land-not-cached": "the world's land could not be kept in the user's cache ({problem}): it is "
+    "unpacked anew for each region, which takes some seconds; set XDG_CACHE_HOME to a folder that "
+    "can be written",
+    "margin-narrowed": "the margin of {margin_m:g} m would close every passage between start and "
+    "goal: it was narrowed on the way; the narrowest place has {width_m:.0f} m between its sides, "
+    "at {place}",
+    "margin-raised": "chart.margin_m is {margin_m:g} m, below the {accuracy_m:g} m by which the "
+    "coast may be off: {accuracy_m:g} m were added",
+    "no-cell": "no S-57 cell covers {share:.1%} of the region: it is no-go",
+    "poor-survey": "{share:.0%} of the water is charted from poor or unassessed surveys (zones of "
+    "confidence C, D, U): objects may lie 500 m or more off their charted place",
+    # The currents.
+    "climatology-stands-in": "planned on {source}: {valid} stands for {asked}",
+    "current-at-depth": "the currents are those at {depth_m:g} m depth",
+    "current-changes": "the current changes on the way, by {steps} time steps",
+    "current-doubtful": "check {source}: {warning}",
+    "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
+    "current-lacking": _current_lacking,
+    "current-stands-in": "planned on {source}, valid {valid}",
+    "current-without-tide": "the currents are without tide",
+    "source-passed-over": "{reason}",
+    "steps-are-means": "its time steps are means of a {step}, without the tide",
+    "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
+    "{steps: to }",
+    "still-water": "planned without currents, as in still water",
+    "time-assumed": "the file gives no time: it is assumed to be for the time asked for",
+    "unit-assumed": "{variable} has no unit: m/s is assumed",
+    "unit-converted": "{variable} is in {unit}: converted to m/s",
+    "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
+    "({speed_m_s:g} m/s) or faster, up to {most_m_s:.2f} m/s at {place}: no route leads through it",
+    "water-shut-for-hours": _water_shut_for_hours,
+    "zeros-are-land": "zeros in the file are treated as land",
+    # What was chosen.
+    "currents-end": "in the {sides: and } it ends where {source} does",
+    "departure-chosen": lambda choice: " ".join(departure_text(choice)),
+    "departures-asked": "{count} departures are planned to choose from",
+    "departures-planned": "{count} of {asked} departures are planned",
+    "departures-refined": "{count} departures are planned; another may still be better by "
+    "{unproven_s:hours}",
+    "offing-chosen": _offing,
+    "region-chosen": _region_chosen,
+    "region-opened": f"region widened to {_BOUNDS}, as no way joins start and goal in a smaller "
+    "one",
+    "region-widened": f"region widened to {_BOUNDS}, as the best route came near its "
+    "{near: and } edge",
+    "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
+    "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
+    # The routes.
+    "area-shut": _area_shut,
+    "classes-shut-for-hours": "without a route, and with water on the way that the current shuts "
+    "for a while: {ways:; /3/, and of # more}. At another departure it may be open",
+    "crossing": "{length_m:.0f} m at {place} on route {routes:, }",
+    "current-filled": lambda first, shares: (
+        f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
+        "the water around"
+    ),
+    "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
+    "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
+    "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
+    "the best route met {no_go}, the first from {place}; it was planned with padding = "
+    '{padding!r}, and only "adaptive" is verified',
+    "place-shut": _place_shut,
+    "routes-shut-for-hours": "the current shuts water for a while on the way of "
+    "{ways:; /3/, and of # more}. The routes are the best without waiting",
+    "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
+    "where routes cross water of this chart; look there at an official one: "
+    "{crossings:; /8/; and # shorter places}",
+    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
+    "current {cell_m:distance}: its tide is not resolved, and may run harder and turn at another "
+    "time than planned",
+    "straits-shut": "{count:strait is|straits are} shut by margin or padding, the widest at "
+    "{widest}: {width_m:distance} between its sides, and {needed_m:distance} are needed",
+    "way-shut": "{way} {places:, /3/ and at # more places}",
+}
+"""The words of each kind of note."""
