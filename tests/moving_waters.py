@@ -19,8 +19,8 @@ PERIODS = (0.5, 1.0, 3.0)
 
 # Time (s) of a voyage, about; number of times at which a current is sampled in one period.
 _VOYAGE_S, _SAMPLES = 230.0, 48
-# Spacing of the oracle's grid (m) and its stencil.
-_SPACING, _RADIUS = 2.0, 7
+# Stencil of the oracle's grid.
+_RADIUS = 7
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class MovingScene:
             **options,  # type: ignore[arg-type]
         )
 
-    def oracle(self) -> float:
-        """Least fuel by a fine grid and string pulling, with the clock running."""
+    def oracle(self, spacing: float = 2.0) -> float:
+        """Least fuel by a grid (m) and string pulling, with the clock running."""
         arguments = self.current, PAPER_VESSEL
         _, path = earliest_arrival(
             self.chart,
@@ -55,7 +55,7 @@ class MovingScene:
             self.start,
             self.goal,
             self.departure,
-            spacing=_SPACING,
+            spacing=spacing,
             drift=self.drift,
             radius=_RADIUS,
         )
@@ -65,8 +65,8 @@ class MovingScene:
             *arguments,
             self.departure,
             drift=self.drift,
-            spacing=_SPACING,
-            width=2 * _SPACING,
+            spacing=spacing,
+            width=2 * spacing,
         )
         return least
 

@@ -91,13 +91,17 @@ def test_a_uniform_current_that_changes_is_used_as_well_as_can_be(seed: int) -> 
     assert best.fuel_bound.value <= least * (1 + 1e-5)
 
 
-@pytest.mark.parametrize("seed", [4, pytest.param(0, marks=pytest.mark.slow)])
+# A grid twice as fine finds 1.2e-5 less in scene 4.
+@pytest.mark.parametrize(
+    ("seed", "spacing"),
+    [(4, 4.0), *(pytest.param(seed, 2.0, marks=pytest.mark.slow) for seed in (0, 4))],
+)
 def test_a_moving_scene_is_planned_as_well_as_by_an_oracle_and_stays_above_the_bound(
-    seed: int,
+    seed: int, spacing: float
 ) -> None:
     scene = moving_scene(seed)
     best = scene.plan(padding="none").best
-    least = scene.oracle()
+    least = scene.oracle(spacing)
     assert best.fuel <= 1.005 * least
     assert best.fuel_bound.value <= least
     # The fuel is that of the path, by another's clock.

@@ -62,11 +62,24 @@ def kill_and_continue(bench: Bench, stage: str, fraction: float, number: signal.
     return place
 
 
-def test_a_sample_of_killed_runs_continues(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def plane(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """Give a scenario of which a season was withdrawn since its earlier results."""
     earlier = _PLANE.replace('"still"', '"withdrawn"')
-    bench = Bench.prepare(tmp_path, earlier, _PLANE)
-    assert kill_and_continue(bench, "plan", 0.5, signal.SIGTERM) in {"plan", "evaluate"}
-    assert kill_and_continue(bench, "write", 0.7, signal.SIGKILL) == "write"
+    return Bench.prepare(tmp_path_factory.mktemp("plane"), earlier, _PLANE)
+
+
+@pytest.mark.parametrize(
+    ("stage", "fraction", "number", "places"),
+    [
+        ("plan", 0.5, signal.SIGTERM, {"plan", "evaluate"}),
+        ("write", 0.7, signal.SIGKILL, {"write"}),
+    ],
+)
+def test_a_killed_run_continues(
+    plane: Bench, stage: str, fraction: float, number: signal.Signals, places: set[str]
+) -> None:
+    assert kill_and_continue(plane, stage, fraction, number) in places
 
 
 @pytest.mark.slow

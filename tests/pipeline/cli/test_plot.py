@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -133,12 +134,16 @@ def test_an_unknown_season_is_refused_before_anything_is_planned(tmp_path: Path)
     assert not (tmp_path / "none").exists()
 
 
-def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(tmp_path: Path) -> None:
-    run(scenario(), tmp_path)
-    (tmp_path / "single-gyre" / "figures").write_text("in the way")
+def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(
+    output: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(output, tmp_path, symlinks=True, dirs_exist_ok=True)
+    figures = tmp_path / "single-gyre" / "figures"
+    shutil.rmtree(figures, ignore_errors=True)
+    figures.write_text("in the way")
     with pytest.raises(StageError, match=r"gyre-mesh\.png.*--output"):
         plot(scenario(), tmp_path, kinds=(Kind.MESH,))
-    assert (tmp_path / "single-gyre" / "figures").read_text() == "in the way"
+    assert figures.read_text() == "in the way"
 
 
 def test_an_interrupted_figure_leaves_the_earlier_one_complete(

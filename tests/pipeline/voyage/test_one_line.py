@@ -8,7 +8,9 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -95,42 +97,60 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     assert set(outcome.choices) <= set(note_texts(outcome.fetched.notes))
 
 
-@pytest.mark.usefixtures("plain_report")
-def test_speeds_are_chosen_in_the_current_of_a_month(
-    tmp_path: Path, chart: Path, outputs: Path
-) -> None:
-    """Every file has the speeds and times that are sailed; less time takes more fuel."""
+DEPART = datetime(2024, 7, 2, 6, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def within_hours(
+    tmp_path_factory: pytest.TempPathFactory, chart: Path, outputs: Path
+) -> Callable[[float], Outcome]:
+    """Give a voyage that has to be made within some hours, planned once."""
     field = sea(np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05))
-    file = write(tmp_path / "field.nc", dataset(field))
-    depart = datetime(2024, 7, 2, 6, tzinfo=UTC)
-    fuels = []
-    for hours in (1.0, 0.8):
-        by = depart + timedelta(hours=hours)
-        speeds = {"depart": depart, "arrive_by": by, "speeds_m_s": (1.0, 5.0)}
-        outcome = voyage(chart, outputs, file, name="in-time", **speeds)
-        rows = metrics(outcome.directory)
-        arrivals = [datetime.fromisoformat(row["arrival"]) for row in rows]
-        assert len(rows) == 2
-        assert max(arrivals) <= by
-        assert arrivals[0] >= by - timedelta(hours=2e-3 * hours, seconds=1)
-        fuels.append(float(rows[0]["fuel"]))
-        # The vessel's own speed, 8 kn, does not count.
-        assert float(rows[0]["speed_through_water_m_s"]) == pytest.approx(
-            float(rows[0]["length_m"]) / hours / 3600, abs=0.5
-        )
-        (rtz,) = outcome.directory.glob("*.rtz")
-        etas = re.findall(r'eta="([^"]+)" speed="([\d.]+)"', rtz.read_text("utf-8"))
-        assert datetime.fromisoformat(etas[-1][0]) == arrivals[0]
-        routes = json.loads(outcome_json(outcome))["routes"]
-        speed = routes[0]["speed_through_water_m_s"]
-        assert speed == float(rows[0]["speed_through_water_m_s"])
-        with (outcome.directory / "trade-off.csv").open(newline="", encoding="utf-8") as opened:
-            (chosen,) = (row for row in csv.DictReader(opened) if row["is_chosen"] == "True")
-        assert float(chosen["fuel"]) == fuels[-1]
-        # What was asked for can be run again.
-        again = load_scenario(str(outcome.directory / "scenario.toml"))
-        assert again.seasons[0].speed == outcome.scenario.seasons[0].speed
-        assert again.seasons[0].arrive_by == by
+    file = write(tmp_path_factory.mktemp("speeds") / "field.nc", dataset(field))
+
+    @cache
+    def made(hours: float) -> Outcome:
+        by = DEPART + timedelta(hours=hours)
+        speeds = {"depart": DEPART, "arrive_by": by, "speeds_m_s": (1.0, 5.0)}
+        return voyage(chart, outputs, file, name=f"within-{60 * hours:.0f}-minutes", **speeds)
+
+    return made
+
+
+@pytest.mark.usefixtures("plain_report")
+@pytest.mark.parametrize("hours", [1.0, 0.8])
+def test_speeds_are_chosen_in_the_current_of_a_month(
+    within_hours: Callable[[float], Outcome], hours: float
+) -> None:
+    """Every file has the speeds and times that are sailed."""
+    outcome, by = within_hours(hours), DEPART + timedelta(hours=hours)
+    rows = metrics(outcome.directory)
+    arrivals = [datetime.fromisoformat(row["arrival"]) for row in rows]
+    assert len(rows) == 2
+    assert max(arrivals) <= by
+    assert arrivals[0] >= by - timedelta(hours=2e-3 * hours, seconds=1)
+    # The vessel's own speed, 8 kn, does not count.
+    assert float(rows[0]["speed_through_water_m_s"]) == pytest.approx(
+        float(rows[0]["length_m"]) / hours / 3600, abs=0.5
+    )
+    (rtz,) = outcome.directory.glob("*.rtz")
+    etas = re.findall(r'eta="([^"]+)" speed="([\d.]+)"', rtz.read_text("utf-8"))
+    assert datetime.fromisoformat(etas[-1][0]) == arrivals[0]
+    routes = json.loads(outcome_json(outcome))["routes"]
+    speed = routes[0]["speed_through_water_m_s"]
+    assert speed == float(rows[0]["speed_through_water_m_s"])
+    with (outcome.directory / "trade-off.csv").open(newline="", encoding="utf-8") as opened:
+        (chosen,) = (row for row in csv.DictReader(opened) if row["is_chosen"] == "True")
+    assert float(chosen["fuel"]) == float(rows[0]["fuel"])
+    # What was asked for can be run again.
+    again = load_scenario(str(outcome.directory / "scenario.toml"))
+    assert again.seasons[0].speed == outcome.scenario.seasons[0].speed
+    assert again.seasons[0].arrive_by == by
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_less_time_takes_more_fuel(within_hours: Callable[[float], Outcome]) -> None:
+    fuels = [float(metrics(within_hours(hours).directory)[0]["fuel"]) for hours in (1.0, 0.8)]
     assert fuels[1] > 1.3 * fuels[0]
 
 

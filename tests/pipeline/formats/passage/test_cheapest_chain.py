@@ -33,17 +33,16 @@ def corridors() -> list[tuple[SafeCorridor, Drawing]]:
 
 
 def cost_of(
-    chain: FloatArray, length: float, corridor: SafeCorridor, drawing: Drawing
+    begin: FloatArray, end: FloatArray, length: float, corridor: SafeCorridor, drawing: Drawing
 ) -> FloatArray:
-    """Cost of each leg of a chain, by distances to all that is blocked; inf outside the corridor.
+    """Cost of each leg (n, 2), by distances to all that is blocked; inf outside the corridor.
 
     The corridor's holes are not looked at.
     """
-    lonlat = drawing.lonlat(chain)
-    lines = drawing.lines(lonlat[:-1], lonlat[1:])
+    lines = drawing.lines(drawing.lonlat(begin), drawing.lonlat(end))
     clearance = shapely.distance(corridor.blocked, lines)
     share = np.clip(clearance / corridor.wanted_clearance, 0.05, 1.0)
-    cost = 1 + 0.5 * np.linalg.norm(np.diff(chain, axis=0), axis=1) / length + 1 / share - 1
+    cost = 1 + 0.5 * np.linalg.norm(end - begin, axis=1) / length + 1 / share - 1
     return np.where(shapely.covers(corridor.free, lines), cost, np.inf)
 
 
@@ -62,8 +61,8 @@ def cheapest_of_all(
         likely &= shapely.contains_xy(
             corridor.free, (1 - share) * pairs[:, 0] + share * pairs[:, 1]
         )
-    for at in np.flatnonzero(likely):
-        cost[begin[at], end[at]] = cost_of(pairs[at], length, corridor, drawing)[0]
+    legs = pairs[likely, 0], pairs[likely, 1]
+    cost[begin[likely], end[likely]] = cost_of(*legs, length, corridor, drawing)
     least = np.full(len(candidates), np.inf)
     least[own[0]] = 0.0
     for node in range(int(own[0]) + 1, len(candidates)):
@@ -90,7 +89,7 @@ def test_no_chain_is_cheaper_and_few_legs_are_looked_at(monkeypatch: pytest.Monk
             chain = cheapest_chain(candidates, own, corridor, drawing).xy
         pairs += len(candidates) * (len(candidates) - 1) // 2
         length = candidates.along[own[-1]] - candidates.along[own[0]]
-        cost = cost_of(chain, length, corridor, drawing).sum()
+        cost = cost_of(chain[:-1], chain[1:], length, corridor, drawing).sum()
         if np.isfinite(cost):
             compared += 1
             expected = cheapest_of_all(candidates, own, corridor, drawing)

@@ -67,6 +67,13 @@ def refusal(folder: Path, text: str, address: str) -> str:
     return str(caught.value)
 
 
+@pytest.fixture
+def _no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give up soon where nobody can answer at all."""
+    monkeypatch.setattr(fleet, "_ANSWER_S", 1.0)
+
+
+@pytest.mark.usefixtures("_no_answer")
 @pytest.mark.parametrize(
     "address", ["tls://127.0.0.1:1", "nonsense", "tcp://127.0.0.1:1", "tcp://127.0.0.1:999999"]
 )
@@ -76,6 +83,7 @@ def test_an_address_without_a_scheduler(tmp_path: Path, address: str) -> None:
     assert "leave --scheduler out" in line
 
 
+@pytest.mark.usefixtures("_no_answer")
 def test_a_port_that_accepts_and_says_nothing(tmp_path: Path) -> None:
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
