@@ -13,6 +13,7 @@ enumerator gives the next channel of that class.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -90,13 +91,15 @@ class ClassEnumerator:
     """Gives channels from start to goal, no two of the same class.
 
     Passing edges are only crossed where that is `clearance` m from the land at their ends. Order
-    "length" takes the water as still. The roadmaps are those of the first departure.
+    "length" takes the water as still. The roadmaps are those of the first departure. Channels that
+    need more than `dearest` times as much as the best, at first sight, are left out.
     """
 
     _voyage: Voyage
     _triangulation: Triangulation
     _rays: Rays
     _roads: _Roads
+    _dearest: float = math.inf
 
     @classmethod
     def of(
@@ -137,6 +140,10 @@ class ClassEnumerator:
         """Return the enumerator of the classes that other rays tell apart."""
         return replace(self, _rays=rays)
 
+    def up_to(self, dearest: float) -> ClassEnumerator:
+        """Return the enumerator without channels that need `dearest` times as much as the best."""
+        return replace(self, _dearest=dearest)
+
     def leaving(self, voyage: Voyage) -> ClassEnumerator:
         """Return the enumerator of a voyage with another departure; the roadmap is shared."""
         return replace(self, _voyage=voyage)
@@ -171,7 +178,8 @@ class ClassEnumerator:
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
         task = Task(graph, columns, self._excluded(blocked))
-        rows, paths = k_best_paths(task, to_go, self._roads.stream(self._voyage), count, _MAX_STEPS)
+        stream = self._roads.stream(self._voyage)
+        rows, paths = k_best_paths(task, to_go, stream, count, _MAX_STEPS, self._dearest)
         return [
             self._channel(row, RoughPath(graph.points[nodes], triangles_crossed(graph, nodes)))
             for row, nodes in zip(rows, paths, strict=True)

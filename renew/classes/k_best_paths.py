@@ -85,11 +85,17 @@ def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
 
 @kernel
 def k_best_paths(
-    task: Task, to_go: FloatArray, stream: Stream, count: int, max_steps: int
+    task: Task,
+    to_go: FloatArray,
+    stream: Stream,
+    count: int,
+    max_steps: int,
+    dearest: float = math.inf,
 ) -> tuple[list[IntArray], list[IntArray]]:
     """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
     `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
+    None takes `dearest` times as long as the best.
     The search gives up after `max_steps`.
     """
     graph = task.graph
@@ -97,7 +103,7 @@ def k_best_paths(
     labels, times, newest = _first_label(len(graph.points))
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used, changes = 1, word_changes(task)
-    dearest = _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY
+    dearest = min(dearest, _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
     # In a steady current the least time is that of the best path.
     latest = to_go[START] * (dearest if len(stream.table.times) == 1 else _ANY)
     # An empty list has no type for the compiler: it takes that of what is removed again.

@@ -46,6 +46,10 @@ class ViaEnumerator:
         """Return the enumerator of the classes that other rays tell apart."""
         return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
+    def up_to(self, dearest: float) -> ViaEnumerator:
+        """As of :class:`ClassEnumerator`, in each part."""
+        return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
+
     def leaving(self, voyage: Voyage) -> ViaEnumerator:
         """Return the enumerator of a voyage with another departure."""
         return replace(self, voyage=voyage)

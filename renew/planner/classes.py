@@ -1,5 +1,6 @@
 """Class by class, in order, until there are as many routes as were asked for."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -23,6 +24,8 @@ _NEARLY_BEST = 1.0005
 # Number of classes among which the best path is looked for at first, and the ratio to its fuel
 # above which the dearest of them says that the classes behind it are dearer still.
 _FEW, _CLEARLY_DEARER = 4, 1.03
+# Ratio to the best, at first sight, above which no class is looked at if one below can be sailed.
+_WORTH_A_LOOK = 1.25
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
@@ -83,26 +86,45 @@ class ClassSearch:
         no classes apart only the first is planned, and one beside the best route: others differ
         from it by far less than departures do.
         """
+        self._find_best(classes, _WORTH_A_LOOK)
+        if not self.found:
+            self._find_best(classes, math.inf)
+
+    def _find_best(self, classes: int, dearest: float) -> None:
+        """Find the best path of the first classes that need at most `dearest` times the least."""
         few = min(classes, _FEW)
-        self.find_first(few, variants=1, beside=1)
+        self.find_first(few, variants=1, beside=1, dearest=dearest)
         known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
-        if few == classes or (
-            len(known) >= few
-            and self.best is not None
-            and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
+        are_all = len(known) < few and not self.rejected and math.isfinite(dearest)
+        if (
+            few == classes
+            or are_all
+            or (
+                len(known) >= few
+                and self.best is not None
+                and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
+            )
         ):
             return
-        self.find_first(classes, variants=1, beside=1)
+        self.find_first(classes, variants=1, beside=1, dearest=dearest)
 
-    def find_first(self, classes: int, variants: int = _VARIANTS, beside: int = _BESIDE) -> None:
+    def find_first(
+        self,
+        classes: int,
+        variants: int = _VARIANTS,
+        beside: int = _BESIDE,
+        dearest: float = math.inf,
+    ) -> None:
         """Find paths of the first k classes; see :func:`plan_classes`.
 
         Of the variants around islands that tell no classes apart, the first `variants` are tried,
-        and the first `beside` of those beside the best route.
+        and the first `beside` of those beside the best route. Those that need more than `dearest`
+        times as much as the best, at first sight, are left out where another is found.
         """
         problem, options = self._planner.problem, self._planner.options
         clearance = options.likely_width(problem.voyage.vessel.turning_radius)
-        scout, enumerator = problem.scout(clearance), problem.enumerator(clearance)
+        scout = problem.scout(clearance).up_to(dearest)
+        enumerator = problem.enumerator(clearance).up_to(dearest)
         is_free = (
             options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
         )
@@ -111,7 +133,9 @@ class ClassSearch:
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())
-        is_enough = count >= classes or (self.found and enumerator.has_many_triangles)
+        is_enough = count >= classes or (
+            self.found and (enumerator.has_many_triangles or math.isfinite(dearest))
+        )
         if not (is_enough or seen_all):
             for channel in problem.enumerator(0.0).channels(classes):
                 if channel.word not in self.rejected:
