@@ -7,12 +7,9 @@ them: second derivatives of the gyre's sines, slopes of the bilinear cells. Any 
 by its values alone, and gets an estimate.
 """
 
-import itertools
-import math
-
 import numpy as np
 
-from renew._types import FloatArray
+from renew._types import FloatArray, IntArray
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.varying_current import VaryingCurrent
 
@@ -61,20 +58,34 @@ def _slope_spread(
     slope = np.concatenate([still, slope, still], axis=1)  # the field is constant outside
     first = np.searchsorted(grid_x, x[:-1], side="right")
     last = np.searchsorted(grid_x, x[1:], side="left")
-    low = np.stack([slope[:, i : max(i, j) + 1].min(1) for i, j in zip(first, last, strict=True)])
-    high = np.stack([slope[:, i : max(i, j) + 1].max(1) for i, j in zip(first, last, strict=True)])
+    low = _least_of_columns(slope, first, last)
+    high = -_least_of_columns(-slope, first, last)
     # Along y each ∂c/∂x is linear between the grid's rows: extremes are at rows or cell sides.
-    spread = np.empty((y.size - 1, x.size - 1, 2))
     place = np.interp(y, grid_y, np.arange(grid_y.size))
-    for row, (south, north) in enumerate(itertools.pairwise(place)):
-        between = np.arange(math.floor(south) + 1, math.ceil(north))
-        rows = np.concatenate([[south], between, [north]])
-        floor = np.minimum(rows.astype(int), grid_y.size - 2)
-        part = (rows - floor)[None, :, None]
-        lowest = ((1 - part) * low[:, floor] + part * low[:, floor + 1]).min(1)
-        highest = ((1 - part) * high[:, floor] + part * high[:, floor + 1]).max(1)
-        spread[row] = highest - lowest
+    spread = -_least_of_rows(-high, place) - _least_of_rows(low, place)
     return np.asarray(np.hypot(spread[..., 0], spread[..., 1]) / 2)
+
+
+def _least_of_columns(values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Least of values (n, m, 2) in the columns from `first` (c,) to `last`, or one: (n, c, 2)."""
+    least = values[:, first]
+    for further in range(1, int((last - first).max(initial=0)) + 1):
+        least = np.minimum(least, values[:, np.maximum(first, np.minimum(first + further, last))])
+    return least
+
+
+def _least_of_rows(values: FloatArray, place: FloatArray) -> FloatArray:
+    """Least of values (n, c, 2), linear between rows, from place to place (r,): (r - 1, c, 2)."""
+    floor = np.minimum(place.astype(int), len(values) - 2)
+    part = (place - floor)[:, None, None]
+    ends = (1 - part) * values[floor] + part * values[floor + 1]
+    least = np.minimum(ends[:-1], ends[1:])
+    # The rows that lie between two places.
+    between = np.searchsorted(place, np.arange(len(values)), side="right") - 1
+    for row, at in enumerate(between.tolist()):
+        if 0 <= at < len(least):
+            np.minimum(least[at], values[row], out=least[at])
+    return least
 
 
 def _sampled_deviation(x: FloatArray, y: FloatArray, velocity: FloatArray) -> FloatArray:
