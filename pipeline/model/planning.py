@@ -166,7 +166,7 @@ class SeasonPlan:
         return (self.plan.best, *others)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DepartureChoice:
     """When a season's vessel leaves, and what it was chosen from.
 

@@ -19,7 +19,7 @@ _MORE_OR_LESS = 0.1
 _IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TradeOff:
     """Least fuel by arrival, and the arrival that is chosen; seconds are true ones under way.
 
