@@ -46,14 +46,13 @@ class Length:
 
     metres: float
 
+    def __str__(self) -> str:
+        """Spell it to the centimetre."""
+        return f"{self.metres:.2f} m"
+
 
 LengthSpelling: TypeAlias = Callable[[Length], str]
-"""Spells a length for a message: in planar metres, or in true ones by whoever knows the scale."""
-
-
-def in_planar_metres(length: Length) -> str:
-    """Spell a length in planar metres, to the centimetre."""
-    return f"{length.metres:.2f} m"
+"""Spells a length for a message: as it is, or in true metres by whoever knows the scale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +76,7 @@ class Text:
         self,
         place: PlaceSpelling = in_metres,
         moment: MomentSpelling = in_seconds,
-        length: LengthSpelling = in_planar_metres,
+        length: LengthSpelling = str,
     ) -> str:
         """Return the message with its places, moments and lengths spelled by functions."""
         words = []
@@ -157,7 +156,7 @@ class PlanningError(Exception):
         self,
         place: PlaceSpelling,
         moment: MomentSpelling = in_seconds,
-        length: LengthSpelling = in_planar_metres,
+        length: LengthSpelling = str,
     ) -> str:
         """Text of the message with its places, moments and lengths spelled in another way."""
         return self.text.spelled(place, moment, length)

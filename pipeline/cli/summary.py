@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.text import (
+    capitalised,
     clearance,
     count,
     days,
@@ -62,7 +63,7 @@ def season_table(outcome: Outcome) -> str:
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = [*_unused_currents(outcome)]
-    lines += [f"{choice[:1].upper()}{choice[1:]}." for choice in outcome.choices]
+    lines += [f"{capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
     found = unknowns(outcome.result)
     lines += ["Not known:", *(f"- {text}" for text in note_texts(found)), ""] * bool(found)

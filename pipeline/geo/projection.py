@@ -189,10 +189,6 @@ class Projection:
             geometry = cast("GeometryT", shapely.segmentize(geometry, densify_m / self.scale))
         return cast("GeometryT", shapely.transform(geometry, self.to_lonlat))
 
-    def rotate_to_plane(self, lonlat: npt.ArrayLike, uv: npt.ArrayLike) -> FloatArray:
-        """Rotate (east, north) vectors (..., 2) at lon/lat to the plane's axes; speeds stay."""
-        return rotated(np.asarray(uv, dtype=np.float64), self.turn_rad(lonlat))
-
     def rotate_to_lonlat(self, lonlat: npt.ArrayLike, xy: npt.ArrayLike) -> FloatArray:
         """Rotate vectors (..., 2) along the plane's axes at lon/lat to (east, north)."""
         return rotated(np.asarray(xy, dtype=np.float64), -self.turn_rad(lonlat))

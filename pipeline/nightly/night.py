@@ -34,9 +34,8 @@ from pipeline.nightly.outcome import (
     NightStage,
     ignore,
 )
-from pipeline.nightly.request.cases import Cases
+from pipeline.nightly.request.cases import Cases, request_hash
 from pipeline.nightly.request.expansion import expand
-from pipeline.nightly.request.fingerprint import request_hash
 from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
 
 if TYPE_CHECKING:
@@ -220,7 +219,7 @@ class _Night:
         from pipeline.nightly.cycle.partial import Partial
         from pipeline.nightly.planning.comparison import Rules
         from pipeline.nightly.planning.planning import Planning
-        from pipeline.stages.workers.fitness import own_identity
+        from pipeline.stages.workers.connection import own_identity
 
         identity, latest = own_identity(), self.cycles.latest
         if base_of(latest) == self.newest.cycle:

@@ -10,7 +10,7 @@ import threading
 import urllib.error
 import urllib.request
 from typing import Literal
-from urllib.parse import SplitResult, urlsplit, urlunsplit
+from urllib.parse import urlsplit, urlunsplit
 
 from pipeline.errors import RequestError
 from pipeline.nightly.prometheus import SUCCESSES
@@ -72,7 +72,8 @@ def ping(url: str, what: Ping) -> str:
     thread.start()
     thread.join(_DEADLINE_S)
     fault = answers[0] if answers else f"no answer within {_DEADLINE_S:g} s"
-    return f"--ping: {_host(parts)} was not told of the {what}: {fault}" if fault else ""
+    host = f"{parts.hostname}:{parts.port}" if parts.port else parts.hostname
+    return f"--ping: {host} was not told of the {what}: {fault}" if fault else ""
 
 
 def _asked(address: str) -> str:
@@ -90,8 +91,3 @@ def _asked(address: str) -> str:
     except (OSError, http.client.HTTPException, ValueError) as error:
         # The error's text is left out: it may quote the address.
         return type(error).__name__
-
-
-def _host(parts: SplitResult) -> str:
-    """The host of an address, and its port if it has one."""
-    return f"{parts.hostname}:{parts.port}" if parts.port else str(parts.hostname)

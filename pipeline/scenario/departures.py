@@ -1,11 +1,25 @@
 """Departures of a season, among which the best is looked for."""
 
 from datetime import UTC, datetime, timedelta
+from typing import Annotated
 
 from pydantic import AwareDatetime, Field
 
 from pipeline.scenario.interval import Interval, interval
 from pipeline.scenario.strict import Integer, StrictModel
+
+Every = Annotated[
+    Interval,
+    Field(description="Time from one departure to the next. Give '30min', '6h' or '1d'."),
+]
+Count = Annotated[
+    Integer,
+    Field(
+        ge=1,
+        le=10_000,
+        description="Number of departures. Give a whole number from 1 to 10,000.",
+    ),
+]
 
 
 class DepartureTimes(StrictModel):
@@ -15,16 +29,8 @@ class DepartureTimes(StrictModel):
         description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",
         examples=["2026-07-01T06:00:00Z"],
     )
-    every: Interval = Field(
-        default="1h",
-        description="Time from one departure to the next. Give '30min', '6h' or '1d'.",
-    )
-    count: Integer = Field(
-        ge=1,
-        le=10_000,
-        description="Number of departures. Give a whole number from 1 to 10,000.",
-        examples=[24],
-    )
+    every: Every = "1h"
+    count: Count = Field(examples=[24])
 
     @property
     def begin(self) -> datetime:

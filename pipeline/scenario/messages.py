@@ -64,9 +64,7 @@ def shown(value: object) -> str:
     return text if len(text) <= _MAX_VALUE else text[: _MAX_VALUE - 1] + "…"
 
 
-def model_faults(
-    error: ValidationError, model: type[BaseModel], data: object, prefix: str = ""
-) -> list[str]:
+def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
     """Return one line per fault of a model, in the order found; a union's members count as one."""
     lines: dict[str, str] = {}
     found = error.errors(include_url=False)
@@ -78,9 +76,9 @@ def model_faults(
         ):
             continue
         path = _path_in(data, details)
-        for line in _lines(details, model, path, prefix):
+        for line in _lines(details, model, path):
             # A value that fits no member of a union has an error for each: keep the first.
-            key = line if details["type"] == "value_error" else _spelled(path, prefix)
+            key = line if details["type"] == "value_error" else _spelled(path)
             lines.setdefault(key, line)
     return list(lines.values())
 
@@ -89,10 +87,9 @@ def _lines(
     details: ErrorDetails,
     model: type[BaseModel],
     path: Sequence[str | int],
-    prefix: str,
 ) -> list[str]:
     """Return the lines for one of pydantic's errors."""
-    key, kind, given = _spelled(path, prefix), details["type"], details["input"]
+    key, kind, given = _spelled(path), details["type"], details["input"]
     context = details.get("ctx", {})
     field = _field(model, path)
     remedy = f"; {remedy_of(field.description)}" if field is not None and field.description else ""
@@ -143,9 +140,9 @@ def _path_in(data: object, details: ErrorDetails) -> list[str | int]:
     return path
 
 
-def _spelled(path: Sequence[str | int], prefix: str) -> str:
+def _spelled(path: Sequence[str | int]) -> str:
     """Spell a path as `seasons[0].name`."""
-    text = prefix
+    text = ""
     for step in path:
         if isinstance(step, int):
             text += f"[{step}]"

@@ -36,7 +36,7 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
     """Return one land source, by its name in the catalogue or by what lies at its path."""
     entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
-        from pipeline.sources.land.osm_adapter import OsmLand
+        from pipeline.sources.land.osm import OsmLand
 
         return OsmLand()
     if not source.path:

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import numpy as np
+
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.machine.storage.store import Made, Store, artefact_key
-from pipeline.model.notes import Note, Say
+from pipeline.model.notes import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.comparing.overpowering_current import waiting_notes
 from pipeline.stages.comparing.second_shoreline import crossing_notes
@@ -76,3 +77,25 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *unresolved_strait_notes(result),
         *result.unknowns,
     )
+
+
+def safety_notes(result: RunResult) -> tuple[Note, ...]:
+    """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
+    return tuple(
+        Note.of(
+            "not-safe-everywhere",
+            collisions=row.collisions,
+            turns=row.trials,
+            no_go=row.no_go_name,
+            place=_first_place(result, row.season),
+            padding=result.scenario.planner.padding,
+        ).about(row.season)
+        for row in result.evaluation.routes
+        if row.rank == 1 and row.collisions
+    )
+
+
+def _first_place(result: RunResult, season: str) -> Place:
+    """The first place of a season's best route from which a turn met land."""
+    turns = result.evaluation.contingency[season, 1]
+    return result.scene.place(np.asarray(turns.points)[np.asarray(turns.collided)][0])

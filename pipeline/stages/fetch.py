@@ -18,7 +18,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.interfaces import CurrentSource, LandSource
-from pipeline.sources.land.osm_adapter import OsmLand
+from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.overpowering_current import overpowering_notes

@@ -2,7 +2,9 @@
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
@@ -12,9 +14,9 @@ from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.evaluate_season import combine_seasons
-from pipeline.stages.seasons.runner import run_tasks
-from pipeline.stages.seasons.task import SeasonTask, Status
+from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 from pipeline.stages.simplify import SimplifiedLand
+from pipeline.stages.workers.local_cluster import cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,3 +130,51 @@ def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
     for plan in plans:
         seasons.setdefault(plan.failure, []).append(plan.season)
     return [f"{seasons_text(names)}: {failure}" for failure, names in seasons.items()]
+
+
+def run_tasks(
+    tasks: Sequence[SeasonTask], scheduler: str | None, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks, and report the status of each as it ends.
+
+    Parameters
+    ----------
+    tasks
+        Independent of each other.
+    scheduler
+        Address of a Dask scheduler. Without it, the one in DASK_SCHEDULER_ADDRESS; without that,
+        threads of this process: a plan takes seconds, and a new process as long to import. Tasks
+        with a limit run in processes, which can be killed.
+    on_status
+        Called in this thread.
+    """
+    if not tasks:
+        return
+    import dask
+
+    address = scheduler or dask.config.get("scheduler-address", None)
+    if address is not None:
+        from pipeline.stages.seasons.cluster import run_on_scheduler
+
+        run_on_scheduler(tasks, address, on_status)
+    elif any(task.limit_s is not None for task in tasks):
+        from pipeline.stages.seasons.process import run_in_processes
+
+        run_in_processes(tasks, cores(), on_status)
+    else:
+        # A single one, too: an exception raised by a signal in the main thread must not meet
+        # compiled code, whose caller in C does not expect it.
+        _run_in_threads(tasks, on_status)
+
+
+def _run_in_threads(tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
+    """Run tasks in threads of this process. None of them raises, so that none stops the others."""
+    pool = ThreadPoolExecutor(min(len(tasks), cores()))
+    try:
+        runs = [
+            pool.submit(status_of, one.season, partial(plan_and_evaluate, one)) for one in tasks
+        ]
+        for run in as_completed(runs):
+            on_status(run.result())
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)  # a signal waits for no plan

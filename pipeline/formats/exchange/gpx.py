@@ -28,8 +28,8 @@ from pipeline.formats.exchange.text import (
 from pipeline.formats.passage.waypoints import Waypoints, both_sides, season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
 from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.templates import xml_text
 from pipeline.formats.shared.text import route_summary, speed_over_ground
-from pipeline.formats.shared.xml_text import xml_text
 from pipeline.geo.projection import densified
 from pipeline.model import RouteMetrics
 

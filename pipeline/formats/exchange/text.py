@@ -9,6 +9,7 @@ from pipeline.formats.passage.tracks import DECIMALS
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.text import capitalised
 from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.model import RouteMetrics
 
@@ -42,7 +43,7 @@ def route_name(ranked: RankedRoute, result: RunResult) -> str:
     return " ".join(
         part
         for part in (
-            place[:1].upper() + place[1:],
+            capitalised(place),
             ranked.season,
             f"{ranked.rank:0{digits}d}",
             ranked.metrics.main_side,
@@ -59,7 +60,7 @@ def attribution(result: RunResult) -> str:
 def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
     """Say what is not known of a route, in one line; empty where nothing is to be said."""
     found = "; ".join(note_texts(route_unknowns(result, metrics)))
-    return f"{found[:1].upper()}{found[1:]}." if found else ""
+    return f"{capitalised(found)}." if found else ""
 
 
 def waypoint_name(index: int, count: int) -> str:

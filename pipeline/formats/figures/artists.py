@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray
 from pipeline.formats.figures.graticule import scale_bar_m
 from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import shortened
 from pipeline.geo.projection import Projection
 
@@ -33,6 +34,8 @@ SMALL_PT, PLAIN_PT = 8.2, 9.5
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
 _LETTER_PT = 0.6 * SMALL_PT
+# Length of the longest name, in characters, that is drawn whole.
+_MAX_LENGTH = 24
 
 
 def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
@@ -68,15 +71,11 @@ def stroke(path: npt.ArrayLike, colour: str, width_pt: float, zorder: float) -> 
     )
 
 
-def lines(
-    edges: FloatArray, colour: str, width_pt: float, zorder: float, *, alpha: float = 1.0
-) -> LineCollection:
+def lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
     """Segments (e, 2, 2) as one artist."""
     from matplotlib.collections import LineCollection
 
-    return LineCollection(
-        list(edges), colors=colour, linewidths=width_pt, zorder=zorder, alpha=alpha
-    )
+    return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
 
 
 def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0) -> None:
@@ -202,3 +201,23 @@ def _glyphs() -> frozenset[int]:
         for weight in ("regular", "bold")
     )
     return frozenset(plain.keys() & bold.keys())
+
+
+def draw_island_labels(axes: Axes, result: RunResult) -> None:
+    """Write each island's number or name on it, on a halo, below the routes' ends."""
+    from matplotlib.patheffects import withStroke
+
+    for island in result.evaluation.islands:
+        axes.text(
+            island.x,
+            island.y,
+            drawable(island.label, _MAX_LENGTH),
+            ha="center",
+            va="center",
+            fontsize=SMALL_PT,
+            fontweight="bold",
+            color=COLOURS["ink"],
+            zorder=7.8,
+            parse_math=False,
+            path_effects=[withStroke(linewidth=2.2, foreground=COLOURS["halo"])],
+        )

@@ -11,9 +11,8 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import lines, patch
+from pipeline.formats.figures.artists import draw_island_labels, lines, patch
 from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
-from pipeline.formats.figures.maps.island_labels import draw_island_labels
 from pipeline.formats.figures.maps.layers import chart_layers, haloed, land_handles, line_handle
 from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult

@@ -19,9 +19,9 @@ from pipeline.formats.figures.page_svg import page_svg
 from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, route_profile
-from pipeline.formats.shared.still_water import still_fuel_per_metre
 from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
+from pipeline.formats.shared.trade_offs import still_fuel_per_metre
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +91,8 @@ class _ProfilePlot:
         still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
         unit, name = fuel_unit(maximum)
-        draw_dashed(axes, self.run, still / unit)
+        ink = COLOURS["ink"]
+        axes.plot(self.run, still / unit, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
         draw_line(axes, self.run, used / unit)
         axes.set_ylim(0, 1.05 * maximum / unit)
         plot_title(
@@ -292,11 +293,6 @@ def plot_text(
 def draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     """Draw a line of the route's own values."""
     axes.plot(x, y, color=COLOURS["best"], linewidth=1.8, solid_joinstyle="round", zorder=3)
-
-
-def draw_dashed(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Draw a line of values for comparison."""
-    axes.plot(x, y, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
 
 
 def _set_range(axes: Axes, values: Sequence[float], min_range: float) -> None:

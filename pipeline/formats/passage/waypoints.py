@@ -122,7 +122,10 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     obstacles = Obstacles(scene, kept_out) if kept_out else obstacles
     pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]
     curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
-    max_tolerance = _max_tolerance(ranked.route.length, scene.projection.scale)
+    length = ranked.route.length
+    # Of the legs from the path, planar metres.
+    least = min(MIN_TOLERANCE_M / scene.projection.scale, _MAX_TOLERANCE * length)
+    max_tolerance = max(TOLERANCE * length, least)
     for share in _TOLERANCE_SHARES:
         corridor = safe_corridor(ranked.route, obstacles, share * max_tolerance)
         drawing = Drawing(scene.projection, curve, corridor.max_error * scene.projection.scale)
@@ -141,11 +144,6 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
         lonlat = parted
         legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
     return _described(ranked, result, obstacles, corridor, lonlat, legs, curve)
-
-
-def _max_tolerance(length: float, scale: float) -> float:
-    """Maximum distance of legs from a path of a length, both in metres of the plane."""
-    return max(TOLERANCE * length, min(MIN_TOLERANCE_M / scale, _MAX_TOLERANCE * length))
 
 
 def _described(

@@ -97,13 +97,15 @@ def _first(items: Sequence[str], separator: str, most: str = "", more: str = "")
     return separator.join(named) + rest
 
 
+def _moment(moment: datetime | float) -> str:
+    """Write a moment: a date, or seconds on the clock of the current."""
+    return text.exact_moment_text(moment) if isinstance(moment, datetime) else f"{moment:.6g} s"
+
+
 def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
     """Say from when until when; `on` stands for an end that is not known."""
-    first, last = (
-        text.exact_moment_text(one) if isinstance(one, datetime) else f"{one:.6g} s"
-        for one in (0.0 if begin is None else begin, 0.0 if until is None else until)
-    )
-    return ("" if begin is None else f" from {first}") + (on if until is None else f" until {last}")
+    first = "" if begin is None else f" from {_moment(begin)}"
+    return first + (on if until is None else f" until {_moment(until)}")
 
 
 def _place_shut(place: Place, begin: _Moment, until: _Moment) -> str:

@@ -11,10 +11,9 @@ SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000",
 """Colours of the seasons on a dark background, one for each of `SEASON_COLOURS`."""
 
 
-def season_colour(index: int, *, on_dark: bool = False) -> str:
+def season_colour(index: int) -> str:
     """Colour, such as "#d55e00", of the scenario's season `index`, from 0 on.
 
     Where seasons outnumber the colours, these begin anew.
     """
-    colours = SEASON_COLOURS_ON_DARK if on_dark else SEASON_COLOURS
-    return colours[index % len(colours)]
+    return SEASON_COLOURS[index % len(SEASON_COLOURS)]

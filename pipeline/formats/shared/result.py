@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.shared.text import planner_text, season_name
+from pipeline.formats.shared.text import capitalised, planner_text, season_name
 from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import (
     Credit,
@@ -152,7 +152,7 @@ class RunResult:
         A stand-in goes without the title: "July 2024" would be wrong for it.
         """
         name = season_name(season)
-        name = f"{name[:1].upper()}{name[1:]}"
+        name = capitalised(name)
         title = next((spec.title for spec in self.scenario.seasons if spec.name == season), "")
         if not title or self.is_stand_in(season):
             return name

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
 
-from pipeline.formats.shared.xml_text import xml_text
-
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 # Characters in an attribute that a reader of XML would take for other white space.
 _WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+XML_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML 1.0 can't write, among them lone halves of a surrogate pair."""
 
 
 def environment(*packages: str, finalize: Callable[[object], object] | None = None) -> Environment:
@@ -48,3 +49,8 @@ def _escaped(value: object) -> Markup:
     for character, reference in _WHITE_SPACE.items():
         text = text.replace(character, Markup(reference))  # noqa: S704 - our own
     return text
+
+
+def xml_text(text: str) -> str:
+    """Replace what XML forbids by U+FFFD; markup is left for the writer to escape."""
+    return XML_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -111,6 +111,11 @@ def place(lon: float, lat: float) -> str:
     return position_text(lon, lat)
 
 
+def capitalised(text: str) -> str:
+    """Begin a text with a capital."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def shortened(text: str, limit: int) -> str:
     """Cut a text to at most `limit` characters, the last of which is then "…"."""
     return text if len(text) <= limit else f"{text[: limit - 1]}…"

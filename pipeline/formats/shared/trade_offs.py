@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import hours, moment_text, percent
-from pipeline.model import SpeedChoice
+from pipeline.formats.shared.text import hours, moment_text, percent, speed_over_ground
+from pipeline.model import RouteMetrics, SpeedChoice
 from pipeline.model.notes import Note
 
 # Share of the time under way by which an arrival is earlier or later, to say what that is worth.
@@ -19,7 +19,7 @@ _MORE_OR_LESS = 0.1
 _IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TradeOff:
     """Least fuel by arrival, and the arrival that is chosen; seconds are true ones under way.
 
@@ -134,3 +134,22 @@ def _worth(found: TradeOff) -> Iterator[str]:
             f"More time saves fuel until {moment_text(found.moment(last))}: to arrive then takes "
             f"{percent(1 - found.fuels[-1] / found.fuel)} less."
         )
+
+
+def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
+    """Speed at which a way is sailed in still water, m/s.
+
+    Where speeds are chosen, it is the mean speed over ground of the way as planned, kept within the
+    speeds that may be chosen.
+    """
+    choice = result.scene.speeds.get(metrics.season)
+    if choice is None:
+        return result.scene.vessel.speed
+    return float(np.clip(speed_over_ground(metrics), choice.least, choice.most))
+
+
+def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
+    """Fuel a planner's metre of a way in still water."""
+    vessel = result.scene.vessel
+    speed = still_speed_m_s(result, metrics)
+    return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))

@@ -77,7 +77,8 @@ class Preparation:
 
     def died(self, task: ChartTask | CurrentTask) -> None:
         """Note the failure of a task that killed its worker."""
-        self.failures[task.path] = f"preparing its {_kind(task)} failed: {_DIED}"
+        kind = "chart" if isinstance(task, ChartTask) else "current"
+        self.failures[task.path] = f"preparing its {kind} failed: {_DIED}"
         self.on_done()
 
     def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
@@ -85,10 +86,6 @@ class Preparation:
         kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
         self.failures[task.path] = kind + " ".join(str(error).split())
         self.on_done()
-
-
-def _kind(task: ChartTask | CurrentTask) -> str:
-    return "chart" if isinstance(task, ChartTask) else "current"
 
 
 @dataclass

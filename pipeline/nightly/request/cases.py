@@ -7,6 +7,7 @@ of the work, so that neighbours share chart and current: vessel, season, departu
 from __future__ import annotations
 
 import bisect
+import hashlib
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -18,12 +19,18 @@ from pipeline.nightly.request.pairs import Pair
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.vessel import VesselSpec
+from pipeline.sources.registry import land_source
 
 if TYPE_CHECKING:
+    from pipeline.nightly.request.config import NightConfig
     from pipeline.nightly.request.departures import Departure
 
 NONE = "-"
 """Stands for a part of a case's name that is left out; dropped at the end of the name."""
+# Dimensions of a block, in the order of a case's name after the scenario.
+_DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
+# Keys that do not affect results.
+_NO_RESULT = {"output", "keep", "limit_hours", "workers"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +39,6 @@ class Member:
 
     name: str
     path: str
-
-
-# Dimensions of a block, in the order of a case's name after the scenario.
-_DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 
 
 @dataclass(frozen=True)
@@ -197,13 +200,6 @@ class Cases:
             ]
         return ranges
 
-    def current_examples(self) -> Iterator[Case]:
-        """Yield one case of each current."""
-        for block, offset in zip(self.blocks, self._offsets[:-1], strict=True):
-            each = len(block.pairs)
-            for index in range(0, block.size // len(block.vessels), each):
-                yield block.case(index, offset)
-
 
 def matches(name: str, asked: str) -> bool:
     """Whether a case's name, or its first parts, are the asked name."""
@@ -220,3 +216,24 @@ def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
         for one, other in itertools.combinations(blocks, 2)
         if not any(a.isdisjoint(b) for a, b in zip(one.names, other.names, strict=True))
     ]
+
+
+def request_hash(config: NightConfig, cases: Cases) -> str:
+    """Return a hash of everything that results depend on, except the currents' data and the code.
+
+    Charts, depths and pairs are hashed by their content.
+    """
+    described = [
+        config.table.model_dump_json(exclude=_NO_RESULT),
+        *(text for block in cases.blocks for text in _described(block)),
+    ]
+    return hashlib.sha256("\n".join(described).encode()).hexdigest()
+
+
+def _described(block: Block) -> Iterator[str]:
+    """Yield the texts that describe a block of cases."""
+    scenario = block.scenario
+    yield scenario.model_dump_json()
+    yield str([block.vessels, block.members, block.pairs, [one.name for one in block.seasons]])
+    if not scenario.is_planar:
+        yield "\n".join(land_source(scenario.chart, scenario.vessel.draught_m).identity)

@@ -9,8 +9,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.scenario.interval import Interval, interval
-from pipeline.scenario.strict import Integer, StrictModel
+from pipeline.scenario.departures import Count, Every
+from pipeline.scenario.interval import interval
+from pipeline.scenario.strict import StrictModel
 
 _TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
 _DAY = timedelta(days=1)
@@ -30,16 +31,8 @@ class DepartureSpec(StrictModel):
         description="First departure: the first such time at or after the reference time of the "
         "currents. Give a time of day in UTC, as '06:00Z'."
     )
-    every: Interval = Field(
-        default="1d",
-        description="Time from one departure to the next. Give '30min', '6h' or '1d'.",
-    )
-    count: Integer = Field(
-        default=1,
-        ge=1,
-        le=10_000,
-        description="Number of departures. Give a whole number from 1 to 10,000.",
-    )
+    every: Every = "1d"
+    count: Count = 1
 
     def departures(self) -> tuple[Departure, ...]:
         """Return all departures."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.request.cases import Block, Cases, Member
+from pipeline.nightly.request.cases import Cases, Member
 from pipeline.scenario.season import Season
 from pipeline.sources.currents.cf.probe import fatal_files
 from pipeline.sources.registry import current_source
@@ -91,7 +91,7 @@ def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = N
     ahead: dict[str | tuple[str, ...], str] = {}
     for block in cases.blocks:
         if block.scenario.is_planar:
-            issues.append(_plane_digest(block))
+            issues.append("".join(season.model_dump_json() for season in block.seasons))
             continue
         for season in block.seasons:
             for member in block.members:
@@ -197,11 +197,6 @@ def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> 
 def _spelled(time: datetime) -> str:
     """Spell a moment for a message."""
     return f"{time:%Y-%m-%d %H:%M} UTC"
-
-
-def _plane_digest(block: Block) -> str:
-    """Return a hash of the numbers that define the currents of a plane."""
-    return "".join(season.model_dump_json() for season in block.seasons)
 
 
 def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:

@@ -120,3 +120,17 @@ def _joined_at_180(polygons: Geometries) -> tuple[Geometries, int]:
         return polygons, 0
     merged = extract_polygons(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
     return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())
+
+
+@dataclass(frozen=True)
+class OsmLand:
+    """The world's land from the package `roaring-landmask`; always available, no network."""
+
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """Release of the package: its data change with it."""
+        return ("osm-land", version("roaring-landmask"))
+
+    def land(self, region: Polygon) -> Land:
+        """Return the land near a region (lon/lat degrees)."""
+        return land(region)

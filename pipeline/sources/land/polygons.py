@@ -1,6 +1,7 @@
 """Operations on chart geometries in lon/lat degrees: select, repair, clip, subtract, buffer."""
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray, Geometries
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
+from pipeline.model import PlaceName
 from pipeline.model.notes import Note
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
@@ -27,6 +29,8 @@ _QUADRANT_SEGMENTS = 4
 # Grid on which areas are merged and subtracted, degrees (1 cm): an overlap or gap that is narrower
 # comes from rounding.
 _GRID_DEG = 1e-7
+NAME_COLUMNS = ("name", "objnam")
+"""Columns that hold names of land, in small letters: everyone's, and that of S-57."""
 
 
 def box_around(region: Polygon, beyond_m: float = BEYOND_M) -> Polygon:
@@ -155,3 +159,18 @@ def buffered(geometries: Geometries, radius_m: npt.ArrayLike) -> Geometries:
     radius = np.asarray(radius_m) * plane.point_scale(centres) / edge_to_corner
     grown = shapely.buffer(planar, radius, quad_segs=_QUADRANT_SEGMENTS)
     return np.asarray(plane.geometry_to_lonlat(grown))
+
+
+def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[PlaceName]:
+    """Yield the names of areas (lon/lat degrees); what is no area or has no name is left out.
+
+    Of several areas under one name, such as a country's, only the largest has it.
+    """
+    for name, geometry in zip(names, geometries, strict=True):
+        parts = extract_polygons(np.array([geometry], dtype=object))
+        text = " ".join(str(name).split()) if isinstance(name, str) else ""
+        if not text or not len(parts):
+            continue
+        largest = parts[shapely.area(parts).argmax()]
+        point = shapely.point_on_surface(largest)
+        yield PlaceName(text, float(point.x), float(point.y), float(largest.area))

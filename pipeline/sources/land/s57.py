@@ -21,12 +21,12 @@ from pipeline._types import Geometries
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import Credit, DepthArea, Land, PlaceName, Zone
 from pipeline.model.notes import Note
-from pipeline.sources.land.places import named_places
 from pipeline.sources.land.polygons import (
     buffered,
     extract_polygons,
     inner_lines,
     merged,
+    named_places,
     repair_note,
     subtract,
 )

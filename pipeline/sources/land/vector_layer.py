@@ -20,8 +20,7 @@ from pipeline.model import PlaceName
 from pipeline.model.notes import Note
 from pipeline.scenario.messages import near_miss
 from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading, vector_library
-from pipeline.sources.land.places import NAME_COLUMNS, named_places
-from pipeline.sources.land.polygons import flattened, repaired
+from pipeline.sources.land.polygons import NAME_COLUMNS, flattened, named_places, repaired
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pipeline.errors import StageError
 from pipeline.stages.seasons.process import run_in_processes
 from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
-from pipeline.stages.workers.fitness import own_identity
+from pipeline.stages.workers.connection import own_identity
 from pipeline.stages.workers.fleet import fleet
 
 # Number of tries of a season: an error such as lack of memory may happen on one worker only.

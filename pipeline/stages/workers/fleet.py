@@ -14,8 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.errors import StageError
-from pipeline.stages.workers.connection import quiet, scheduler_workers, within
-from pipeline.stages.workers.fitness import refuse_other_version, refuse_unfit_workers
+from pipeline.stages.workers.connection import (
+    quiet,
+    refuse_other_version,
+    refuse_unfit_workers,
+    scheduler_workers,
+    within,
+)
 
 if TYPE_CHECKING:
     from distributed import Client, Future

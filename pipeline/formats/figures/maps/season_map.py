@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from pipeline.formats.figures.artists import in_season_colour, patch
+from pipeline.formats.figures.artists import draw_island_labels, in_season_colour, patch
 from pipeline.formats.figures.maps.arrows import arrows, speed_scale
 from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
-from pipeline.formats.figures.maps.island_labels import draw_island_labels
 from pipeline.formats.figures.maps.layers import (
     chart_layers,
     land_handles,

@@ -88,7 +88,7 @@ def colour(hexadecimal: str, opacity: float = 1.0) -> str:
     return f"{red},{green},{blue},{round(255 * opacity)}"
 
 
-def line(line_colour: str, width: float, *, dash: str = "", level: int = 0) -> SymbolLayer:
+def line(line_colour: str, width: float, *, level: int = 0) -> SymbolLayer:
     """Line in a colour that `colour` gives."""
     return SymbolLayer(
         "SimpleLine",
@@ -96,11 +96,11 @@ def line(line_colour: str, width: float, *, dash: str = "", level: int = 0) -> S
             "line_color": line_colour,
             "line_width": f"{width:g}",
             "line_width_unit": "MM",
-            "capstyle": "flat" if dash else "round",
+            "capstyle": "round",
             "joinstyle": "round",
-            "customdash": dash or "5;2",
+            "customdash": "5;2",
             "customdash_unit": "MM",
-            "use_custom_dash": "1" if dash else "0",
+            "use_custom_dash": "0",
         },
         level,
     )

@@ -7,9 +7,8 @@ import uuid
 from functools import cache
 from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.templates import xml_environment
+from pipeline.formats.shared.templates import XML_FORBIDDEN, xml_environment, xml_text
 from pipeline.formats.shared.text import shortened
-from pipeline.formats.shared.xml_text import XML_FORBIDDEN, xml_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -12,8 +12,7 @@ from pipeline.formats.report.parts.sentences import Season
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.still_water import still_fuel_per_metre
-from pipeline.formats.shared.trade_offs import trade_off, trade_off_text
+from pipeline.formats.shared.trade_offs import still_fuel_per_metre, trade_off, trade_off_text
 from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pipeline.formats.shared.text import (
     USEFUL_GAP,
+    capitalised,
     clearance,
     count,
     distance,
@@ -90,7 +91,7 @@ class Season:
         if rival is None or rival.fuel <= self.best.fuel:
             return ""
         more = percent(rival.fuel / self.best.fuel - 1)
-        return f"{_capital(self._rival_name(rival))} needs {more} more fuel"
+        return f"{capitalised(self._rival_name(rival))} needs {more} more fuel"
 
     def certainty(self) -> str:
         """Say whether the choice of side is proven; empty where there is none to make."""
@@ -257,11 +258,6 @@ def _effect_on(gain: float) -> str:
         return "adds nothing to"
     verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")
     return f"{verb} {abs(gain):.2f} m/s {preposition}"
-
-
-def _capital(text: str) -> str:
-    """Begin a text with a capital."""
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _difference(value: float, than: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.formats.report.live_map.positions import place_on_map
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import place
+from pipeline.formats.shared.text import capitalised, place
 from pipeline.formats.shared.unknowns import MAX_STRAITS
 
 
@@ -55,9 +55,7 @@ class Unknown:
             if not result.scenario.is_planar
         ]
         return cls(
-            sentences=tuple(
-                f"{text[:1].upper()}{text[1:]}." for text in note_texts(result.unknowns)
-            ),
+            sentences=tuple(f"{capitalised(text)}." for text in note_texts(result.unknowns)),
             routes=tuple(row for row in rows if row.filled > 0 or row.uncharted > 0),
             straits=tuple(
                 Strait(

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
 from pipeline.machine.storage.store import file_hash
@@ -205,7 +204,7 @@ def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
     """Bounds of the window in which a file is checked; they contain the bounds given."""
     west, south, east, north = bounds
     lon_half, lat_half = (
-        min(_MAX_CHECK_DEG, _CHECK_CELLS * _median_step(axis))
+        min(_MAX_CHECK_DEG, _CHECK_CELLS * float(np.median(np.abs(np.diff(axis)))))
         for axis in (contents.lon, contents.lat)
     )
     lon, lat = (west + east) / 2, (south + north) / 2
@@ -215,11 +214,6 @@ def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
         max(east, lon + lon_half),
         max(north, min(lat + lat_half, _MAX_CHECK_LATITUDE)),
     )
-
-
-def _median_step(axis: FloatArray) -> float:
-    """Median step of an axis."""
-    return float(np.median(np.abs(np.diff(axis))))
 
 
 def _credit(contents: Contents) -> Credit:

@@ -36,8 +36,7 @@ from pipeline.sources.currents.cf.dataset import (
     open_dataset,
 )
 from pipeline.sources.currents.cf.probe import fatal_files
-from pipeline.sources.currents.cf.reference_time import reference_time
-from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps
+from pipeline.sources.currents.cf.time import TimeSteps, merge_steps, read_steps, reference_time
 
 if TYPE_CHECKING:
     import xarray as xr

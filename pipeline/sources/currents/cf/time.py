@@ -5,7 +5,7 @@ from __future__ import annotations
 import calendar
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline._types import FloatArray
+from pipeline.sources.currents.cf.dataset import coordinate_values
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,6 +28,10 @@ _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 _MAX_YEAR = 9000
 # Reference year of a time's units: "days since 0001-01-15" are a climatology's, of no real year.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
+_STANDARD_NAME = "forecast_reference_time"
+# Global attributes that hold it: of CF's own name, of Copernicus Marine's files, of others.
+_ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
+_DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +144,9 @@ def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int,
     if files[0].width is None and len(merged) > 1 and all(m == _month_start(m) for m in merged):
         # Monthly means are usually labelled with the first moment of the month.
         labels = tuple(moment.strftime("%Y-%m") for moment in merged)
-        merged = tuple(moment + (_next_month(moment) - moment) / 2 for moment in merged)
+        merged = tuple(
+            moment + (_month_start(moment + timedelta(days=31)) - moment) / 2 for moment in merged
+        )
     return TimeSteps(merged, labels=labels, width=files[0].width), tuple(index)
 
 
@@ -202,6 +209,34 @@ def _month_start(moment: datetime) -> datetime:
     return moment.replace(day=1, hour=0, minute=0, second=0, microsecond=0)
 
 
-def _next_month(month: datetime) -> datetime:
-    """First moment of the month that follows."""
-    return _month_start(month + timedelta(days=31))
+def reference_time(datasets: Iterable[xr.Dataset]) -> datetime | None:
+    """Return the newest reference time (aware, UTC) of open files; None where one says none."""
+    times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
+    known = [time for time in times if time is not None]
+    return max(known) if known and len(known) == len(times) else None
+
+
+def _from_variable(dataset: xr.Dataset) -> datetime | None:
+    """Read the variable of CF; None where there is none that can be read."""
+    for name, variable in dataset.variables.items():
+        if variable.attrs.get("standard_name") == _STANDARD_NAME:
+            try:
+                values = coordinate_values(dataset, str(name)).reshape(-1)
+                times = decoded_times(dataset[name], values, str(variable.attrs.get("units", "")))
+            except ValueError:
+                return None
+            return max(times, default=None)
+    return None
+
+
+def _from_attributes(dataset: xr.Dataset) -> datetime | None:
+    """Read a global attribute; None where none holds a time."""
+    for name in _ATTRIBUTES:
+        found = _DIGITS.search(str(dataset.attrs.get(name, "")))
+        if found:
+            year, month, day, hour, minute = (int(digits or 0) for digits in found.groups())
+            try:
+                return datetime(year, month, day, hour, minute, tzinfo=UTC)
+            except ValueError:
+                continue
+    return None

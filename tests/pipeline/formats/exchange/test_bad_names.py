@@ -18,7 +18,7 @@ from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.shared.json_values import encodable_text
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.xml_text import xml_text
+from pipeline.formats.shared.templates import xml_text
 from pipeline.stages.write import safe_name
 from tests.pipeline.formats import runs
 from tests.pipeline.formats.exchange.test_gpx import check_order

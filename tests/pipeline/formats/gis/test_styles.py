@@ -28,7 +28,7 @@ from pipeline.formats.gis.qgis.symbols import Rule, Style
 from pipeline.formats.gis.qgis.view import view
 from pipeline.formats.gis.qgis.xml import clean, literal, rendered
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.xml_text import xml_text
+from pipeline.formats.shared.templates import xml_text
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east

@@ -20,10 +20,10 @@ from pipeline.formats.paper.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import GapShares
 from pipeline.running.outcome import Outcome
+from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 

@@ -95,4 +95,3 @@ def test_seasons_stand_out_from_water() -> None:
 def test_more_seasons_than_colours() -> None:
     assert len(SEASON_COLOURS) == len(SEASON_COLOURS_ON_DARK)
     assert season_colour(0) == season_colour(len(SEASON_COLOURS)) == SEASON_COLOURS[0]
-    assert season_colour(1, on_dark=True) == SEASON_COLOURS_ON_DARK[1]

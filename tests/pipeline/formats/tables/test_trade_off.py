@@ -16,8 +16,14 @@ from pipeline.formats.figures.trade_off_plot import trade_off_figure, trade_off_
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.still_water import still_fuel_per_metre, still_speed_m_s
-from pipeline.formats.shared.trade_offs import TradeOff, speed_notes, trade_off, trade_off_text
+from pipeline.formats.shared.trade_offs import (
+    TradeOff,
+    speed_notes,
+    still_fuel_per_metre,
+    still_speed_m_s,
+    trade_off,
+    trade_off_text,
+)
 from pipeline.formats.tables.scenario_file import write_scenario
 from pipeline.formats.tables.trade_off import write_trade_off_csv, write_trade_off_json
 from pipeline.scenario.catalogue import read_toml

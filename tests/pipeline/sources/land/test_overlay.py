@@ -13,7 +13,7 @@ from pipeline.model import Credit, Land, Zone
 from pipeline.model.notes import Note
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.sources.land.osm_adapter import OsmLand
+from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.land.overlay import Overlay, overlay
 from pipeline.sources.registry import land_source
 from tests.pipeline.conftest import ACROSS_BOX

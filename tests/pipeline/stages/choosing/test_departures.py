@@ -14,6 +14,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.figures.departure_plot import departure_figure, departure_svg
 from pipeline.formats.shared.departure_text import departure_text
+from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
 from pipeline.machine.storage.store import Made, Store
 from pipeline.model import DepartureChoice
@@ -74,6 +75,9 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert departed.parts.current_keys["tide"] != "current"
     assert departed.scene.key != "scene"
     assert told[0] == Note.of("departures-asked", count=5)
+    (note,) = {*departed.notes}  # notes are told once: they can be told apart
+    assert note_text(note).startswith("Leave at ")
+    assert note_json(note)["values"]["choice"]["chosen_s"] == choice.chosen_s  # type: ignore[index]
     # It is stored: nothing is told a second time.
     again: list[Note] = []
     same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")

@@ -21,7 +21,7 @@ from pipeline.errors import StageError
 from pipeline.run import run
 from pipeline.running.outcome import Event, Outcome
 from pipeline.scenario.loading import load_scenario
-from pipeline.stages.workers import fitness, fleet
+from pipeline.stages.workers import connection, fleet
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
 
 
@@ -156,12 +156,12 @@ def test_a_season_that_was_done_before_the_scheduler_died_is_written(tmp_path: P
 @pytest.mark.slow
 def test_workers_that_cannot_do_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with scheduler(tmp_path) as (_, address), worker(address):
-        monkeypatch.setattr(fitness, "own_identity", lambda: "another")
+        monkeypatch.setattr(connection, "own_identity", lambda: "another")
         assert "runs another version of RENEW" in refusal(tmp_path, QUICK, address)
 
 
 def test_a_worker_that_does_not_see_the_output_folder(tmp_path: Path) -> None:
-    identity = fitness.own_identity()
-    assert "the same output folder" in fitness.worker_fault(identity, str(tmp_path / "no"))
+    identity = connection.own_identity()
+    assert "the same output folder" in connection.worker_fault(identity, str(tmp_path / "no"))
     (tmp_path / "scene").touch()
-    assert fitness.worker_fault(identity, str(tmp_path / "scene")) == ""
+    assert connection.worker_fault(identity, str(tmp_path / "scene")) == ""

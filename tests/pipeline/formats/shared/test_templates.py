@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from pipeline.formats.shared.xml_text import xml_text
+from pipeline.formats.shared.templates import xml_text
 
 
 @given(st.text())

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.safety_notes import safety_notes
 from pipeline.model import Evaluation
+from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 
 
