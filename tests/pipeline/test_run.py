@@ -215,7 +215,7 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
 def with_speeds(**season: object) -> Scenario:
     """Return the catalogue's single gyre, whose vessel has a choice of speeds."""
     table = read_toml(scenario_path("single-gyre"))
-    table["planner"] |= {"classes": 2}
+    table["planner"] |= {"classes": 1}
     table["seasons"][0] |= {
         "departure": "2026-11-22T06:00:00Z",
         "arrive_by": "2026-11-22T06:01:40Z",

@@ -65,11 +65,11 @@ def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
     if mount is None or os.geteuid() != 0:
         pytest.skip("needs to be root, to mount a small tmpfs")
     done = subprocess.run(
-        [mount, "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(disk)], check=False
+        [mount, "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)], check=False
     )
     if done.returncode:
         pytest.skip("may not mount a tmpfs here")
-    config = load_config(plane_night(tmp_path, pairs=40), disk / "out")
+    config = load_config(plane_night(tmp_path, pairs=16), disk / "out")
     try:
         with pytest.raises(StageError, match=r"No space left on device|free some space"):
             run_night(config, scheduler=cluster)
@@ -79,7 +79,7 @@ def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
             [mount, "-o", "remount,size=20m", str(disk)], check=True, capture_output=True
         )
         assert run_night(config, scheduler=cluster).fresh
-        assert len(rows(disk / "out")) == 40
+        assert len(rows(disk / "out")) == 16
     finally:
         subprocess.run(["umount", "-l", str(disk)], check=True)  # noqa: S607 - of util-linux
 
