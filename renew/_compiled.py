@@ -26,17 +26,15 @@ from typing import IO, Any, TypeVar, cast
 import numba
 import numpy as np
 import numpy.typing as npt
-from numba.core import cgutils
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
     _CacheLocator,
 )
-from numba.core.compiler import Compiler
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.pythonapi import PythonAPI
 from numba.core.registry import cpu_target
+
+from renew._compiler import KernelDispatcher
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -51,15 +49,13 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     """Compile a function in nopython mode when it is first called; cached on disk.
 
     Division by zero gives inf or NaN, as NumPy does. Other threads run on meanwhile, among them one
-    that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays
-    as it is.
+    that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays as it is.
     """
-    compile_it = numba.njit(
-        error_model="numpy", nogil=True, forceinline=forceinline, pipeline_class=_KernelCompiler
-    )
-    compiled: Any = compile_it(function)
-    if compiled is not function:
-        compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
+    if not is_switched_on():
+        return function
+    options = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True}
+    compiled: Any = KernelDispatcher(function, None, {**options, "forceinline": forceinline})
+    compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
 
 
@@ -78,40 +74,6 @@ def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
     A copy only where it has to be one.
     """
     return np.require(array, np.float64, ["C", "W"])
-
-
-class _KernelCompiler(Compiler):
-    """Numba's compiler, but for what kernels do where a signal interrupts them.
-
-    Arrays and named tuples are made of what a kernel returns with the help of a Python function: a
-    Ctrl-C that came while the kernel ran is raised there. Numba goes on with what that did not
-    return, which ends in a SystemError or a segmentation fault.
-    """
-
-    def _compile_core(self) -> object:
-        with global_compiler_lock:
-            # Kernels that it calls are compiled meanwhile, in the same way.
-            before = PythonAPI.unserialize
-            PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
-            try:
-                return super()._compile_core()
-            finally:
-                PythonAPI.unserialize = before  # type: ignore[method-assign]
-
-
-_UNSERIALIZED = PythonAPI.unserialize
-
-
-def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN401
-    """Emit code that unserializes an object; where that raises, the function that asks returns.
-
-    What the kernel has returned is lost then, and its memory with it.
-    """
-    found = _UNSERIALIZED(api, pointer)
-    if api.builder.function.function_type.return_type == api.pyobj:
-        with cgutils.if_unlikely(api.builder, cgutils.is_null(api.builder, found)):
-            api.builder.ret(api.get_null_object())
-    return found
 
 
 @cache
@@ -198,7 +160,7 @@ def _name() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel\n" in source or path == Path(__file__):
+        if b"@kernel\n" in source or path.name in ("_compiled.py", "_compiler.py"):
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + source)
     return f"kernels-{digest.hexdigest()[:16]}"
 

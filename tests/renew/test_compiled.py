@@ -36,7 +36,8 @@ def package(tmp_path: Path) -> Path:
     package = tmp_path / "installed" / "renew"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
-    shutil.copy(PACKAGE / "_compiled.py", package)
+    for name in ("_compiled.py", "_compiler.py"):
+        shutil.copy(PACKAGE / name, package)
     begin = "from renew._compiled import kernel\n"
     (package / "inner.py").write_text(begin + "@kernel\ndef factor():\n    return 2.0\n")
     (package / "outer.py").write_text(
@@ -87,6 +88,21 @@ def test_a_second_process_compiles_nothing(package: Path) -> None:
     second = run(package)
     assert second[:3] == (6.0, 0, False)
     assert second.folder.is_relative_to(package)
+
+
+def test_only_kernels_that_python_calls_have_machine_code(package: Path) -> None:
+    folder = run(package).folder
+    assert {path.name.split(".")[0] for path in folder.iterdir()} == {"outer"}
+    call_both = "from renew import inner, outer; print(outer.doubled(1.0), inner.factor())"
+    done = subprocess.run(
+        [sys.executable, "-c", call_both],
+        cwd=package.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "2.0 2.0\n"
+    assert {path.name.split(".")[0] for path in folder.iterdir()} == {"inner", "outer"}
 
 
 def test_an_edit_of_an_inlined_kernel_compiles_again(package: Path) -> None:
@@ -145,7 +161,7 @@ def test_code_that_cannot_be_saved_is_counted(package: Path) -> None:
     assert run(package).unsaved == 0
     shutil.rmtree(package / "__pycache__")
     full = run(package, "prlimit", "--fsize=16", PYTHONDONTWRITEBYTECODE="1")
-    assert (full.result, full.compiled, full.unsaved) == (6.0, 1, 2)  # and the one inlined
+    assert (full.result, full.compiled, full.unsaved) == (6.0, 1, 1)
     assert run(package).compiled == 1
 
 
@@ -281,8 +297,7 @@ def test_a_damaged_cache_is_no_cache_and_is_mended(
     again = run(package)
     assert again[:3] == (6.0, 1, False)
     lasts = damage is replace_by_folder
-    # The kernel and the one that it inlines.
-    assert (again.unsaved, again.unread) == ((2, 2) if lasts else (0, 0))
+    assert (again.unsaved, again.unread) == ((1, 1) if lasts else (0, 0))
     assert run(package).compiled == int(lasts)
 
 
