@@ -85,7 +85,7 @@ def _least_of_rows(values: FloatArray, place: FloatArray) -> FloatArray:
     for row, at in enumerate(between.tolist()):
         if 0 <= at < len(least):
             np.minimum(least[at], values[row], out=least[at])
-    return least
+    return np.asarray(least)
 
 
 def _sampled_deviation(x: FloatArray, y: FloatArray, velocity: FloatArray) -> FloatArray:
