@@ -86,7 +86,8 @@ class ClassSearch:
         no classes apart only the first is planned, and one beside the best route: others differ
         from it by far less than departures do.
         """
-        self._find_best(classes, _WORTH_A_LOOK)
+        if self._planner.options.order == "fuel":
+            self._find_best(classes, _WORTH_A_LOOK)
         if not self.found:
             self._find_best(classes, math.inf)
 
