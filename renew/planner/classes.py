@@ -88,7 +88,7 @@ class ClassSearch:
         """
         if self._planner.options.order == "fuel":
             self._find_best(classes, _WORTH_A_LOOK)
-        if not self.found:
+        if self.best is None:
             self._find_best(classes, math.inf)
 
     def _find_best(self, classes: int, dearest: float) -> None:
