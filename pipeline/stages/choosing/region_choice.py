@@ -2,7 +2,7 @@
 
 The ways are shortest ones on a coarse grid: the best, and for each larger island that the direct
 line meets the best on either side. Currents are not known yet; where the best route comes near the
-region's edge, :mod:`pipeline.stages.choosing.region_growth` widens it.
+region's edge, :mod:`pipeline.stages.choosing.region` widens it.
 """
 
 from __future__ import annotations
