@@ -73,7 +73,7 @@ def least_fuel(
         return np.asarray((values[..., :legs] ** exponent * times(values)).sum(-1))
 
     def spare(values: FloatArray) -> FloatArray:
-        return (time - times(values).sum(-1)) / time
+        return np.asarray((time - times(values).sum(-1)) / time)
 
     found = []
     for share in (0.3, 0.6, 0.9):
