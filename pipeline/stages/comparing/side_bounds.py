@@ -77,7 +77,9 @@ def _bound(
             choice=_choice(scene, plan),
         )
         enough, proven = plan.ranked_routes[0].fuel, 0.0
-        for cells in _CELLS:
+        # Where speeds are chosen as the current changes it is not the grid that makes it loose.
+        is_loose = voyage.has_price and not voyage.current.is_steady
+        for cells in _CELLS[: 1 if is_loose else None]:
             proven = max(proven, fuel_lower_bound(voyage, cells, enough))
             if proven > enough:
                 break
