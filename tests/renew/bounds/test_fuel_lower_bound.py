@@ -39,6 +39,32 @@ def lower_bound(
     return fuel_lower_bound(Voyage(Waters(chart, current), vessel, start, goal, drift))
 
 
+# --- the grid and its rounds ------------------------------------------------------------------
+
+
+@given(seeds, st.integers(4, 60))
+@settings(max_examples=20)
+def test_cells_are_wet_that_meet_water(seed: int, count: int) -> None:
+    chart = random_scene(seed)[0]
+    xmin, ymin, xmax, ymax = chart.bounds
+    x, y = np.linspace(xmin, xmax, count + 1), np.linspace(ymin, ymax, count + 3)
+    # One by one; shrunk by the same sliver.
+    sliver = 10 * chart.precision
+    west, south = np.meshgrid(x[:-1] + sliver, y[:-1] + sliver)
+    east, north = np.meshgrid(x[1:] - sliver, y[1:] - sliver)
+    expected = shapely.intersects(shapely.box(west, south, east, north), chart.open_water)
+    assert np.array_equal(bounds._wet(chart, x, y), expected)
+
+
+def test_a_bound_that_is_enough_is_made_no_better() -> None:
+    chart, current, start, goal = random_scene(4)
+    voyage = Voyage(Waters(chart, current), PAPER_VESSEL, start, goal, "projected")
+    best = fuel_lower_bound(voyage)
+    first = fuel_lower_bound(voyage, enough=0.5 * best)
+    assert 0.5 * best < first < best
+    assert fuel_lower_bound(voyage, enough=2 * best) == best
+
+
 # --- the conditions of the proof --------------------------------------------------------------
 
 
