@@ -63,11 +63,11 @@ pytest: $(READY) compiled  ## the quick tests, the import rules and the document
 compiled: $(READY)  ## the machine code of the planner
 	@$(BIN)/renew warm
 
-test-slow: $(READY)  ## the slow tests
-	$(BIN)/python -m pytest -q -m slow
+test-slow: $(READY) compiled  ## the slow tests
+	$(BIN)/python -m pytest -q -m slow --durations=40 --durations-min=10 --junitxml=build/slow-test-times.xml
 
 # The gate draws the same examples each time. What these find becomes an @example of the test.
-test-new-examples: $(READY)  ## all property tests with new examples; SEED=... draws those of a run again
+test-new-examples: $(READY) compiled  ## all property tests with new examples; SEED=... draws those of a run again
 	@seed=$${SEED:-$$(date +%s)}; echo "Seed $$seed: make test-new-examples SEED=$$seed draws these examples again; one test does by"; \
 	echo "  $(BIN)/python -m pytest --hypothesis-profile=new-examples --hypothesis-seed=$$seed TEST"; \
 	$(BIN)/python -m pytest -q -n 2 -m 'hypothesis and not network' --hypothesis-profile=new-examples --hypothesis-seed=$$seed
@@ -81,7 +81,7 @@ test-no-compiler: $(READY)  ## the kernels' and the planner's quick tests, inter
 	  -k 'not pickling and not print_and_compare and not same_seed and not same_classes'
 
 # tests/no_triangle/sitecustomize.py hides the package from this Python and from those that it starts.
-test-no-triangle: $(READY)  ## the planner's tests as where the extra `triangle` is not installed
+test-no-triangle: $(READY) compiled  ## the planner's tests as where the extra `triangle` is not installed
 	PYTHONPATH=$(CURDIR)/tests/no_triangle $(BIN)/python -m pytest -q -n 2 tests/renew
 
 format: $(READY)  ## let ruff mend what it can
