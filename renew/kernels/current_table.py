@@ -145,7 +145,11 @@ def _density(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
-STILL_WATER = table_of(np.array([0.0, 1e12]), np.array([0.0, 1e12]), np.zeros((2, 2, 2)))
+_FAR = np.array([0.0, 1e12])
+# Made without a kernel: none is to be compiled, or loaded, by an import.
+STILL_WATER = CurrentTable(
+    _FAR, _FAR, np.zeros(1), np.zeros((1, 2, 2, 2)), 0.0, math.inf, 1e-12, 1e-12, 0.0, 0.0
+)
 """No current anywhere."""
 
 
