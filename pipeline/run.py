@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -11,6 +11,7 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.storage.store import Made, Store, artefact_key, file_hash
 from pipeline.model.notes import Note, Say
+from pipeline.running.first_compilation import first_compilation
 from pipeline.running.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.running.session import Origin, session
 from pipeline.scenario.model import Scenario
@@ -70,8 +71,9 @@ def run(
     options = _Options(offline, strict, scheduler, limit_s)
     started = time.perf_counter()
     with session(scenario.name, output, origin) as held:
-        stages = _Stages(held.store, on_event or ignore, options)
-        result = stages.result(scenario)
+        with first_compilation() as compiled:
+            stages = _Stages(held.store, on_event or ignore, options, compiled)
+            result = stages.result(scenario)
         fresh = stages.write(result, held.directory)
         held.record_origin()
         return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
@@ -93,8 +95,10 @@ def planned_scenario(
     """
     require_covered(scenario)
     with session(scenario.name, output, origin) as held:
-        stages = _Stages(held.store, on_event or ignore, _Options(offline=offline))
-        yield stages.result(scenario).value
+        with first_compilation() as compiled:
+            stages = _Stages(held.store, on_event or ignore, _Options(offline=offline), compiled)
+            result = stages.result(scenario)
+        yield result.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +118,7 @@ class _Stages:
     store: Store
     on_event: EventHandler
     options: _Options
+    compiled: Callable[[], None]  # waits until what plans call is
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Made[RunResult]:
@@ -142,6 +147,7 @@ class _Stages:
         with self._stage("choose") as say:
             chosen = choose(Chosen(scenario, parts, scene, notes=region_notes), store, say)
         with self._stage("plan"):
+            self.compiled()
             planned = plan_seasons(
                 chosen,
                 land,

@@ -177,6 +177,19 @@ def is_switched_on() -> bool:
     return not getattr(numba.config, "DISABLE_JIT", 0)
 
 
+def is_cold() -> bool:
+    """Whether nothing is compiled, and what this process compiles is kept for others."""
+    folders = () if cache_is_temporary() else _lasting_folders()
+    return is_switched_on() and bool(folders) and not any(map(_holds_code, folders))
+
+
+def _holds_code(folder: Path) -> bool:
+    """Whether there is machine code in a folder; what can't be read counts as none."""
+    with contextlib.suppress(OSError):
+        return any(name.endswith(".nbi") for name in os.listdir(folder))  # noqa: PTH208 - as names
+    return False
+
+
 def processor() -> str:
     """Name of the processor that code is made for: this machine's, or that of NUMBA_CPU_NAME."""
     return str(cpu_target.target_context.codegen().magic_tuple()[1])

@@ -14,7 +14,6 @@ from collections.abc import Callable, Hashable, Iterator
 from functools import cache
 from typing import Any
 
-from llvmlite.binding import newpassmanagers
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -26,8 +25,6 @@ from numba.core.targetconfig import TargetConfig
 
 # How Numba begins the names of what functions look up while they run.
 _ENVIRONMENT = "_ZN08NumbaEnv"
-# Not those of Numba 0.61.
-_CAN_CHOOSE_PASSES = hasattr(newpassmanagers.FunctionPassManager, "add_sroa_pass")
 
 
 class KernelDispatcher(CPUDispatcher):
@@ -98,29 +95,8 @@ def _for_kernels() -> Iterator[None]:
             gc.enable()
 
 
-class _Library(JITCodeLibrary):
-    """Code of a function, tidied only before that of others is linked in.
-
-    Numba runs every optimization on each function alone, and again on all of them together.
-    """
-
-    def _optimize_functions(self, ll_module: Any) -> None:  # noqa: ANN401 - of LLVM
-        if not _CAN_CHOOSE_PASSES:
-            super()._optimize_functions(ll_module)
-            return
-        ll_module.data_layout = self._codegen._data_layout  # noqa: SLF001
-        for function in ll_module.functions:
-            if not function.is_declaration:
-                passes = newpassmanagers.create_new_function_pass_manager()
-                passes.add_sroa_pass()
-                passes.add_simplify_cfg_pass()
-                passes.add_instruction_combine_pass()
-                passes.add_refprune_pass()
-                passes.run(function, self._codegen._pass_builder())  # noqa: SLF001
-
-
-class _Part(_Library):
-    """Code for callers to take in: neither optimized by itself, nor machine code."""
+class _Part(JITCodeLibrary):
+    """Code for callers to take in: not optimized as a whole, and no machine code."""
 
     @property
     def codegen(self) -> _NoMachineCode:
@@ -148,7 +124,7 @@ class _NoMachineCode:
         """Nothing can be looked up yet: :class:`_Whole` sees to it."""
 
 
-class _Whole(_Library):
+class _Whole(JITCodeLibrary):
     """Code that Python calls, with all its parts."""
 
     def _finalize_specific(self) -> None:

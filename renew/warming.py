@@ -14,11 +14,13 @@ import numpy as np
 from shapely import Polygon, box
 
 from renew.errors import UnreachableError
+from renew.inputs.arguments import Request
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.varying_current import SwingingGyre
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import plan
+from renew.planner.task import Task
 from renew.results.route import Route
 from renew.turns.closest_approach import tightest
 from renew.turns.contingency import contingency
@@ -92,6 +94,23 @@ def rehearse() -> Iterator[str]:
         with contextlib.suppress(UnreachableError):
             found = plan(chart, current, _VESSEL, _START, _GOAL, **options)
             _ask(found.best, chart, current)
+
+
+def rehearse_half(half: int) -> None:
+    """Compile half of what a first plan calls: the search for classes and the bound, or the rest.
+
+    Of equal times, for two processes; the few kernels of both are compiled by both.
+    """
+    chart, current, ends = Chart(_EXTENT, _ISLANDS), _as_grid(_GYRE), (_START, _GOAL)
+    if half:
+        plan(chart, current, _VESSEL, *ends, order="depth-first")
+        return
+    problem = Task(chart, current, _VESSEL, np.array(ends), (), Request()).planner().problem
+    scout = problem.scout(problem.likely_width)
+    start, goal = problem.voyage.start, problem.voyage.goal
+    midlines = [found.midline(start, goal) for found in scout.channels(2)]
+    scout.channels_beside(midlines, 1)
+    _ = problem.fuel_bound.value
 
 
 def _ask(route: Route, chart: Chart, current: CurrentLike) -> None:

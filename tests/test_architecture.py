@@ -24,12 +24,7 @@ NEEDED_UNIMPORTED = {
     "xarray": "what copernicusmarine hands over; our floor for its version",
 }
 # Imported beside the library that brings it and speaks in its types.
-COMES_WITH = {
-    "distributed": "dask",
-    "llvmlite": "numba",
-    "markupsafe": "jinja2",
-    "pydantic-core": "pydantic",
-}
+COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "pydantic"}
 # What takes seconds to import, and so may not be loaded to answer `renew --help`.
 HEAVY = {"copernicusmarine", "distributed", "geopandas", "matplotlib", "numba", "pandas", "xarray"}
 

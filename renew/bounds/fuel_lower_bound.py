@@ -310,7 +310,8 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
         while k < len(order) and first[order[k]] <= level:
             r, c = order[k] // columns, order[k] % columns
             k += 1
-            highest = time[r : r + 2, c : c + 2].max()
+            south, north = max(time[r, c], time[r, c + 1]), max(time[r + 1, c], time[r + 1, c + 1])
+            highest = max(south, north)
             lasts = max(highest - (low + level * step), 0.0) / least
             begin = grid.departure + clock
             # A current that repeats itself has nothing new after a period.
@@ -340,13 +341,28 @@ def _by_level(
     """
     rows, columns = grid.wet.shape
     first = np.full(rows * columns, _LEVELS + 1)
+    # Sorted by counting: where the cells of each level begin.
+    begin = np.zeros(_LEVELS + 2, dtype=np.int64)
     for r in range(rows):
         for c in range(columns):
             if grid.wet[r, c] and time[r, c] < np.inf:
-                level = math.floor((time[r : r + 2, c : c + 2].min() - low) / step) - 1
-                first[r * columns + c] = min(max(level, 0), _LEVELS)
-    order = np.argsort(first)
-    return first, order[: int((first <= _LEVELS).sum())]
+                south, north = (
+                    min(time[r, c], time[r, c + 1]),
+                    min(time[r + 1, c], time[r + 1, c + 1]),
+                )
+                level = math.floor((min(south, north) - low) / step) - 1
+                level = min(max(level, 0), _LEVELS)
+                first[r * columns + c] = level
+                begin[level + 1] += 1
+    for level in range(_LEVELS + 1):
+        begin[level + 1] += begin[level]
+    order = np.empty(begin[_LEVELS + 1], dtype=np.int64)
+    for cell in range(rows * columns):
+        level = first[cell]
+        if level <= _LEVELS:
+            order[begin[level]] = cell
+            begin[level] += 1
+    return first, order
 
 
 @kernel

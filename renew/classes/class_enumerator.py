@@ -31,7 +31,7 @@ from renew.classes.roadmap import Roadmap, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.options import Order
-from renew.kernels.current_table import still_water
+from renew.kernels.current_table import STILL_WATER
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
 
@@ -71,7 +71,7 @@ class _Roads:
 
     def stream(self, voyage: Voyage) -> Stream:
         """The current by which legs are timed. Order "length" takes the water as still."""
-        table = voyage.table if self.order == "fuel" else still_water()
+        table = voyage.table if self.order == "fuel" else STILL_WATER
         return Stream(table, voyage.polar, voyage.clock)
 
     def _roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:

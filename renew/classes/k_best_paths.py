@@ -217,17 +217,17 @@ def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
 
     A row of triangles leaves those out from which its path turns back.
     """
-    legs = np.empty(len(nodes) - 1, dtype=np.int64)
+    legs, count = np.empty(len(nodes) - 1, dtype=np.int64), 0
     for k in range(len(legs)):
-        legs[k] = graph.first[nodes[k]]
-        while graph.head[legs[k]] != nodes[k + 1]:
-            legs[k] += 1
-    counts = graph.first_crossed[legs + 1] - graph.first_crossed[legs]
-    triangles = np.empty(counts.sum() + 1, dtype=np.int64)
-    at = 0
-    for leg, count in zip(legs, counts):  # noqa: B905 - kernels know no `strict`
-        first = graph.first_crossed[leg]
-        triangles[at : at + count] = graph.crossed[first : first + count] // 3
-        at += count
+        leg = graph.first[nodes[k]]
+        while graph.head[leg] != nodes[k + 1]:
+            leg += 1
+        legs[k] = leg
+        count += graph.first_crossed[leg + 1] - graph.first_crossed[leg]
+    triangles, at = np.empty(count + 1, dtype=np.int64), 0
+    for leg in legs:
+        for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
+            triangles[at] = graph.crossed[k] // 3
+            at += 1
     triangles[at] = graph.triangle[nodes[-1]]
     return triangles

@@ -12,7 +12,7 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray
 from renew.kernels.capsules import Segment
-from renew.kernels.current_table import CurrentTable, velocities, velocity
+from renew.kernels.current_table import CurrentTable, velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 Extremes: TypeAlias = tuple[CurrentTable, CurrentTable, bool]
@@ -65,10 +65,13 @@ def _simpson_weight(k: int, halves: int) -> float:
 def currents_between(extremes: Extremes, points: FloatArray) -> FloatArray:
     """Least and largest velocities (n, 4), m/s, at points (n, 2): u, v and u, v."""
     least, largest, are_equal = extremes
-    always = np.zeros(len(points))
     currents = np.empty((len(points), 4))
-    currents[:, :2] = velocities(least, points, always)
-    currents[:, 2:] = currents[:, :2] if are_equal else velocities(largest, points, always)
+    for k in range(len(points)):
+        u, v = velocity(least, points[k, 0], points[k, 1], 0.0)
+        currents[k, 0], currents[k, 1] = u, v
+        if not are_equal:
+            u, v = velocity(largest, points[k, 0], points[k, 1], 0.0)
+        currents[k, 2], currents[k, 3] = u, v
     return currents
 
 

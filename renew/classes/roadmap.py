@@ -228,9 +228,11 @@ def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -
     """Triangle (ny, nx) of each point of a grid; -1 on land, close to it, or where not wanted."""
     holding = np.full((len(y), len(x)), -1, dtype=np.int64)
     for t in range(len(mesh.corners)):
-        xs, ys = mesh.corners[t, :, 0], mesh.corners[t, :, 1]
-        first, last = np.searchsorted(x, xs.min()), np.searchsorted(x, xs.max(), side="right")
-        for r in range(np.searchsorted(y, ys.min()), np.searchsorted(y, ys.max(), side="right")):
+        (ax, ay), (bx, by), (cx, cy) = mesh.corners[t]
+        west, east = min(ax, bx, cx), max(ax, bx, cx)
+        south, north = min(ay, by, cy), max(ay, by, cy)
+        first, last = np.searchsorted(x, west), np.searchsorted(x, east, side="right")
+        for r in range(np.searchsorted(y, south), np.searchsorted(y, north, side="right")):
             for c in range(first, last):
                 if wanted[r, c] and _holds(mesh, t, x[c], y[r]):
                     holding[r, c] = t

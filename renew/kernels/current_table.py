@@ -8,7 +8,6 @@ for each of some times, and is linear between them; a steady one has one slice.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -146,11 +145,12 @@ def _density(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
-@cache
-def still_water() -> CurrentTable:
-    """No current anywhere."""
-    everywhere = np.array([0.0, 1e12])
-    return table_of(everywhere, everywhere, np.zeros((2, 2, 2)))
+_FAR = np.array([0.0, 1e12])
+# Made without a kernel: none is to be compiled, or loaded, by an import.
+STILL_WATER = CurrentTable(
+    _FAR, _FAR, np.zeros(1), np.zeros((1, 2, 2, 2)), 0.0, math.inf, 1e-12, 1e-12, 0.0, 0.0
+)
+"""No current anywhere."""
 
 
 class Site(NamedTuple):

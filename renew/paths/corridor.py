@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.channel import Channel, RoughPath
 from renew.errors import InfeasibleError, Strait
@@ -123,7 +124,8 @@ class Corridor:
     def holds_back(self, path: FloatArray) -> bool:
         """Whether a path (n, 2) runs along the open outline, beyond which a better one may be."""
         slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
-        outline = Capsules(self.open_outline[:, 0], self.open_outline[:, 1], slack)
+        ends = for_kernels(self.open_outline[:, 0]), for_kernels(self.open_outline[:, 1])
+        outline = Capsules(*ends, slack)
         return not legs_are_clear(path[:-1], path[1:], outline).all()
 
     def channel_along(self, path: FloatArray) -> Channel:

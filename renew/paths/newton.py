@@ -54,11 +54,10 @@ def straightened(
     """
     stream = water.stream
     times = arrivals(path, stream)
-    movable = np.ones(len(path), dtype=np.bool_)
-    movable[0] = movable[-1] = False
-    if len(path) > 2:
-        movable[1] &= not keep_whole[0]
-        movable[-2] &= not keep_whole[1]
+    last = len(path) - 1
+    movable = np.zeros(last + 1, dtype=np.bool_)
+    for k in range(1, last):
+        movable[k] = not (k == 1 and keep_whole[0]) and not (k == last - 1 and keep_whole[1])
     damping = _DAMPING
     for _ in range(_ITERATIONS):
         before = times[-1]
@@ -67,22 +66,35 @@ def straightened(
         for _ in range(_TRIES):
             shift, found = _newton_step(quadratic, damping, movable)
             if found:
-                # A step that is too long still leads towards the least time.
-                shift *= min(1.0, farthest / _ITERATIONS / max(np.abs(shift).max(), 1e-300))
-                moved = path + shift.reshape(-1, 1) * normals
+                moved = _moved(path, normals, shift, farthest / _ITERATIONS)
                 moved_times = arrivals(moved, stream)
                 if moved_times[-1] <= before:
-                    held = _held(path, moved, water)
-                    if not (held & movable).any():
+                    if not _hold(movable, path, moved, water):
                         path, times = moved, moved_times
                         damping = damping / _MORE if damping > _LEAST_DAMPING else 0.0
                         break
-                    movable &= ~held
                     continue
             damping = max(_MORE * damping, _LEAST_DAMPING)
         if before - times[-1] <= _GAIN * (before - times[0]):
             break
     return path
+
+
+@kernel
+def _moved(path: FloatArray, normals: FloatArray, shift: FloatArray, most: float) -> FloatArray:
+    """Path (n, 2) with its points moved along their normals by a shift (n,), m, or `most` at most.
+
+    A step that is too long still leads towards the least time.
+    """
+    largest = 0.0
+    for one in shift:
+        largest = max(largest, abs(one))
+    share = min(1.0, most / max(largest, 1e-300))
+    moved = np.empty(path.shape)
+    for k in range(len(path)):
+        for d in range(2):
+            moved[k, d] = path[k, d] + shift[k] * share * normals[k, d]
+    return moved
 
 
 @kernel
@@ -139,14 +151,15 @@ def _quadratic(
 @kernel
 def _steps(path: FloatArray) -> FloatArray:
     """How far (n,), m, points are moved for the differences: a share of the shorter leg beside."""
-    legs = np.empty(len(path) - 1)
-    for k in range(len(legs)):
+    last, whole = len(path) - 1, 0.0
+    legs, steps = np.empty(last), np.empty(last + 1)
+    for k in range(last):
         legs[k] = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-    legs = np.maximum(legs, _SHORTEST * legs.sum())
-    steps = np.empty(len(path))
-    steps[0], steps[-1] = legs[0], legs[-1]
-    steps[1:-1] = np.minimum(legs[:-1], legs[1:])
-    return _STEP * steps
+        whole += legs[k]
+    for k in range(last + 1):
+        shorter = min(legs[max(k - 1, 0)], legs[min(k, last - 1)])
+        steps[k] = _STEP * max(shorter, _SHORTEST * whole)
+    return steps
 
 
 class _Place(NamedTuple):
@@ -220,10 +233,16 @@ def _newton_step(
 
 
 @kernel
-def _held(path: FloatArray, moved: FloatArray, water: Water) -> BoolArray:
-    """Points (n,) whose way from a path to the moved one, or a leg there, touches a capsule."""
-    held = ~legs_are_clear(path, moved, water.capsules)
-    clear = legs_are_clear(moved[:-1], moved[1:], water.capsules)
-    held[:-1] |= ~clear
-    held[1:] |= ~clear
-    return held
+def _hold(movable: BoolArray, path: FloatArray, moved: FloatArray, water: Water) -> bool:
+    """Whether the way of a point (n,) to the moved path, or a leg there, touches a capsule.
+
+    Such points are movable no longer; those that were not do not count.
+    """
+    on_way = legs_are_clear(path, moved, water.capsules)
+    on_legs = legs_are_clear(moved[:-1], moved[1:], water.capsules)
+    last, found = len(path) - 1, False
+    for k in range(last + 1):
+        clear = on_way[k] and on_legs[max(k - 1, 0)] and on_legs[min(k, last - 1)]
+        if movable[k] and not clear:
+            movable[k], found = False, True
+    return found

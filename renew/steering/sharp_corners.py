@@ -23,15 +23,20 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
     corners = len(radius)
     turns, bisectors = course_changes(path)
     tangent = np.zeros(corners + 2)
-    begin, inner, end = path[1:-1].copy(), path[1:-1].copy(), path[1:-1].copy()
+    begin, inner, end = np.empty((corners, 2)), np.empty((corners, 2)), np.empty((corners, 2))
     for k in range(corners):
         half = abs(turns[k]) / 2
         tangent[k + 1] = radius[k] * math.tan(half)
-        inner[k] += radius[k] * (1 / math.cos(half) - 1) * bisectors[k]
-        begin[k] += _towards(path[k + 1], path[k], tangent[k + 1])
-        end[k] += _towards(path[k + 1], path[k + 2], tangent[k + 1])
+        inwards = radius[k] * (1 / math.cos(half) - 1)
+        x, y = path[k + 1]
+        inner[k, 0], inner[k, 1] = x + inwards * bisectors[k, 0], y + inwards * bisectors[k, 1]
+        begin[k, 0], begin[k, 1] = _along(path[k + 1], path[k], tangent[k + 1])
+        end[k, 0], end[k, 1] = _along(path[k + 1], path[k + 2], tangent[k + 1])
     # Chords lie inside the arc, so test the chords, not the arc.
-    sharp = ~(legs_are_clear(begin, inner, no_go) & legs_are_clear(inner, end, no_go))
+    before, behind = legs_are_clear(begin, inner, no_go), legs_are_clear(inner, end, no_go)
+    sharp = np.empty(corners, dtype=np.bool_)
+    for k in range(corners):
+        sharp[k] = not (before[k] and behind[k])
     for leg in range(corners + 1):
         dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
         if tangent[leg] + tangent[leg + 1] > math.hypot(dx, dy):
@@ -42,11 +47,11 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
 
 
 @kernel
-def _towards(a: FloatArray, b: FloatArray, distance: float) -> FloatArray:
-    """Vector (2,), m, of some length from a point towards another; 0 where they coincide."""
+def _along(a: FloatArray, b: FloatArray, distance: float) -> tuple[float, float]:
+    """Place at some distance (m) from a point towards another; that point where they coincide."""
     x, y = b[0] - a[0], b[1] - a[1]
     share = distance / max(math.hypot(x, y), 1e-300)
-    return np.array([share * x, share * y])
+    return a[0] + share * x, a[1] + share * y
 
 
 @kernel
@@ -60,11 +65,13 @@ def crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArra
     for k in range(1, len(turns)):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
         along[k] = along[k - 1] + math.hypot(dx, dy)
-    crowding = np.zeros(len(turns), dtype=np.bool_)
+    is_crowding = np.zeros(len(turns), dtype=np.bool_)
     for k in range(len(turns)):
         if not sharp[k]:
             continue
         # A disc that touches the corner from within cuts this chord off either leg.
         chord = 2 * radius[k] * math.sin(abs(turns[k]) / 2)
-        crowding |= np.abs(along - along[k]) <= _CROWDING * chord
-    return crowding & ~sharp
+        for other in range(len(turns)):
+            if not sharp[other] and abs(along[other] - along[k]) <= _CROWDING * chord:
+                is_crowding[other] = True
+    return is_crowding

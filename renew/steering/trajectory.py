@@ -116,6 +116,8 @@ def _with_arcs(
     inner = len(radius)
     turns, first_course = np.zeros(inner + 1), 0.0
     lengths, tangent = np.empty(inner + 1), np.zeros(inner + 2)
+    # Each corner becomes the points of an arc; the path's ends stay single points.
+    steps, count = np.zeros(inner + 1, dtype=np.int64), 2
     last = 0.0
     for k in range(inner + 1):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
@@ -125,15 +127,16 @@ def _with_arcs(
         else:
             turns[k] = wrapped(towards - last)
             tangent[k] = radius[k - 1] * math.tan(abs(turns[k]) / 2)
+            steps[k] = max(1, math.ceil(abs(turns[k]) / _ARC_STEP))
+            count += steps[k] + 1
         last = towards
     # A leg is shared between its two corners by what each needs.
-    asked = (tangent[:-1] + tangent[1:]) * (1 - 1e-12)
-    # Each corner becomes the points of an arc; the path's ends stay single points.
-    steps = np.maximum(1, np.ceil(np.abs(turns[1:]) / _ARC_STEP)).astype(np.int64)
-    count = 2 + (steps + 1).sum()
+    asked = np.empty(inner + 1)
+    for k in range(inner + 1):
+        asked[k] = (tangent[k] + tangent[k + 1]) * (1 - 1e-12)
     points, course = np.empty((count, 2)), np.empty(count)
     corner = np.full(count, -1, dtype=np.int64)
-    points[0], course[0] = path[0], first_course
+    points[0, 0], points[0, 1], course[0] = path[0, 0], path[0, 1], first_course
     at, behind = 1, first_course
     for k in range(1, inner + 1):
         side = 1.0 if turns[k] >= 0 else -1.0
@@ -141,15 +144,15 @@ def _with_arcs(
         uy = (path[k, 1] - path[k - 1, 1]) / lengths[k - 1]
         centre_x = path[k, 0] - tangent[k] * ux - side * radius[k - 1] * uy
         centre_y = path[k, 1] - tangent[k] * uy + side * radius[k - 1] * ux
-        for place in range(steps[k - 1] + 1):
-            course[at] = behind + turns[k] * place / steps[k - 1]
+        for place in range(steps[k] + 1):
+            course[at] = behind + turns[k] * place / steps[k]
             outwards = course[at] - side * math.pi / 2
             points[at, 0] = centre_x + radius[k - 1] * math.cos(outwards)
             points[at, 1] = centre_y + radius[k - 1] * math.sin(outwards)
             corner[at] = k - 1
             at += 1
         behind += turns[k]
-    points[at], course[at] = path[-1], behind
+    points[at, 0], points[at, 1], course[at] = path[-1, 0], path[-1, 1], behind
     return points, course, corner, asked, lengths
 
 
@@ -177,10 +180,13 @@ def _densified(
         corners[at] = corner[here]
         for piece in range(pieces[leg]):
             place = piece / pieces[leg]
-            dense[at] = points[here] + place * (points[there] - points[here])
+            for d in range(2):
+                dense[at, d] = points[here, d] + place * (points[there, d] - points[here, d])
             courses[at] = course[here] + place * (course[there] - course[here])
             at += 1
-    dense[at], courses[at], corners[at] = points[kept[-1]], course[kept[-1]], corner[kept[-1]]
+    last = kept[-1]
+    dense[at, 0], dense[at, 1] = points[last, 0], points[last, 1]
+    courses[at], corners[at] = course[last], corner[last]
     return dense, courses, corners
 
 

@@ -59,7 +59,7 @@ def course_changes(path: FloatArray) -> tuple[FloatArray, FloatArray]:
             turn = wrapped(course - before)
             middle = before + turn / 2 + math.copysign(math.pi / 2, turn)
             turns[leg - 1] = turn
-            inwards[leg - 1] = math.cos(middle), math.sin(middle)
+            inwards[leg - 1, 0], inwards[leg - 1, 1] = math.cos(middle), math.sin(middle)
         before = course
     return turns, inwards
 

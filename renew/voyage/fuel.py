@@ -100,20 +100,22 @@ class Pieces(NamedTuple):
 def _cut(path: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Fields of the :class:`Pieces` of a path (n, 2)."""
     legs = len(path) - 1
-    lengths = np.empty(legs)
+    lengths, pieces, whole = np.empty(legs), np.empty(legs, dtype=np.int64), 0.0
     for k in range(legs):
         lengths[k] = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-    a_metre = _PIECES / max(lengths.sum(), 1e-300)
-    pieces = np.maximum(1, np.ceil(lengths * a_metre)).astype(np.int64)
-    count = pieces.sum()
-    leg = np.repeat(np.arange(legs), pieces)
+        whole += lengths[k]
+    a_metre, count = _PIECES / max(whole, 1e-300), 0
+    for k in range(legs):
+        pieces[k] = max(1, math.ceil(lengths[k] * a_metre))
+        count += pieces[k]
+    leg = np.empty(count, dtype=np.int64)
     points, tangent, length = np.empty((count, 4, 2)), np.empty((count, 1, 2)), np.empty(count)
     at = 0
     for k in range(legs):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
         scale = 1.0 / lengths[k] if lengths[k] > 0 else 1.0
         for piece in range(pieces[k]):
-            length[at] = lengths[k] / pieces[k]
+            leg[at], length[at] = k, lengths[k] / pieces[k]
             tangent[at, 0, 0], tangent[at, 0, 1] = dx * scale, dy * scale
             for node in range(4):
                 place = (piece + WITHIN[node]) / pieces[k]

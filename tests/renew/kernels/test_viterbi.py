@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from renew._types import FloatArray
 from renew.inputs.options import Drift
 from renew.kernels.capsules import Capsules, legs_are_clear
-from renew.kernels.current_table import still_water, table_of, velocities
+from renew.kernels.current_table import STILL_WATER, table_of, velocities
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import (
     TOO_STRONG,
@@ -171,7 +171,7 @@ def test_shortcuts_are_those_of_a_plain_twin_and_leave_no_point_to_skip(
 
 def test_a_detour_is_cut_short_only_where_the_way_past_it_is_clear() -> None:
     path = np.array([[0, 0], [1, 1], [2, 0], [3, 1], [4, 0]], dtype=float)
-    still = Stream(still_water(), Polar(1.0, crab=False), Clock(0.0, math.inf))
+    still = Stream(STILL_WATER, Polar(1.0, crab=False), Clock(0.0, math.inf))
     # An edge of land below the first bend only.
     land = Capsules(np.array([[1.0, -1.0]]), np.array([[1.0, 0.3]]), np.array([0.1]))
     assert shortcut(path, still, land, 10.0).tolist() == [True, True, False, False, True]

@@ -9,7 +9,7 @@ import shapely
 
 from renew._types import FloatArray
 from renew.kernels.capsules import Capsules
-from renew.kernels.current_table import still_water
+from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream
 from renew.paths.refinement import Water
@@ -17,7 +17,7 @@ from tests.strategies import SIZE, StreamFunctionCurrent
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 AT_ONCE = Clock(0.0, math.inf)
-CALM = Water(Stream(still_water(), Polar(1.0, crab=False), AT_ONCE), NO_LAND)
+CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
 NOTHING_WHOLE = np.zeros(2, dtype=bool)
 
 
