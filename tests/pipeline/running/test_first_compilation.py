@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import first_compilation as beside
+from pipeline.running import first_compilation as beside
 from tests.conftest import ROOT
 from tests.renew.test_warming import in_fresh_process
 
