@@ -17,7 +17,7 @@ from renew.errors import UnreachableError
 from renew.inputs.arguments import Request
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.varying_current import SwingingGyre
+from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import plan
 from renew.planner.task import Task
@@ -75,7 +75,7 @@ REHEARSALS = (
     Rehearsal("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
     Rehearsal(
         "chosen speeds as the current changes",
-        SwingingGyre(0.2, _SIDE, _SIDE, 0.25, 0.05),
+        VaryingCurrent([0.0, 400.0], [_GYRE, _GYRE]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0},
     ),
     Rehearsal("no way through", _GYRE, {"padding": 30.0}),
