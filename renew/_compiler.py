@@ -1,9 +1,9 @@
-"""Numba's compiler, with machine code for those kernels alone that Python calls.
+"""Numba's compiler, changed so that only the kernels that Python calls get machine code.
 
-Numba makes a whole of each function that another one calls: optimized, with machine code, and with
-wrappers for Python and for C, although its caller takes in a copy of the code. Most kernels are
-only called by others, as are all of Numba's own functions for arrays. Here such a *part* is typed,
-and becomes machine code in its callers alone, which saves a third of the time.
+Numba fully compiles each function that another one calls: with optimization, machine code, and
+wrappers for Python and for C, although the caller gets a copy of its code. Most kernels are only
+called by others, as are all of Numba's own functions for arrays. Here, such a *part* is only typed,
+and becomes machine code only within its callers, which saves a third of the time.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from numba.core.pythonapi import PythonAPI
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.targetconfig import TargetConfig
 
-# How Numba begins the names of what functions look up while they run.
+# Prefix of Numba's names for environments, in which functions look up objects while they run.
 _ENVIRONMENT = "_ZN08NumbaEnv"
 
 
 class KernelDispatcher(CPUDispatcher):
-    """A kernel: whole for Python, and a part for other kernels."""
+    """A kernel, compiled completely for Python, and as a part for other kernels."""
 
     def __init__(
         self,
@@ -44,20 +44,20 @@ class KernelDispatcher(CPUDispatcher):
         self._part = CPUDispatcher(py_func, locals or {}, options, compiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """What a kernel that calls this one is typed by; Numba's own name for this."""
+        """Types of a call by another kernel: those of the part. Overrides Numba's method."""
         return self._part.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """What a kernel that calls this one is linked to; Numba's own name for this."""
+        """What another kernel links to: the code of the part. Overrides Numba's method."""
         return self._part.get_overload(sig)
 
 
 class _KernelCompiler(Compiler):
-    """Numba's compiler, but for what is made of parts, and of signals that interrupt a kernel.
+    """Numba's compiler, changed to make parts, and to make kernels that a signal can't crash.
 
-    Arrays and named tuples are made of what a kernel returns with the help of a Python function: a
-    Ctrl-C that came while the kernel ran is raised there. Numba goes on with what that did not
-    return, which ends in a SystemError or a segmentation fault.
+    Arrays and named tuples that a kernel returns are built with the help of a Python function, and
+    a Ctrl-C that came while the kernel ran is raised there. Numba itself goes on without what this
+    function should return, which ends in a SystemError or a segmentation fault.
     """
 
     def _compile_core(self) -> object:
@@ -71,14 +71,14 @@ class _KernelCompiler(Compiler):
 
 @contextlib.contextmanager
 def _for_kernels() -> Iterator[None]:
-    """Have Numba make parts of its own functions, and code that minds signals.
+    """Have Numba compile its own functions as parts, too, and emit code that handles signals.
 
-    What it makes lives on: the garbage collector, which would look through it again and again for a
-    tenth of the time, waits. Nor are the options, by which Numba finds its functions some 60,000
-    times, asked one by one.
+    The garbage collector is off meanwhile: it would take a tenth of the time to look again and
+    again through compiled code, none of which is freed. Options are read all at once and not one by
+    one, as Numba uses them to look up its functions some 60,000 times.
     """
     if PythonAPI.unserialize is _unserialized_or_raised:
-        yield  # for the kernel that calls this one
+        yield  # already set up for a kernel that calls this one
         return
     codegen, collects = cpu_target.target_context.codegen(), gc.isenabled()
     PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
@@ -90,17 +90,17 @@ def _for_kernels() -> Iterator[None]:
     finally:
         PythonAPI.unserialize = _UNSERIALIZED  # type: ignore[method-assign]
         TargetConfig.values = _VALUES  # type: ignore[method-assign]
-        del codegen._library_class  # noqa: SLF001 - so that it is its class' again
+        del codegen._library_class  # noqa: SLF001 - the attribute of its class is used again
         if collects:
             gc.enable()
 
 
 class _Part(JITCodeLibrary):
-    """Code for callers to take in: not optimized as a whole, and no machine code."""
+    """Code that callers copy: neither optimized as a whole nor turned into machine code."""
 
     @property
     def codegen(self) -> _NoMachineCode:
-        """What knows where the machine code lies."""
+        """A stand-in for the code generator, by which Numba sets addresses in machine code."""
         return _NoMachineCode()
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -118,10 +118,10 @@ class _Part(JITCodeLibrary):
 
 
 class _NoMachineCode:
-    """Stands for the machine code of a part."""
+    """Stands in for the code generator of a part, which has no machine code."""
 
     def set_env(self, env_name: str, env: object) -> None:
-        """Nothing can be looked up yet: :class:`_Whole` sees to it."""
+        """Do nothing: :class:`_Whole` sets the environments of its parts."""
 
 
 class _Whole(JITCodeLibrary):
@@ -141,9 +141,9 @@ _UNSERIALIZED, _VALUES = PythonAPI.unserialize, TargetConfig.values
 
 
 def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN401
-    """Emit code that unserializes an object; where that raises, the function that asks returns.
+    """Emit code that unserializes an object, and that returns from its function if this raises.
 
-    What the kernel has returned is lost then, and its memory with it.
+    The result of the kernel is lost then, and its memory is not freed.
     """
     found = _UNSERIALIZED(api, pointer)
     if api.builder.function.function_type.return_type == api.pyobj:
@@ -153,13 +153,13 @@ def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN40
 
 
 def _values(config: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Values of a compiler's options, those not set among them: in one go."""
+    """Read the values of all options of a compiler at once, including those that are not set."""
     kind: Any = type(config)
     return {**_defaults(kind), **config._values}  # noqa: SLF001
 
 
 @cache
 def _defaults(kind: Hashable) -> dict[str, Any]:
-    """Values of the options of some kind where none is set."""
+    """Default values of all options in a class of options."""
     options: Any = kind.options  # type: ignore[attr-defined]
     return {name: option.default for name, option in options.items()}

@@ -60,7 +60,7 @@ def clock() -> Finding:
             "fault", "clock", f"{text}, before this program was installed ({made})", remedy
         )
     if datetime.fromtimestamp(now, UTC).year > _LAST_YEAR:
-        return Finding("fault", "clock", f"{text}, which can't be", remedy)
+        return Finding("fault", "clock", f"{text}, which can't be right", remedy)
     return Finding("ok", "clock", text)
 
 
@@ -72,7 +72,7 @@ def memory() -> Finding:
         limits[name] = None if soft == resource.RLIM_INFINITY else float(soft)
     known = {name: least for name, least in limits.items() if least is not None}
     if not known:
-        return Finding("warning", "memory", "not known on this system", "see to 2 GB of memory")
+        return Finding("warning", "memory", "not known on this system", "provide 2 GB of memory")
     name = min(known, key=lambda key: known[key])
     text = f"{known[name] / 1e9:.1f} GB ({name})"
     if known[name] < _GOOD_MEMORY:
@@ -115,7 +115,7 @@ def home() -> Finding:
 def _home_remedy() -> str:
     """Return the remedy for a missing home folder."""
     return (
-        "set NUMBA_CACHE_DIR to a folder that lasts, and give the account by its two variables "
+        "set NUMBA_CACHE_DIR to a folder that lasts, and the two variables of the account "
         "(docs/how-to/operation.md)"
     )
 
@@ -124,7 +124,7 @@ def output(output: Path) -> Finding:
     """Check that the folder of results can be written, and the free space of its disk."""
     what, there = "output folder", _existing(folder_to_write(output, "--output"))
     if not _can_write(there):
-        remedy = "give this user the right to, or name another with --output"
+        remedy = "let this user write it, or name another folder with --output"
         return Finding("fault", what, f"{there} can't be written", remedy)
     free = shutil.disk_usage(there).free
     text = f"{output} ({free / 1e9:.1f} GB free)"
@@ -163,9 +163,9 @@ def compiler_cache() -> Finding:
         return Finding("warning", what, f"{folder} is temporary", remedy)
     if failures := load_failures():
         more = f", and {len(failures) - 1} more like it" if len(failures) > 1 else ""
-        text = f"{failures[0].filename}: {failures[0].strerror}{more}; it counts as not there"
+        text = f"{failures[0].filename}: {failures[0].strerror}{more}; it is treated as missing"
         remedy = (
-            "remove it, or let this user read it, or its kernels are compiled anew for a minute"
+            "remove it, or let this user read it; else its kernels are compiled anew for a minute"
         )
         return Finding("warning", what, text, remedy)
     return Finding("ok", what, str(folder))
@@ -243,7 +243,7 @@ def triangulator() -> Finding:
 
     if find_spec("triangle") is None:
         return Finding("ok", "triangulator", f"GEOS {shapely.geos_version_string}")
-    import triangle  # noqa: F401 - that it can be loaded is what is checked
+    import triangle  # noqa: F401 - only to check that it can be loaded
 
     return Finding("ok", "triangulator", f"Triangle, package {version('triangle')}")
 

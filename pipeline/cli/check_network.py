@@ -18,7 +18,7 @@ _SAME_ON_WORKERS = ("distributed", "numba", "numpy", "scipy", "shapely")
 
 def account() -> Finding:
     """Check that there is an account, without showing it."""
-    remedy = f"set {USERNAME} and {PASSWORD}, or run `copernicusmarine login`, for its currents"
+    remedy = f"set {USERNAME} and {PASSWORD}, or run `copernicusmarine login`, to fetch currents"
     try:
         if has_account():
             return Finding("ok", "account", "user name and password of Copernicus Marine found")
@@ -52,7 +52,7 @@ def scheduler(address: str | None, output: Path) -> Finding:
     except Exception as error:  # noqa: BLE001 - libraries raise many kinds
         reason = " ".join(str(error).split())[:120] or "no answer in time"
         detail = f"{address} does not answer ({reason})"
-        return Finding("fault", what, detail, "check the address, and that it runs")
+        return Finding("fault", what, detail, "check the address, and that the scheduler runs")
     if not answers:
         remedy = f"start workers with `dask worker {address}`"
         return Finding("fault", what, f"{address} has no workers", remedy)
@@ -77,7 +77,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
             return answers
 
     with quiet():
-        # Asked before a client is made: one that can't connect prints a traceback when deleted.
+        # No client without workers: a client that can't connect prints a traceback when deleted.
         return within(NETWORK_S, ask) if scheduler_workers(address, NETWORK_S - 2) else {}
 
 

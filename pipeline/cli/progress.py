@@ -23,7 +23,7 @@ _DESCRIPTIONS = {
 }
 
 
-# Longest time without a line, s: then one says that the run is at work.
+# Seconds between the lines that say that the run is still at work.
 _HEARTBEAT_S = 30.0
 
 
@@ -31,7 +31,7 @@ _HEARTBEAT_S = 30.0
 def progress(
     scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False
 ) -> Iterator[EventHandler]:
-    """Provide the event handler for standard error, after notes on the scenario.
+    """Report notes on the scenario to standard error, then provide the handler of events.
 
     If quiet, it reports nothing: errors end the run, and are reported then.
     """
@@ -91,7 +91,7 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 
 @contextlib.contextmanager
 def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
-    """Write each event as a line of JSON, and a line now and then while there is none."""
+    """Write a line of JSON for each event, and one at regular intervals while the run works."""
     from pipeline.cli.json_lines import json_lines
 
     log = json_lines(stream).bind(scenario=scenario)
@@ -127,7 +127,7 @@ def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Ev
 
 
 class _State:
-    """The current stage, when it began, and the seasons that have not ended in it."""
+    """The current stage, when it began, and the seasons that it has not finished yet."""
 
     def __init__(self, seasons: Sequence[str]) -> None:
         self._all = tuple(seasons)
@@ -142,7 +142,7 @@ class _State:
             self._waiting = tuple(name for name in self._waiting if name != event.season)
 
     def fields(self) -> dict[str, object]:
-        """Describe it for a line of JSON."""
+        """Describe the state in the fields of a line of JSON."""
         return {
             "status": "working",
             "stage": self._stage,

@@ -25,7 +25,7 @@ _TIMEOUT_S, _DEADLINE_S = 5.0, 10.0
 
 
 def check_url(url: str) -> None:
-    """Refuse a text that is not the address of a check.
+    """Refuse a text that can't be the address of a check at a monitoring service.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def check_url(url: str) -> None:
     if not usable:
         # The value is not repeated: it may be a credential in the wrong place.
         fault = (
-            "--ping is no address that can be asked: give that of the check, as in "
+            "--ping is not a usable address: give the address of the check, as in "
             "https://HOST/ID, without a user name"
         )
         raise RequestError([fault])
@@ -63,7 +63,7 @@ def report_for(exit_code: int) -> Ping | None:
 def ping(url: str, what: Ping) -> str:
     """Send a report to the service; return "" or, in one line, why that failed. It never raises.
 
-    `url` must be accepted by :func:`check_url`. It takes at most `_DEADLINE_S`.
+    `url` must be accepted by :func:`check_url`. The call takes at most `_DEADLINE_S`.
     """
     parts = urlsplit(url)
     address = urlunsplit(parts._replace(path=parts.path.rstrip("/") + _ENDINGS[what], fragment=""))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
-# Length of the list of names where none is like the one given, in characters.
+# Largest length, in characters, of a list of known names, given where none of them is similar.
 _MAX_NAMES = 250
-# Limits from which on they are spelled with separators of thousands.
+# Limits of at least this size are written with thousands separators.
 _LARGE = 10_000
 _LIMITS = {
     "greater_than": ("gt", "is not above"),
@@ -33,7 +33,7 @@ _KINDS = {
     "float_type": "is not a number",
     "int_type": "is not a whole number",
     "int_from_float": "is not a whole number",
-    "string_type": "is not a text",
+    "string_type": "is not text",
     "bool_type": "is neither true nor false",
     "tuple_type": "is not a list",
     "list_type": "is not a list",
@@ -55,7 +55,7 @@ def near_miss(name: str, known: Iterable[str]) -> str:
     ends = itertools.accumulate(len(name) + 2 for name in names)
     listed = [name for name, end in zip(names, ends, strict=True) if end <= _MAX_NAMES] or names[:1]
     more = f" and {len(names) - len(listed)} more" if len(names) > len(listed) else ""
-    return f"there are: {', '.join(listed)}{more}" if names else "there are none"
+    return f"choose from {', '.join(listed)}{more}" if names else "there are none"
 
 
 def shown(value: object) -> str:
@@ -65,11 +65,11 @@ def shown(value: object) -> str:
 
 
 def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
-    """Return one line per fault of a model, in the order found; a union's members count as one."""
+    """Return one line per fault, in the order found; of the faults of a union, only the first."""
     lines: dict[str, str] = {}
     found = error.errors(include_url=False)
     for details in found:
-        # pydantic counts only the valid items of a list: an invalid one has a line of its own.
+        # pydantic counts only valid items: a list that has invalid ones need not be too short.
         depth = len(details["loc"])
         if details["type"] == "too_short" and any(
             len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
@@ -116,7 +116,7 @@ def _lines(
 
 
 def limit_text(limit: float) -> str:
-    """Spell a limit: large ones in full."""
+    """Spell a limit; a large one with all its digits and with thousands separators."""
     return f"{int(limit):,}" if abs(limit) >= _LARGE else f"{limit:g}"
 
 

@@ -1,7 +1,7 @@
 """Third stage: project everything into the planner's plane, in metres divided by the scale.
 
 Speeds are not scaled. Current vectors are rotated by the meridian convergence; gaps in a current
-are filled from the water around them, as a value on land says nothing about the water beside it.
+are filled from the water around them, as a value for land would be wrong for the water beside it.
 """
 
 import itertools
@@ -28,14 +28,14 @@ from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
 
 # Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
-# curved in the plane. An edge is halved until it sags less, at most _MAX_HALVINGS times, and no
-# further, as each corner becomes a vertex of the triangulation.
+# curved in the plane. An edge is halved only until it sags less, and at most
+# _MAX_HALVINGS times, as each corner becomes a vertex of the triangulation.
 _MAX_SAG = 2e-3
 _MAX_HALVINGS = 3
 # Nodes of the planner's current per cell of the source, along each axis; see `planar_current`.
 _NODES_PER_CELL = 2
-# Maximum ratio of a cell's height to its width that counts for the spacing of nodes: near a pole
-# cells become too narrow to follow.
+# Nodes are spaced as if no cell were narrower than its height divided by this: near a pole cells
+# become too narrow to follow.
 _MAX_ASPECT = 4
 
 
@@ -98,7 +98,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
             charted.second_shore,
         )
     )
-    # What is valid in degrees need not be in the plane, and a union of what is not may fail.
+    # Polygons that are valid in degrees may be invalid in the plane, where a union may then fail.
     land, second_shore = (extract_polygons(repaired(one)[0]) for one in (land, second_shore))
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
@@ -152,9 +152,9 @@ def planar_current(
 ) -> renew.GriddedCurrent | renew.VaryingCurrent:
     """Resample a lon/lat current to a planar grid over bounds (xmin, ymin, xmax, ymax), metres.
 
-    The clock of one that changes is seconds since departure. Vectors (m/s) are rotated to the
-    plane's axes. Nodes are half a cell of the source apart: the spread of the current in a triangle
-    then equals that of the source's cells in it, to within 10 % on real fields.
+    If the current changes, its times are seconds since departure. Vectors (m/s) are rotated to the
+    plane's axes. Nodes are half a cell of the source apart: the current then varies within a
+    triangle as much as in the source's cells there, to within 10 % on real fields.
     """
     xmin, ymin, xmax, ymax = bounds
     step = _cell_m(grid) / _NODES_PER_CELL / projection.scale
@@ -172,8 +172,8 @@ def planar_current(
 def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
     """East and north velocity (..., 2), m/s, at lon/lat (..., 2), by bilinear interpolation.
 
-    At one of the grid's times, by its index. Gaps are filled first; beyond the grid the values at
-    its edge are held constant.
+    `step` is the index of one of the grid's times. Gaps are filled first; beyond the grid the
+    values at its edge are held constant.
     """
     from scipy.interpolate import RegularGridInterpolator
 
@@ -192,7 +192,7 @@ def _cell_m(grid: CurrentGrid) -> float:
 def fill_gaps(field: FloatArray) -> FloatArray:
     """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
 
-    A filled cell is the mean of its eight neighbours that were known before; values stay as given.
+    A filled cell is the mean of those of its eight neighbours that are known; values stay as given.
     """
     field = np.array(field, dtype=float)
     known = np.isfinite(field).all(axis=-1)

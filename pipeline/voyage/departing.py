@@ -1,4 +1,4 @@
-"""Departure of a voyage: a time, a window of times, or a latest arrival; and its speeds."""
+"""Times of a voyage: departure or window of departures, and latest arrival; and its speeds."""
 
 import math
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from pipeline.voyage.quantities import speed_range_m_s
 
 # Largest number of departures in the first sample of a window, and the least time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
-# More are added between them until the best is proven to within this share of the window, but not
-# more closely than an hour: each departure proves as much of the window as that.
+# More are added between them until the best is known to within this share of the window, or to
+# within an hour if that is less: each departure settles at least as much of the window.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Departing:
-    """Earliest departure, latest departure and latest arrival, UTC; each may be None.
+    """Earliest departure, latest departure and latest arrival, UTC; the last two may be None.
 
-    With a range of speeds, m/s, the vessel arrives in time at any of the departures.
+    With `speeds`, a range in m/s, the vessel arrives in time from every departure of the window.
     """
 
     begin: datetime
@@ -84,12 +84,10 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
     ]
     for option, text in (("--until", until), ("--arrive-by", arrive_by)):
         if text and not depart:
-            faults.append(
-                f"{option} needs --depart, before which the vessel does not leave; add it"
-            )
+            faults.append(f"{option} needs --depart, the earliest departure; add --depart")
     speeds_m_s = _speeds(speeds, depart, arrive_by, faults)
     if until and arrive_by and not speeds:
-        faults.append("--until and --arrive-by both say which departure is best; leave one out")
+        faults.append("--until and --arrive-by both say how to choose the departure; leave one out")
     begin, *others = times
     for (option, text), time in zip(
         (("--until", until), ("--arrive-by", arrive_by)), others, strict=True
@@ -104,13 +102,13 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
 def _speeds(
     speeds: str, depart: str, arrive_by: str, faults: list[str]
 ) -> tuple[float, float] | None:
-    """Read a range of speeds, m/s; add its faults, and any option that it needs and lacks."""
+    """Read a range of speeds, m/s; note in `faults` what is wrong, and which options it lacks."""
     if not speeds:
         return None
     if not arrive_by:
         lacking = "--arrive-by" if depart else "--depart and --arrive-by"
         faults.append(
-            f"--speed {speeds} is a choice for least fuel in the time from --depart to "
+            f"--speed {speeds} is a range, to save fuel between the times --depart and "
             f"--arrive-by; add {lacking}, or give one speed"
         )
     try:
@@ -121,7 +119,7 @@ def _speeds(
 
 
 def _time(option: str, text: str, faults: list[str]) -> datetime | None:
-    """Read a time with its zone as UTC; add its faults."""
+    """Read a time with a zone, and return it in UTC; note in `faults` what is wrong with it."""
     if not text:
         return None
     try:

@@ -1,11 +1,11 @@
 """Speed over ground along a course in a current: the denominator of Eq. 4, in both drift models.
 
 Where the vessel may choose its speed through water v, and time has a price of μ for each second, a
-metre costs the least of (vᵏ + μ) / g, g being the speed over ground. That has the form of a
-slowness: with its inverse in the place of g every search for the quickest path finds the cheapest
-one. With a the current along the course, x that across it (none in the projected model)
-and W = √(v² - x²), g is a + W and (W² + x²)^(k/2) is convex in W for k >= 1; so the cost has one
-minimum, where k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is W = -a + √(a² + x² + μ).
+metre costs the least of (vᵏ + μ) / g, g being the speed over ground. With the inverse of this cost
+in the place of g, every search for the quickest path finds the cheapest one. Let a be the current
+along the course, x that across it (0 in the projected model), and W = √(v² - x²). Then g is a + W,
+and (W² + x²)^(k/2) is convex in W for k >= 1, so the cost has one minimum, where
+k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is W = -a + √(a² + x² + μ).
 """
 
 import math
@@ -16,18 +16,18 @@ import numpy as np
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
-# Largest number of steps of Newton's iteration, and the change, as a share of v, that ends it.
+# Most steps of Newton's iteration, and the change, as a share of the highest W, that ends it.
 _MAX_STEPS, _SETTLED = 40, 1e-8
 
 
 class Polar(NamedTuple):
-    """What the vessel makes on every course: `speed` through water (m/s), by which drift model.
+    """What the vessel "makes" on a course: its speed over ground (m/s), or what takes its place.
 
     `crab` is True for the exact model, in which the vessel heads into the cross-current, and False
-    for the projected one, as published. Where it chooses its speed, `least` is below `speed`: then
-    `price` is that of a second, μ, beside vᵏ, with k the `exponent`, and what it "makes" is
-    `scale` m/s over the least (vᵏ + μ) / g. Without limits `still` would be best in still water.
-    A vessel that sails below its highest speed may cross currents up to that: `no_go` then (m/s).
+    for the projected one, as published. If `least` is below `speed`, it chooses its speed v through
+    water between them. Then `price` is μ, `exponent` is k, and it "makes" `scale` divided by the
+    least (vᵏ + μ) / g; `still` is the best v in still water if there were no `least`. If `speed` is
+    below the vessel's highest speed, `no_go` is the highest (m/s): it may cross weaker currents.
     """
 
     speed: float
@@ -49,7 +49,7 @@ def sailing_at(speed: float, crab: bool, most: float) -> Polar:
 def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: float) -> Polar:
     """Polar of a vessel that chooses its speed from `least` to `speed`, where a second costs μ.
 
-    Its scale is such that in still water it makes `speed`, as if it had no choice.
+    It is scaled to "make" `speed` in still water, as a vessel without a choice does.
     """
     best = (price / (exponent - 1)) ** (1 / exponent) if exponent > 1 else speed
     polar = Polar(speed, crab, least, price, exponent, 1.0, min(best, speed))
@@ -60,7 +60,7 @@ def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: 
 def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
     """Speed over ground along the unit tangent t in the current c, m/s.
 
-    Projected: v + c·T. Crab: c·T + √(v² - |c - (c·T)T|²). Not positive where the vessel can't make
+    Projected: v + c·t. Crab: c·t + √(v² - |c - (c·t)t|²). Not positive where the vessel can't make
     way in that direction, and NaN where it can't even hold the course.
     """
     along = cx * tx + cy * ty
@@ -75,9 +75,9 @@ def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> fl
 
 @kernel
 def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, float]:
-    """Speed through water of least cost (m/s), and what is "made" at it, from the current's parts.
+    """The cheapest speed through water (m/s), and what the vessel then "makes" (:class:`Polar`).
 
-    Where no speed makes way, the highest.
+    `along`, `across`: parts of the current, m/s. If no speed makes way, the highest is given.
     """
     k, price = polar.exponent, polar.price
     square = across * across
@@ -88,8 +88,8 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
     low = math.sqrt(max(polar.least * polar.least - square, 0.0))
     if along + high <= 0.0:
         return polar.speed, along + high
-    # Below `low` the cost is infinite, or the speed too low; the sign of the slope at W tells on
-    # which side of it the minimum lies.
+    # Below `low` the cost is infinite, or the speed too low. As the cost has one minimum, a best W
+    # outside the limits is replaced by the nearer limit.
     low = max(low, -along)
     worth = price if k == 2.0 else polar.still * polar.still
     best = min(max(math.sqrt(along * along + square + worth) - along, low), high)
@@ -103,10 +103,10 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
 def _stationary(
     along: float, square: float, k: float, price: float, low: float, high: float, best: float
 ) -> float:
-    """W between two limits (m/s) at which the cost a metre is least, by Newton's iteration.
+    """The W (m/s) between two limits at which a metre costs least, by Newton's iteration.
 
-    It begins at the `best` guess.
-    Its slope, times (a + W)², is rising in W: a bracket keeps the steps in.
+    It begins at the `best` guess. The slope of the cost, times (a + W)², rises with W, so a bracket
+    around the minimum can limit the steps.
     """
     top, bottom = high, low
     for _ in range(_MAX_STEPS):
@@ -156,14 +156,14 @@ def ground_speeds(
 
 
 def made_good(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> FloatArray:
-    """What a polar makes (...) along unit tangents (..., 2) in currents (..., 2), m/s."""
+    """What the vessel "makes" (...), m/s, along unit tangents (..., 2) in currents (..., 2)."""
     return _at_choice(velocity, tangent, polar)[1]
 
 
 def chosen_speeds(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> FloatArray:
     """Speeds through water (...) of least cost along unit tangents in currents (..., 2), m/s.
 
-    Without a choice it is the polar's own.
+    If there is no choice, they are all the polar's own speed.
     """
     if polar.least >= polar.speed:
         return np.full(np.broadcast_shapes(velocity.shape, tangent.shape)[:-1], polar.speed)
@@ -173,7 +173,7 @@ def chosen_speeds(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> Fl
 def _at_choice(
     velocity: FloatArray, tangent: FloatArray, polar: Polar
 ) -> tuple[FloatArray, FloatArray]:
-    """Speeds through water (...) and what the polar makes (...), m/s."""
+    """Speeds through water (...) and what the vessel "makes" at them (...), m/s."""
     velocity, tangent = np.broadcast_arrays(velocity, tangent)
     speed, made = _chosen_speeds(
         for_kernels(velocity.reshape(-1, 2)), for_kernels(tangent.reshape(-1, 2)), polar
@@ -186,7 +186,7 @@ def _at_choice(
 def _chosen_speeds(
     velocity: FloatArray, tangent: FloatArray, polar: Polar
 ) -> tuple[FloatArray, FloatArray]:
-    """Speeds (n,) through water and over ground, m/s, where the vessel has a choice."""
+    """Chosen speeds through water (n,), and what the vessel "makes" at them (n,), m/s."""
     speed, made = np.empty(len(velocity)), np.empty(len(velocity))
     for i in range(len(velocity)):
         (u, v), (tx, ty) = velocity[i], tangent[i]

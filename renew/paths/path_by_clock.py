@@ -1,8 +1,8 @@
 """The path of least fuel in one class, with a speed for each leg, as the current changes.
 
-A path found at another speed is refined on transversals, as in :mod:`renew.paths.least_fuel_path`,
-but over places and times together: windows narrow in both. What is least is fuel, and the deadline
-is kept; the way round land is that of the path given, or one near it.
+A path found at other speeds is refined on transversals, as in :mod:`renew.paths.least_fuel_path`,
+but in windows of both place and time, which narrow from pass to pass. Fuel is minimised, and the
+deadline is kept. The new path goes round land as the given one does, or by a way near that.
 """
 
 import math
@@ -24,10 +24,10 @@ from renew.voyage.voyage import shares
 
 
 class _Pass(NamedTuple):
-    """A pass over transversals: half-width and spacing (shares of the path), points on each.
+    """A pass over transversals: their half-width and spacing (shares of the path), points on each.
 
-    `bend` is the angle (rad) from which a turn has its legs halved. In each row the least fuel is
-    known at `times` times, within a share `leeway` of those at which it may be passed.
+    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is worked
+    out at `times` times, which span a share `leeway` of the time in which it may be passed.
     """
 
     window: float
@@ -46,9 +46,9 @@ _PASSES = (
 
 
 def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
-    """Path (n, 2) that needs less fuel than a profile's, near it, nearly always.
+    """A path (n, 2) near that of a profile; it nearly always needs less fuel.
 
-    Post-condition: as of :func:`renew.paths.least_fuel_path.refined_path`, if that held for it.
+    Post-condition: that of :func:`renew.paths.least_fuel_path.refined_path`, if the profile met it.
     """
     voyage = corridor.voyage
     closest = MIN_SPACING * voyage.vessel.turning_radius
@@ -93,8 +93,8 @@ def _times(
 ) -> FloatArray:
     """Times (n, q), s, at which the least fuel is known in each row of a pass.
 
-    Around those at which it was `passed` (n,) before, or, in a pass with all leeway, around all
-    that are `allowed`; wider by the time that it takes to go `sideways` (s).
+    They are centred on the time at which the row was `passed` (n,) before; with a leeway of 1, on
+    the middle of the times `allowed`. On both sides they reach further by `sideways` (s).
     """
     early, late = allowed
     middle = (early + late) / 2 if one.leeway == 1 else passed

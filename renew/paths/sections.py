@@ -22,10 +22,10 @@ from renew.kernels.capsules import (
     intersects,
 )
 
-# Shortest free gap, as a share of its section: what is shorter is rounding, and no way through.
+# Shortest free gap, as a share of its section: a shorter one is only a rounding error.
 _SLIVER = 1e-9
-# Largest number of sections of a channel, about: a midline much shorter than the edges that it
-# crosses would ask for millions.
+# Approximate maximum number of sections of a channel: without it there would be millions where a
+# midline is much shorter than the edges that it crosses.
 _MAX_SECTIONS = 5000
 
 
@@ -33,8 +33,8 @@ _MAX_SECTIONS = 5000
 class Sections:
     """Sections from the left to the right bank, in sailing order.
 
-    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `place` (s,) is the place
-    in the channel of the triangle that holds the section, for a passing edge the one it leaves.
+    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `place` (s,) is the index
+    in the channel of the triangle that a section crosses, or that a passing edge leads out of.
     """
 
     left: FloatArray
@@ -59,10 +59,10 @@ def sections_of(
 ) -> Sections:
     """Cut a channel into sections at most `spacing` metres and `angle` radians apart.
 
-    The spacing holds on the bank that moves. Where both are infinite, these are the passing
-    edges alone.
+    The spacing is measured on the bank where sections are further apart. If both are infinite,
+    the sections are the passing edges alone.
     """
-    # Start and goal lie in fans, too: their passing edges shrink to these points.
+    # The first fan begins and the last one ends with a passing edge of no length: start, goal.
     left = np.vstack([start, channel.left, goal])
     right = np.vstack([start, channel.right, goal])
     count = _steps(left, right, spacing, angle)
@@ -96,9 +96,9 @@ def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) ->
 
 @dataclass(frozen=True, slots=True)
 class FreeParts:
-    """The parts of each section outside V: `count` (s,) intervals of [0, 1] in each row, in order.
+    """The parts of each section that lie outside the soft no-go zone V, as intervals of [0, 1].
 
-    `intervals` is (s, n, 2); what stands behind a row's count has no meaning.
+    The first `count` (s,) intervals in each row of `intervals` (s, n, 2) are valid, and in order.
     """
 
     intervals: FloatArray
@@ -110,7 +110,7 @@ class FreeParts:
         return np.asarray(self.count == 0)
 
     def select(self, keep: BoolArray) -> FreeParts:
-        """Return only those of some sections."""
+        """Return only the free parts of some of the sections."""
         return FreeParts(self.intervals[keep], self.count[keep])
 
     def spread(self, points: int) -> FloatArray:
@@ -177,7 +177,7 @@ def free_intervals(
 
 @kernel
 def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> None:
-    """Put an interval among the first `count` of some (n, 2), in the order of their beginnings."""
+    """Insert an interval into the first `count` of (n, 2) intervals, which are sorted by start."""
     place = count
     while place > 0 and intervals[place - 1, 0] > enter:
         intervals[place, 0], intervals[place, 1] = intervals[place - 1]
@@ -197,7 +197,7 @@ def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
         for k in range(count[i]):
             low, high = intervals[i, k]
             behind += high - low
-            # Each interval has its share of the points, two at the least while there are enough.
+            # Each interval gets its share of the points, and at least two while there are enough.
             last = round(points * behind / total) if k < count[i] - 1 else points
             last = min(max(last, first + 2), points - 2 * (count[i] - 1 - k))
             for j in range(first, last):

@@ -1,26 +1,26 @@
-"""When to leave: departures planned until, by the paths found, none between can beat the best.
+"""When to leave: departures are planned until, by the paths found, no other can beat the best.
 
 A vessel that leaves later never overtakes on the same path, and so the earliest arrival over all
 paths doesn't come earlier with a later departure either (FIFO). If a voyage begun at t takes D at
 best, one begun at s > t takes D - (s - t) at least.
 
-How fast the current changes says more. On a fixed path dt/dx = σ(x, t) = 1/g, so that arrivals A of
-departures t obey dA/dt = exp ∫ ∂σ/∂t dx = exp(-∫ (∂g/∂t) / g dt) >= exp(-ρ D), where ρ bounds
-|∂g/∂t| / g on any course (:attr:`renew.voyage.voyage.Voyage.speed_change`) and D the time under way
-of these departures. Sail the best path of s from t: A(t) <= A(s) - exp(-ρ D) (s - t), and so the
-voyage begun at s takes D(t) - L (s - t) at least, with L = 1 - exp(-ρ D), between 0 and 1. Only
-voyages that beat the best one matter, so D is no more than the best duration and s - t.
+The rate at which the current changes gives a tighter bound. On a fixed path dt/dx = σ(x, t) = 1/g,
+with g the speed over ground. So the arrival A, as a function of the departure t, obeys
+dA/dt = exp ∫ ∂σ/∂t dx = exp(-∫ (∂g/∂t) / g dt) >= exp(-ρ D), where D is the time under way and ρ
+bounds |∂g/∂t| / g on any course (:attr:`renew.voyage.voyage.Voyage.speed_change`). On the path
+that is best from s, this gives A(t) <= A(s) - exp(-ρ D) (s - t). So a voyage begun at s takes at
+least D(t) - L (s - t), with L = 1 - exp(-ρ D), between 0 and 1. As only voyages that beat the best
+one matter, D in L is at most the sum of the best duration and s - t.
 
-Where that is short of the best duration by more than a tolerance, the next departure is planned as
-far on as the bound reaches. Each plan settles as much of the window as the tolerance over L: window
-over tolerance of them settle the choice on any scene, far fewer where the current changes slowly
-(one, where it does not), and the more durations differ the fewer are needed.
+Where this bound is below the best duration by more than a tolerance, the next departure to plan is
+the first one that the bound leaves open. Each plan settles a part tolerance / L of the window. So
+window / tolerance plans are enough on any scene, and far fewer where the current changes slowly
+(one, where it does not change); the more durations differ, the fewer are needed.
 
-D is taken from the path that was found, not from a lower bound, so the choice is settled to within
-the error of the paths and of the current's table, and is no proof. It rests on FIFO: where the
-current is as strong as the vessel in places, nothing is known. With adaptive padding land is
-padded for the hours of passage, so that a later departure may find more room; then the earliest
-arrival of all later ones counts.
+D(t) is taken from the path found, not from a lower bound: the choice is settled to within the error
+of the paths and of the current's table, and is no proof. It rests on FIFO: nothing is known where
+the current reaches the vessel's speed in places. Adaptive padding depends on the hours of passage:
+a later departure may have more room, so a bound starts from the earliest arrival from there on.
 """
 
 import itertools
@@ -32,21 +32,21 @@ from renew.planner.departures import Sailing, Sailings
 from renew.results.plan import Departures, Plan
 
 Progress = Callable[[int, float], None]
-"""Told after each plan: how many there are, and by how many seconds the best may be beaten."""
+"""Called after each plan: the number of plans, and how much better (s) the best may become."""
 
 # Number of rounds in which the middles of the intervals beside the best departure are planned.
 _FINER = 3
 # Lower limit of the slope, to avoid dividing by zero.
 _FLATTEST = 1e-12
-# Share of the tolerance that counts as none.
+# Share of the tolerance below which a difference counts as rounding.
 _ROUNDING = 1e-6
 
 
 class _Interval(NamedTuple):
     """From one departure to the next (s).
 
-    A voyage begun at its beginning takes `duration` (s) at least, a later one less by `slope` times
-    the time between, at most.
+    A voyage begun at `begin` takes at least `duration` (s); one begun later takes at least that
+    minus `slope` times its delay.
     """
 
     begin: float
@@ -56,7 +56,7 @@ class _Interval(NamedTuple):
 
     @property
     def least_duration(self) -> float:
-        """Time (s) that any voyage takes that is begun in it."""
+        """Time (s) that every voyage begun in the interval takes at least."""
         return self.duration - self.slope * (self.end - self.begin)
 
     def reach(self, goal: float) -> float:
@@ -65,7 +65,7 @@ class _Interval(NamedTuple):
 
 
 class DepartureWindow:
-    """Departures (n,), s, ascending, each planned; and more of them where it is worth it.
+    """Departures (n,), s, ascending, each planned; more are added where one may beat the best.
 
     No voyage takes less than `least_duration` (s), whatever the departure. In a second the speed
     over ground changes by a share `speed_change` (1/s) at most; where that is infinite, nothing is
@@ -104,7 +104,7 @@ class DepartureWindow:
     def refine(self, tolerance: float) -> None:
         """Plan more departures until none between can beat the best by more than `tolerance` s.
 
-        Where nothing bounds an arrival, departures a tolerance apart have to do.
+        Where arrivals have no bound, departures are planned one tolerance apart.
         """
         while True:
             goal = self.best.duration - tolerance
@@ -121,7 +121,7 @@ class DepartureWindow:
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def refine_around_best(self) -> None:
-        """Plan departures beside the best one, ever closer to it; these settle nothing more."""
+        """Plan departures ever closer to the best one, on both sides; no bound needs them."""
         for _ in range(_FINER):
             times = [one.departure for one in self.sailings]
             at = times.index(self.best.departure)
@@ -130,7 +130,7 @@ class DepartureWindow:
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
-        """Take another sailing of the same departure."""
+        """Put a sailing in the place of the one with the same departure."""
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
         self.sailings = self._planner.by_arrival(self.sailings)
@@ -146,7 +146,7 @@ class DepartureWindow:
             self._progress(len(self.sailings), self.unproven)
 
     def _insert(self, others: Sequence[Sailing], sailing: Sailing) -> None:
-        """Take one more sailing, in its place."""
+        """Add a sailing to others, in order of departure."""
         self.sailings = sorted((*others, sailing), key=lambda one: one.departure)
 
     def _intervals(self) -> Iterator[_Interval]:

@@ -1,4 +1,4 @@
-"""Room to turn in: padding where a path can't be steered, and the path planned again around it."""
+"""Makes room to turn: pads edges more where a path can't be steered, and refines the path again."""
 
 import contextlib
 
@@ -10,9 +10,9 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
 
-# Number of times that edges are padded more where a path can't be steered.
+# Maximum number of times that padding is increased where a path can't be steered.
 _MAX_WIDENINGS = 16
-# By how much at first and at most, and how far around; as shares of v/ω.
+# First and largest increase of the padding, and its reach around a place; as multiples of v/ω.
 _WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
 
 
@@ -28,9 +28,9 @@ def steered_with_room(
 ) -> tuple[Corridor, FloatArray, FloatArray]:
     """Path (n, 2) and trajectory (m, 4) that can be steered, and the corridor with room for them.
 
-    A path without padding wraps corners so closely that there may be no room to round them: where
-    it can't be steered the edges around are padded, and it is refined again. Where no edge is near,
-    or that doesn't help, it is thinned there.
+    A path without padding wraps corners so closely that there may be no room to round them. Where
+    it can't be steered, the edges nearby are padded more, and the path is refined again. If no edge
+    is near, or padding doesn't help, the path is thinned in such places.
     """
     radius, tried = corridor.voyage.vessel.turning_radius, path
     used, places, widths = corridor, np.empty((0, 2)), np.empty(0)

@@ -1,15 +1,15 @@
-"""Least fuel to be there in time, where the vessel chooses its speed from leg to leg.
+"""Least-fuel plans that arrive by a deadline, with a choice of speed for each leg.
 
-Where the current is steady classes are planned by prices of time
-(:mod:`renew.planner.price_search`), else at one speed, and then hour by hour
+In a steady current classes are planned with a price of time (:mod:`renew.planner.price_search`).
+In a current that changes they are planned at one speed, and then improved hour by hour
 (:mod:`renew.planner.clock_search`).
 
-Land is padded for the highest speed, and then once more for the highest that is sailed, if that is
-much lower: straits open, and paths are shorter. The padding for a speed covers all lower ones: how
-far a turn reaches towards an edge is, for a given heading and current, the largest over time of
-something linear in v, hence convex in v; at v = 0 it is the drift, than which it is no less at any
-v; so it never falls as v rises. Beside that, hard-over turns are flown at the very speeds at which
-each leg is sailed.
+Land is first padded for the highest speed allowed. If the fastest leg is much slower, the voyage
+is planned again with the narrower padding for its speed: straits open, and paths get shorter. The
+padding for a speed v covers all lower speeds. For a given heading and current, a turn's reach
+towards an edge is the largest value over time of a function linear in v, so it is convex in v. It
+is least at v = 0, where it is the drift; so it never falls as v rises. In addition, hard-over turns
+are simulated at the speed at which each leg is sailed.
 """
 
 import contextlib
@@ -36,23 +36,23 @@ from renew.results.plan import Departed, Departures, Plan, TradeOff
 from renew.voyage.checks import check_current_at_endpoints
 from renew.voyage.voyage import Voyage
 
-# Share of the highest speed below which the padding for it is too wide to be left so.
+# If no leg is faster than this share of the highest speed, narrower padding is tried.
 _MUCH_LOWER = 0.95
-# Rounds in which a route at one speed is looked for, and the share by which its speed may change in
-# the last.
+# Largest number of rounds of the search for a route at one speed, and the relative change of that
+# speed from one round to the next that ends it.
 _ONE_SPEED_ROUNDS, _SAME = 4, 1e-7
 
 _PlannerUpTo: TypeAlias = Callable[[float | None], ClassPlanner]
-"""Gives the planner for speeds up to one (m/s), or up to the highest that the vessel may choose."""
+"""Gives the planner for speeds up to a limit (m/s); None means the highest speed allowed."""
 
 
 def plan_with_speeds(task: Task, departure: float) -> Plan:
     """Plan at a departure (s) with a choice of speeds, around areas that are shut for some hours.
 
-    Where the current does not change, with prices of time. ArrivalError where no route arrives in
-    time even at the highest speed. Speeds are not chosen to pass an area before or after it is
-    shut: a class whose least-fuel route may meet it falls away. Other arrivals would be at it at
-    other times, and there is no trade-off.
+    ArrivalError where no route arrives in time even at the highest speed. Speeds are not changed to
+    pass an area before or after it is shut: a class is rejected if its least-fuel route may enter
+    the area while it is shut. Around such areas a plan has no trade-off between arrival and fuel,
+    since with another arrival the vessel passes them at other times.
     """
     check_speed_choice(task.vessel)
 
@@ -73,11 +73,11 @@ def plan_with_speeds(task: Task, departure: float) -> Plan:
 def departures_with_speeds(
     task: Task, departures: Sequence[float], progress: Progress | None
 ) -> Departures:
-    """Plan each of some departures (s), ascending; refused where none leaves a route.
+    """Plan each of the departures (s), which ascend; an error if none of them has a route.
 
-    The one of least fuel is best: a voyage begun at another time meets another current, and has
-    another time to be there. Nothing is known of departures between them, since what bounds
-    arrivals at one speed (:mod:`renew.planner.departure_window`) does not bound fuel.
+    The best departure is the one of least fuel, as both the current and the time left until the
+    deadline depend on the departure. Nothing is known of departures between those given: the bound
+    on arrivals at one speed (:mod:`renew.planner.departure_window`) is no bound on fuel.
     """
     check_speed_choice(task.vessel)
     plans: list[Plan | PlanningError] = []
@@ -108,7 +108,7 @@ def departures_with_speeds(
 
 
 def _plan_up_to(planner_up_to: _PlannerUpTo) -> Plan:
-    """Plan with speeds up to the highest, by planners for a highest speed (m/s)."""
+    """Plan with a choice of speeds; `planner_up_to` gives a planner for each highest speed."""
     voyage = planner_up_to(None).problem.voyage
     if voyage.waters.current_change > 0 and len(voyage.via):
         raise ParameterError(
@@ -124,7 +124,7 @@ def _plan_up_to(planner_up_to: _PlannerUpTo) -> Plan:
 def _with_one_speed(plan: Plan, planner_up_to: _PlannerUpTo, voyage: Voyage) -> Plan:
     """The plan, or one whose best route is sailed at one speed, where that needs less fuel.
 
-    A vessel that never goes faster can turn in less room.
+    That is possible because land is then padded for that speed only, and not for a higher one.
     """
     path, best = plan.best.path, plan.best
     speed = 0.0
@@ -147,7 +147,7 @@ def _with_one_speed(plan: Plan, planner_up_to: _PlannerUpTo, voyage: Voyage) -> 
 def _plan_and_narrow(
     planner_up_to: _PlannerUpTo, search: Callable[[ClassPlanner], PriceSearch]
 ) -> Plan:
-    """Plan by a search up to the highest speed, and again with padding for the highest one sailed.
+    """Plan with padding for the highest speed allowed, and again with that for the fastest leg.
 
     ArrivalError where no route arrives in time even at the highest speed.
     """
@@ -163,16 +163,16 @@ def _plan_and_narrow(
     try:
         slower = search(planner_up_to(highest)).plan()
     except PlanningError:
-        # Water that only a faster vessel can stem.
+        # On some water only a higher speed can stem the current.
         return plan
     return plan if slower.best.fuel >= plan.best.fuel else _cheaper_of_each_class(plan, slower)
 
 
 def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
-    """The cheaper route of each class of two plans; a longer way may need the higher speeds."""
+    """For each class, its cheaper route in two plans; longer routes may need the higher speeds."""
     by_fuel = sorted([*slower.routes, *plan.routes], key=lambda route: route.fuel)
     cheapest = {route.homotopy: route for route in reversed(by_fuel)}
-    # Proven is what holds for all speeds.
+    # The bound of the first plan holds for all speeds.
     bound = plan.best.fuel_bound
     routes = [
         replace(route, fuel_bound=bound) for route in by_fuel if cheapest[route.homotopy] is route

@@ -36,9 +36,9 @@ class Rejected:
     homotopy : its name.
     reason : why, as a sentence; `located_reason` spells its places in another way.
     channel : (t, 3, 2) metres, its triangles from start to goal.
-    strait : where padding takes a whole gap, if that is the reason.
+    strait : where padding fills a whole gap, if that is the reason.
     cause : the error behind the reason; its places are in metres.
-    overpowered : water on its way that the current shuts for a while, as of a route.
+    overpowered : water on its way that the current shuts for a while.
     fuel_source : `unpadded_fuel`, or what computes it.
     """
 
@@ -52,40 +52,40 @@ class Rejected:
 
     @cached_property
     def unpadded_fuel(self) -> float:
-        """What the class would need with no padding at all; inf if even so it has no path.
+        """Fuel that the class would need without any padding; inf if it has no path even then.
 
-        Computed when first asked for: beside the fuel of the routes it says what the padding of its
-        strait costs.
+        Computed when first asked for. Compared with the fuel of the routes, it shows what the
+        padding of the class's strait costs.
         """
         return self.fuel_source() if callable(self.fuel_source) else self.fuel_source
 
     @property
     def text(self) -> Text:
-        """The reason with the places and moments that it names as values."""
+        """The reason, with its places and moments kept as values that can be spelled."""
         return self.cause.text if self.cause else Text(self.reason)
 
     def located_reason(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
-        """The reason with every place (2,), m, and moment spelled by functions, as in lon/lat."""
+        """The reason, with places (2,), m, and moments spelled by functions, such as in lon/lat."""
         return self.text.spelled(place, moment)
 
     def __reduce__(self) -> tuple[type[Rejected], tuple[object, ...]]:
-        """Pickle the fuel instead of what it is made from: a current may be any function."""
+        """Pickle the fuel, not its source: the current may be a function that can't be pickled."""
         *others, _ = (getattr(self, one.name) for one in fields(self))
         return Rejected, (*others, self.unpadded_fuel)
 
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """Least fuel by arrival, where speeds are chosen: what an hour later saves.
+    """Least fuel for each arrival, where speeds are chosen: it shows what an hour more saves.
 
     Attributes
     ----------
-    arrivals : (n,) s, ascending: from the earliest that the highest speed can make to where time is
-        free, and more of it saves no more.
-    fuels : (n,) fuel units, falling: that of the cheapest of the paths that the plan holds, or of
-        the first few where the current changes, each at its best speeds for that arrival. At
-        arrivals near the planned one another path may be a little cheaper, far from it by more: 5 %
-        have been seen where time is free.
+    arrivals : (n,) s, ascending: from the earliest, at the highest speed, to the one after which a
+        later arrival saves no more fuel.
+    fuels : (n,) fuel units, falling: for each arrival the fuel of the plan's cheapest path, at its
+        best speeds for that arrival. Where the current changes, only the first few paths are tried.
+        Another path may be a little cheaper at arrivals near the planned one, and more so far from
+        it: 5 % has been seen at the last arrival.
     """
 
     arrivals: FloatArray
@@ -99,7 +99,7 @@ class Plan:
     `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
-    areas that a way of less fuel might have met while they are shut.
+    areas that a route of less fuel might have entered while they are shut.
     `trade_off` is there where speeds were chosen.
     """
 
@@ -113,7 +113,7 @@ class Plan:
     @property
     def best(self) -> Route:
         """The route to take."""
-        if not self.routes:  # never from plan(), which raises; a Plan can be built by hand
+        if not self.routes:  # only if built by hand: plan() raises an error instead
             raise UnreachableError("the plan holds no route")
         return self.routes[self.chosen]
 
@@ -139,7 +139,7 @@ class Plan:
 
 
 class Departed(NamedTuple):
-    """What one departure (s) came to: the best route's figures, or the cause why there is none."""
+    """Outcome of one departure (s): figures of the best route, or the error if there is none."""
 
     departure: float
     arrival: float = math.inf
@@ -152,21 +152,21 @@ class Departed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Departures:
-    """The best route of each of some departures, and the best departure.
+    """The best route of each departure that was planned, and the best departure.
 
     Attributes
     ----------
     departures : (n,) s, ascending: those asked for, and those planned between them.
-    arrivals : (n,) s; inf where no class can be sailed. No departure arrives later than a later
-        one, but where padding for its own hours leaves less room.
+    arrivals : (n,) s; inf where no class can be sailed. A departure arrives no later than
+        those after it, unless the padding for its hours leaves it less room.
     fuels : (n,) fuel units; inf where no class can be sailed.
     paths : the paths (m, 2), m; None where no class can be sailed.
     times : when the points of each path are passed (m,), s; None where there is none.
     homotopies : the name of each path's class; empty where there is none.
-    causes : the error for which there is none; None where there is one.
+    causes : the error that says why no class can be sailed; None where one can.
     unproven : time (s) by which a departure between those planned may still beat the best one, to
-        within the error of the paths that were found; inf where the current is as strong as the
-        vessel in places.
+        within the error of the paths that were found; inf where the current reaches the vessel's
+        speed in places.
     plan : all classes at the best departure.
     """
 
@@ -198,7 +198,7 @@ class Departures:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why there is none; empty where there is one."""
+        """Why no class can be sailed, by departure; empty where one can."""
         return tuple("" if cause is None else str(cause) for cause in self.causes)
 
     @property

@@ -54,8 +54,8 @@ def test_a_fault_is_pickled_as_it_is() -> None:
 
 
 def test_many_names_are_listed_in_part() -> None:
-    assert near_miss("zzz", ["b", "a"]) == "there are: a, b"
-    assert near_miss("zzz", ["a" * 300]) == f"there are: {'a' * 300}"
+    assert near_miss("zzz", ["b", "a"]) == "choose from a, b"
+    assert near_miss("zzz", ["a" * 300]) == f"choose from {'a' * 300}"
     said = near_miss("zzz", [f"name-{i:03}" for i in range(100)])
-    assert said.startswith("there are: name-000, name-001, ")
+    assert said.startswith("choose from name-000, name-001, ")
     assert said.endswith("name-023, name-024 and 75 more")

@@ -35,12 +35,12 @@ _Attributes: TypeAlias = dict[str, str]
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
-# How routes are found. What is not known of a route follows in the same attribute, since RTZ has no
+# How routes are found. What is not known of a route is appended to this text, since RTZ has no
 # place for notes on a route.
 _METHOD = "least fuel in the current, sea room for a hard-over turn everywhere"
-# Maximum length of a text, in characters: checkers refuse files of 400 kB.
+# Maximum length of each text, in characters, to keep files small: checkers refuse 400 kB.
 _MAX_TEXT_LENGTH = 4_000
-# Decimals of nautical miles: 2 cm.
+# Decimal places of nautical miles; the last one stands for 2 cm.
 _MILE_DIGITS = 5
 
 
@@ -58,7 +58,7 @@ VERSIONS = {
     "1.1": _Version("http://www.cirm.org/RTZ/1/1"),
     "1.2": _Version("http://www.cirm.org/RTZ/1/2"),
 }
-"""Version number -> its form; these can be written."""
+"""The versions that can be written: number -> what differs."""
 
 
 def write_rtz(
@@ -117,7 +117,7 @@ def write_rtz(
 
 
 def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:
-    """Yield each waypoint, its position, and the leg that leads to it; none to the first."""
+    """Yield each waypoint, its position, and the leg that leads to it (empty for the first)."""
     count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         waypoint = {
@@ -140,7 +140,7 @@ def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _A
 
 
 def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attributes]:
-    """Yield each leg's speed at the waypoint that it leads to, and with a departure the times."""
+    """Yield each waypoint's time, if a departure is given, and the speed of the leg to it."""
     for index, seconds in enumerate(points.time_s):
         values = {"waypointId": str(index + 1)}
         if departure is not None:

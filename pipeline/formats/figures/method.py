@@ -45,9 +45,9 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
 
 
 def channels_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
-    """Draw the channels of triangles of the best classes with their routes, on a map each.
+    """Draw the best classes, one on each map: its channel of triangles, and its route.
 
-    The best class by every passage of the main island is among them.
+    For every passage of the main island, the best class that takes it is among them.
     """
     chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
@@ -97,7 +97,7 @@ def _edges(triangles: FloatArray) -> FloatArray:
 
 
 def _best_of_passages(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
-    """Choose the best route by each passage, then the next best; in order of rank."""
+    """Choose the best route of each passage, fill up with the next best, and sort by rank."""
     passages: dict[str, RankedRoute] = {}
     for ranked in routes:
         passages.setdefault(ranked.metrics.main_passage, ranked)

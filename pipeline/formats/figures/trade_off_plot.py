@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HEIGHT_PT = 150.0
-# Units of time, s, from the longest voyage of which on they are used.
+# Units of time: shortest axis on which it is used, s; length of the unit, s; its name.
 _UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 60.0, "minutes"))
 # Space above and below the curve, as a share of the range of fuel.
 _MARGIN = 0.12

@@ -18,16 +18,16 @@ from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 
-# Decimals of degrees, a centimetre: RFC 7946 asks for no more precision than is needed.
+# Decimals of degrees, to resolve a centimetre: RFC 7946 asks for no more than is needed.
 _DECIMALS = 7
 
 
 def write_geojson(result: RunResult, season: str, path: Path) -> None:
     """Write a season's routes and their waypoints, best first.
 
-    Routes have the geometry and columns of the GeoPackage's layer `routes`: straight lines in
-    degrees are within a metre of the planned line. What crosses 180 degrees is cut there. Each
-    feature's property `feature` is "route" or "waypoint".
+    Routes have the geometry and columns of the GeoPackage's layer `routes`: their pieces, which
+    are straight in degrees, lie within a metre of the planned line. What crosses 180 degrees is cut
+    there. Each feature's property `feature` is "route" or "waypoint".
 
     Raises
     ------
@@ -69,7 +69,7 @@ def _line(points: FloatArray) -> BaseGeometry:
 
 
 def bounding_box(corners: FloatArray) -> list[float]:
-    """West, south, east, north; west is the greater where 180 degrees lie between them."""
+    """West, south, east, north; west is greater than east if the box crosses 180 degrees."""
     (west, south), (east, north) = corners
     if east - west >= 360:
         west, east = -180.0, 180.0

@@ -1,10 +1,10 @@
 """`routes.gpkg`: layers in lon/lat (EPSG:4326), GeoPackage 1.3.
 
-GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Straight lines
-of the plane are split into short pieces first, so that a GIS, which draws straight lines in
-degrees, shows and measures the planned line.
+GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Lines that
+are straight in the planner's plane are split into short pieces first: a GIS, which draws straight
+lines in degrees, then shows and measures the planned line.
 
-The QGIS project inside refers to the file by its name: it may be moved, but not renamed.
+The QGIS project inside refers to the file by its name: the file may be moved, but not renamed.
 """
 
 import sqlite3
@@ -61,7 +61,7 @@ def _add_records(
     """Add everything but the layers: provenance, meanings of columns, styles, the project."""
     records.create(database)
     content = manifest(result, ())
-    del content["outputs"]  # this file is one of them
+    del content["outputs"]  # not complete yet: this file is one of them
     records.put_provenance(database, content)
     for name, names in columns.items():
         records.put_meanings(database, name, names)

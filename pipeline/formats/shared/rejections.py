@@ -1,4 +1,4 @@
-"""Classes without a route as values: kind of reason, places, moments; and the sentence about it."""
+"""Rejected classes for JSON: the reason's kind, places and moments as values, and its sentence."""
 
 import renew
 from pipeline.formats.shared.note_words import note_value
@@ -18,7 +18,7 @@ def rejections(result: RunResult, season: str) -> list[dict[str, object]]:
 
 
 def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict[str, object]:
-    """Describe one of them."""
+    """Describe one rejected class for JSON."""
     return {
         "class": rejected.homotopy,
         "kind": type(rejected.cause).__name__ if rejected.cause else None,
@@ -33,7 +33,7 @@ def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict
 
 
 def _strait(result: RunResult, strait: Strait) -> dict[str, object]:
-    """The gap that padding takes whole: its banks, and what they need, true metres."""
+    """The gap that padding fills: its banks, its width, and both paddings, in true metres."""
     scale = result.scene.projection.scale
     return {
         "banks": [note_value(result.scene.place(bank)) for bank in strait.gap],

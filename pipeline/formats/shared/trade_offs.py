@@ -1,4 +1,4 @@
-"""Fuel against arrival, of a season whose speeds are chosen, and what is chosen, in sentences."""
+"""The trade-off of fuel against arrival in a season with chosen speeds, as values and in words."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,23 +12,23 @@ from pipeline.formats.shared.text import hours, moment_text, percent, speed_over
 from pipeline.model import RouteMetrics, SpeedChoice
 from pipeline.model.notes import Note
 
-# Share of the time under way by which an arrival is earlier or later, to say what that is worth.
+# Share of the time under way that is added or taken off to say what time is worth.
 _MORE_OR_LESS = 0.1
-# An arrival within this share of the time counts as in time; a difference in fuel below this share
-# is not mentioned.
+# Smallest difference between two arrivals that counts, as a share of the time under way; smallest
+# difference in fuel that is mentioned, as a share of the fuel.
 _IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """Least fuel by arrival, and the arrival that is chosen; seconds are true ones under way.
+    """Least fuel for each arrival, and the chosen one; times are seconds under way at true scale.
 
     Attributes
     ----------
     season : the season's name.
     departure, arrive_by : times of departure and of the latest allowed arrival, UTC.
     choice : the speeds that may be chosen.
-    durations_s : (n,) ascending, from the least that the highest speed can make.
+    durations_s : (n,) ascending; the first is the shortest, at the highest speed.
     fuels : (n,) falling, in the planner's units.
     duration_s, fuel : of the best route.
     slowest, fastest : its lowest and highest speed through water, m/s.
@@ -46,7 +46,7 @@ class TradeOff:
     fastest: float
 
     def fuel_after(self, duration_s: float) -> float:
-        """Least fuel to be there in a time; NaN where it is too short."""
+        """Least fuel to reach the goal within a duration, s; NaN if that is too short."""
         return float(np.interp(duration_s, self.durations_s, self.fuels, left=np.nan))
 
     def moment(self, duration_s: float) -> datetime:
@@ -62,7 +62,7 @@ def trade_off(result: RunResult, season: str) -> TradeOff | None:
     if choice is None or not ranked or plan is None or plan.trade_off is None or departure is None:
         return None
     route, metrics = ranked[0].route, ranked[0].metrics
-    # The planner's seconds, which begin at the departure, as true ones.
+    # True seconds for each second of the planner; durations are counted from the departure.
     stretch = metrics.duration_s / route.duration
     begin = departure.astimezone(UTC)
     return TradeOff(
@@ -97,10 +97,10 @@ def trade_off_text(found: TradeOff) -> tuple[str, ...]:
     there = f"by {moment_text(found.arrive_by)}"
     if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
         there = (
-            f"at {moment_text(found.moment(found.duration_s))}, before it has to be, "
+            f"at {moment_text(found.moment(found.duration_s))}, before the deadline of "
             f"{moment_text(found.arrive_by)}"
         )
-    return (f"{how} the vessel there {there}, with the least fuel.", *_worth(found))
+    return (f"{how} the vessel to the goal {there}, with the least fuel.", *_worth(found))
 
 
 def speed_notes(result: RunResult) -> tuple[Note, ...]:
@@ -131,15 +131,15 @@ def _worth(found: TradeOff) -> Iterator[str]:
         )
     if last > (1 + _IN_TIME) * found.duration_s:
         yield (
-            f"More time saves fuel until {moment_text(found.moment(last))}: to arrive then takes "
-            f"{percent(1 - found.fuels[-1] / found.fuel)} less."
+            f"More time saves fuel until {moment_text(found.moment(last))}: an arrival then takes "
+            f"{percent(1 - found.fuels[-1] / found.fuel)} less fuel."
         )
 
 
 def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
-    """Speed at which a way is sailed in still water, m/s.
+    """Speed at which a route would be sailed in still water, m/s.
 
-    Where speeds are chosen, it is the mean speed over ground of the way as planned, kept within the
+    Where speeds are chosen, this is the planned route's mean speed over ground, limited to the
     speeds that may be chosen.
     """
     choice = result.scene.speeds.get(metrics.season)
@@ -149,7 +149,7 @@ def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
 
 
 def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
-    """Fuel a planner's metre of a way in still water."""
+    """Fuel per metre of the planner's plane that a route would take in still water."""
     vessel = result.scene.vessel
     speed = still_speed_m_s(result, metrics)
     return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))

@@ -1,4 +1,4 @@
-"""`history.parquet`: one row per case and cycle; every cycle holds it, with its own rows added."""
+"""`history.parquet`: one row per case and cycle; each cycle copies it and adds its own rows."""
 
 from collections.abc import Callable
 from datetime import datetime

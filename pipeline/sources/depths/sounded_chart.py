@@ -24,19 +24,19 @@ from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.polygons import box_around
 from pipeline.sources.quality.field import LandMask
 
-# Size above which a file enters a key by its name, size and time of change, bytes: the whole of
-# GEBCO has 7 GB, which take half a minute to read.
+# Size in bytes above which a file is identified by its name, size and time of change, not by its
+# content: reading the whole of GEBCO, 7 GB, takes half a minute.
 _MAX_HASHED_BYTES = 500 << 20
 # Number of places along each side of the region at which heights are compared with the chart's
-# land, least number of them in water, and the share of these that may lie above the sea.
+# land; least number of places in water; largest share of those that may lie above the sea.
 _PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
-# Share of the region without depths above which a note says so.
+# A note is given if more than this share of the region has no depths.
 _MIN_NOTED_SHARE = 0.005
 
 
 @dataclass(frozen=True)
 class SoundedChart:
-    """Land of any source, with depths from a file; `safety_depth_m` is draught and clearance."""
+    """Land of any source, with depths from a file; `safety_depth_m` is draught plus clearance."""
 
     chart: LandSource
     file: DepthFile
@@ -56,8 +56,8 @@ class SoundedChart:
         Raises
         ------
         RequestError
-            What the land's source raises; or the file covers nothing of the region, is damaged, or
-            can't be what it says.
+            The source of the land raises it; or the file covers nothing of the region, is damaged,
+            or puts most of the water above the sea.
         """
         land = self.chart.land(region)
         heights = self.file.heights(box_around(region).bounds)
@@ -89,7 +89,7 @@ class SoundedChart:
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
     def _notes(self, heights: Heights, region: Polygon) -> Iterator[Note]:
-        """Yield what is no-go by the depths, and how much of the region they don't cover."""
+        """Yield a note on what is no-go by depth, and one if part of the region has no depths."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
         depth_m = self.safety_depth_m
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
@@ -114,10 +114,10 @@ class SoundedChart:
         if dry > _MAX_DRY_SHARE:
             sign = "up" if self.file.sign > 0 else "down"
             fault = (
-                f"chart.depths: by {name_of(self.file.path)} {dry:.0%} of the region's water lies "
-                f"above the sea: {self.file.variable}, read as positive {sign}, may be positive "
-                f"{'down' if self.file.sign > 0 else 'up'}, or of another place; set its attribute "
-                "'positive', or its standard name"
+                f"chart.depths: by {name_of(self.file.path)}, {dry:.0%} of the region's water lies "
+                f"above the sea: {self.file.variable} is read as positive {sign}, but may be "
+                f"positive {'down' if self.file.sign > 0 else 'up'}, or belong to another place; "
+                "set its attribute 'positive', or its standard name"
             )
             raise RequestError([fault])
 
@@ -138,7 +138,7 @@ def _cell_m(heights: Heights) -> float:
 
 
 def _covered_share(heights: Heights, region: Polygon) -> float:
-    """Return the share of a region's places at which there is a figure."""
+    """Return the share of a region's places at which the depth is known."""
     west, south, east, north = region.bounds
     steps = (np.arange(200) + 0.5) / 200
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))

@@ -1,7 +1,7 @@
 """Finds where routes cross land of a second shoreline: there the shorelines disagree.
 
-The second one, GSHHG, is older and coarser in places. A route that crosses its land is not wrong
-for that, but it is a reason to look at an official chart.
+The second one, GSHHG, is older and coarser in places. A route that crosses its land may be right,
+but the crossing is a reason to look at an official chart.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Questions to a Dask scheduler that may never answer; which of its workers can plan."""
+"""Asks a Dask scheduler, which may never answer, for its workers, and which of them can plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ValueT = TypeVar("ValueT")
-# Time within which all workers must have answered, s: they import what plans first.
+# Time limit for the answers of all workers, s: before it answers, a worker imports the planner.
 _ANSWER_S = 60.0
 _OTHER_VERSION = "another version of RENEW or of its libraries; install the same on all machines"
 
@@ -28,7 +28,7 @@ _OTHER_VERSION = "another version of RENEW or of its libraries; install the same
 def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
     """Ask a scheduler for its workers, without a client, which would try to connect for long.
 
-    Any exception means that there is none that answers in time.
+    Any exception means that no scheduler answered in time.
     """
     from distributed import rpc
     from distributed.security import Security
@@ -47,7 +47,7 @@ def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
 
 
 def within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
-    """Call a function that may never return: in a thread that is left behind past the limit."""
+    """Call a function that may never return, in a thread that is abandoned after the time limit."""
     outcome: concurrent.futures.Future[ValueT] = concurrent.futures.Future()
 
     def call() -> None:
@@ -62,7 +62,7 @@ def within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Keep the library from writing its own log lines and warnings between this program's."""
+    """Silence Dask's log lines and warnings, so that they don't mix with those of this program."""
     import distributed
 
     del distributed  # sets the levels of its loggers when it is imported
@@ -94,14 +94,14 @@ def refuse_other_version(identity: str) -> None:
     Raises
     ------
     StageError
-        This worker's code or libraries are others.
+        This worker's code or libraries differ from those of the job.
     """
     if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
 
 
 def worker_fault(identity: str, path: str) -> str:
-    """Say why this worker can't plan for a job with an identity; empty if it can."""
+    """Say why this worker can't plan for a job of this code identity; empty if it can."""
     if own_identity() != identity:
         return f"runs {_OTHER_VERSION}"
     if not Path(path).is_file():

@@ -96,7 +96,7 @@ def test_a_check_that_hangs_is_given_up() -> None:
 
 @pytest.mark.parametrize(
     ("moment", "words"),
-    [(0.0, "before this program was installed"), (5e9, "which can't be")],
+    [(0.0, "before this program was installed"), (5e9, "which can't be right")],
 )
 def test_a_clock_that_cannot_be_right_is_a_fault(
     monkeypatch: pytest.MonkeyPatch, moment: float, words: str
@@ -173,7 +173,7 @@ def test_a_cache_of_the_compiler_that_cannot_be_read_is_a_warning(
     monkeypatch.setattr("renew._compiled.load_failures", lambda: tuple(damaged))
     found = check_machine.compiler_cache()
     assert found.state == "warning"
-    assert found.detail == "/cache/a.nbc: is damaged, and 2 more like it; it counts as not there"
+    assert found.detail == "/cache/a.nbc: is damaged, and 2 more like it; it is treated as missing"
     assert "remove it" in found.remedy
 
 

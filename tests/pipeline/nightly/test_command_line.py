@@ -49,7 +49,7 @@ def faults(result: Result) -> list[str]:
         ),
         (
             'scenario = "single-gyre"\nevery = 2',
-            "night.toml, line 4: unknown key cases[0].every: there are: currents, departures, ",
+            "night.toml, line 4: unknown key cases[0].every: choose from currents, departures, ",
         ),
         (
             'scenario = "single-gyre"\ndepartures = { first = "06:00Z", every = "0h" }',

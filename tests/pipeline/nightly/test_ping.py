@@ -91,6 +91,6 @@ def test_what_is_no_address_is_refused_and_not_repeated(url: str) -> None:
     with pytest.raises(RequestError) as refused:
         check_url(url)
     assert str(refused.value) == (
-        "--ping is no address that can be asked: give that of the check, as in https://HOST/ID, "
+        "--ping is not a usable address: give the address of the check, as in https://HOST/ID, "
         "without a user name"
     )

@@ -17,9 +17,9 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 
-# Minimum number of steps along a chart's longer side, at most ten times exceeded: 1 m on 700 km.
+# Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5
-# Number of steps in a series' range: a fifth digit is never shown.
+# Number of steps in a series' range; more are not needed, as a fifth digit is never shown.
 _SERIES_STEPS = 50_000
 
 
@@ -106,7 +106,7 @@ def coarser(
         west, south, east, north = shapely.bounds(areas).T
         visible = np.maximum(east - west, north - south) >= tolerance
         areas = np.where(visible, shapely.simplify(areas, tolerance), shapely.Polygon())
-        # Each round visits all vertices: fewer rounds if there are many.
+        # A round visits all vertices: a larger factor takes fewer rounds where they are many.
         tolerance *= 4 if excess > 8 else 2
     return areas
 

@@ -1,4 +1,4 @@
-"""A small picture of the way on a season's card: land, the best route, and its rival dashed."""
+"""Small map on a season's card: land, the best route, and the route compared with it, dashed."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from pipeline._types import FloatArray
 from pipeline.formats.report.live_map.encode import coarser, within
 from pipeline.formats.shared.result import RankedRoute, RunResult
 
-# Longer side, in units of the picture, and size of its details, as a share of that side.
+# Longer side of the picture, in its units, and size of the smallest details, as a share of it.
 _SIDE, _DETAIL = 100.0, 0.006
 _MAX_VERTICES = 900
 # Ratio of the sides beyond which a chart is cropped around its routes.
@@ -18,9 +18,9 @@ _MAX_RATIO = 1.6
 
 
 def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Markup:
-    """An `<svg>` element; its colours are the page's, the first of the routes is in the season's.
+    """An `<svg>` element in the page's colours; the first route is in the season's colour.
 
-    `label` says what it shows, escaped here.
+    `label` says what the picture shows, and is escaped here.
     """
     frame = _frame(result, shown)
     xmin, ymin, xmax, ymax = frame
@@ -49,7 +49,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Ma
     start, goal = placed(result.scene.start), placed(result.scene.goal)
     width, height = scale * (xmax - xmin), scale * (ymax - ymin)
     classes = ("way", "rival")
-    return Markup(  # noqa: S704 - our own
+    return Markup(  # noqa: S704 - numbers, and the label escaped
         f'<svg class="thumbnail" viewBox="0 0 {width:.1f} {height:.1f}" role="img" '
         f'aria-label="{escape(label)}"><path class="sea" d="{water}"/><path class="shore" '
         f'd="{coast}"/>'
@@ -63,7 +63,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Ma
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
-    """The chart's bounds; a side that is much the longer is cropped where no route needs it."""
+    """The chart's bounds; if one side is much longer, it is cropped to what the routes need."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])

@@ -96,7 +96,7 @@ def test_the_sentences_say_how_fast_and_what_time_is_worth(
 ) -> None:
     how, worth, earliest, latest = trade_off_text(found)
     assert how.startswith(f"Speeds through water of {found.slowest:.2f}–{found.fastest:.2f} m/s")
-    assert "among 0.8–3 m/s, bring the vessel there by 2026-11-22 08:00 UTC" in how
+    assert "among 0.8–3 m/s, bring the vessel to the goal by 2026-11-22 08:00 UTC" in how
     more = found.fuel_after(1.1 * found.duration_s)
     assert f"10.0 min more would save {100 * (1 - more / found.fuel):.1f} %" in worth
     assert "10.0 min less would take" in worth
@@ -111,7 +111,7 @@ def test_the_sentences_say_how_fast_and_what_time_is_worth(
     assert trade_off_svg(one_speed, identity="a", label="b") == ""
     early = replace(found, arrive_by=found.arrive_by + timedelta(days=1))
     early = replace(early, choice=replace(found.choice, within_s=found.choice.within_s + 86_400.0))
-    assert "before it has to be, 2026-11-23 08:00 UTC" in trade_off_text(early)[0]
+    assert "before the deadline of 2026-11-23 08:00 UTC" in trade_off_text(early)[0]
 
 
 def test_the_plot_marks_the_chosen_arrival(found: TradeOff) -> None:
