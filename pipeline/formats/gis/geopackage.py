@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.formats.gis import records
-from pipeline.formats.gis.layer_file import check_count, opened, system_errors, write_layer
+from pipeline.formats.gis.layer_file import check_count, dated, opened, system_errors, write_layer
 from pipeline.formats.gis.layers.all_layers import LAYERS
 from pipeline.formats.gis.qgis import project
 from pipeline.formats.gis.qgis.styles import qml
@@ -33,7 +33,7 @@ def write_geopackage(result: RunResult, path: Path) -> None:
         The file can't be written, or is incomplete afterwards.
     """
     counts, columns = {}, {}
-    with system_errors(path):
+    with system_errors(path), dated(result.created):
         for layer in LAYERS:
             frame = layer.frame(result)
             counts[layer.name] = len(frame)

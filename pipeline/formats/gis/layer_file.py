@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from datetime import datetime
 from pathlib import Path
 
 from pipeline.formats.gis.layers.frames import GeoDataFrame
@@ -42,6 +43,18 @@ def write_layer(
             "FID": "fid",
         },
     )
+
+
+@contextmanager
+def dated(moment: datetime) -> Iterator[None]:
+    """Date the layers that the block writes, so that the same run is the same file."""
+    from pyogrio import set_gdal_config_options
+
+    set_gdal_config_options({"OGR_CURRENT_DATE": moment.strftime("%Y-%m-%dT%H:%M:%S.000Z")})
+    try:
+        yield
+    finally:
+        set_gdal_config_options({"OGR_CURRENT_DATE": None})
 
 
 @contextmanager

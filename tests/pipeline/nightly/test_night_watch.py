@@ -87,6 +87,6 @@ def test_an_address_that_is_none_is_refused_before_anything_is_done(tmp_path: Pa
     plane_night(tmp_path, pairs=2)
     result = renew(tmp_path, "ftp://host/secret")
     assert result.exit_code == 2
-    assert "--ping is no address" in result.stderr
+    assert "--ping is not a usable address" in result.stderr
     assert "secret" not in result.stderr
     assert not (tmp_path / "out").exists()
