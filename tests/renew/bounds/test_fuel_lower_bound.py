@@ -17,6 +17,7 @@ from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.bounds.growth_rate import projected_rate
+from renew.bounds.wet_cells import wet_cells
 from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
@@ -53,7 +54,7 @@ def test_cells_are_wet_that_meet_water(seed: int, count: int) -> None:
     west, south = np.meshgrid(x[:-1] + sliver, y[:-1] + sliver)
     east, north = np.meshgrid(x[1:] - sliver, y[1:] - sliver)
     expected = shapely.intersects(shapely.box(west, south, east, north), chart.open_water)
-    assert np.array_equal(bounds._wet(chart, x, y), expected)
+    assert np.array_equal(wet_cells(chart, x, y), expected)
 
 
 def test_a_bound_that_is_enough_is_made_no_better() -> None:

@@ -14,6 +14,7 @@ import renew
 from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.travel_time import TravelGrid, locate, solve, source
+from renew.bounds.wet_cells import wet_cells
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS
@@ -37,7 +38,7 @@ def grid_over(
         bounds._sampled(current, x, y),
         0.0,
         np.zeros((nodes - 1, nodes - 1)),
-        bounds._wet(chart, x, y),
+        wet_cells(chart, x, y),
         Polar(1.0, crab),
     )
 
