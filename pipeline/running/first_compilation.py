@@ -1,4 +1,4 @@
-"""What a first plan calls, compiled in two processes while the first run fetches its data."""
+"""Compiles the kernels of a first plan in two processes, while the first run fetches its data."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _COMPILE = "from renew.warming import rehearse_half; rehearse_half({half})"
 
 @contextlib.contextmanager
 def first_compilation() -> Iterator[Callable[[], None]]:
-    """Begin to compile where nothing is compiled yet; give what waits for the end of it.
+    """Start to compile if nothing is compiled yet; yields a function that waits until it is done.
 
-    A process that fails or is killed costs time alone: what it leaves out is compiled when it is
-    called. One core would have no less to do, and what can't be kept is of no use to others.
+    If one of the processes fails or is killed, kernels that it did not compile are compiled when
+    they are called. With a single core, or without a lasting cache, no process is started.
     """
     processes = [_compiling(half) for half in range(2)] if _pays() else []
     try:

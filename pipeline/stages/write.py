@@ -113,7 +113,7 @@ def _seldom_collecting() -> Iterator[None]:
 
 
 def load_libraries() -> None:
-    """Import what files are written with: a second that another core has while plans are made."""
+    """Import the libraries that write files, which takes a second: call it while plans are made."""
     for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "geopandas"):
         importlib.import_module(name)
 

@@ -95,7 +95,7 @@ def k_best_paths(
     """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
     `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
-    None takes `dearest` times as long as the best.
+    Those that take more than `dearest` times as long as the best are left out.
     The search gives up after `max_steps`.
     """
     graph = task.graph

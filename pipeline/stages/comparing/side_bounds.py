@@ -77,7 +77,7 @@ def _bound(
             choice=_choice(scene, plan),
         )
         enough, proven = plan.ranked_routes[0].fuel, 0.0
-        # Where speeds are chosen as the current changes it is not the grid that makes it loose.
+        # With chosen speeds in a changing current the bound is loose on any grid.
         is_loose = voyage.has_price and not voyage.current.is_steady
         for cells in _CELLS[: 1 if is_loose else None]:
             proven = max(proven, fuel_lower_bound(voyage, cells, enough))
