@@ -1,6 +1,6 @@
-"""Fourth stage: complete a scenario that leaves the offing, or when to leave, to the program.
+"""Fourth stage: choose the offing and the departures that a scenario leaves open.
 
-Its region is chosen before the first stage, by `pipeline.stages.choosing.region_search`.
+`pipeline.stages.choosing.region_search` chooses an open region before the first stage.
 """
 
 from dataclasses import replace
@@ -12,12 +12,12 @@ from pipeline.stages.choosing.offing import Offing
 
 
 def choose(given: Chosen, store: Store, say: Say) -> Chosen:
-    """Return a scenario that leaves nothing out, with its scene; report what was chosen.
+    """Return a complete scenario with its scene, and report each choice through `say`.
 
     Raises
     ------
     RequestError
-        No season is left: an arrival can't be made.
+        No season is left, because no departure arrives in time.
     """
     chosen = choose_departures(_with_offing(given, store), store, say)
     for note in chosen.notes[len(given.notes) :]:
@@ -26,7 +26,7 @@ def choose(given: Chosen, store: Store, say: Say) -> Chosen:
 
 
 def _with_offing(given: Chosen, store: Store) -> Chosen:
-    """Complete the planner's options by a clearance where it is left out."""
+    """Set the planner's clearance to the chosen offing if the scenario does not give one."""
     scenario, scene = given.scenario, given.scene
     if scenario.planner.clearance is not None or scenario.is_planar:
         return given

@@ -1,4 +1,4 @@
-"""Sixth stage: compares the routes of all seasons, and names their ways."""
+"""Sixth stage: compare the routes of all seasons, and name the way that each takes."""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -28,9 +28,9 @@ def compare(
     store: Store,
     say: Say,
 ) -> Made[RunResult]:
-    """Name each route's way, bound the other sides, and find the straits that are shut.
+    """Name each route's way, bound the fuel of other ways, and find the straits that are closed.
 
-    The result has the notes on choices, data, land and routes.
+    Returns the result with its notes on choices, data, land and routes.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
@@ -67,7 +67,7 @@ def compare(
 
 
 def _notes(result: RunResult) -> tuple[Note, ...]:
-    """Return the notes on the routes for a reader."""
+    """Return the notes on the routes, on speeds and on unknowns."""
     return (
         *speed_notes(result),
         *safety_notes(result),
@@ -80,7 +80,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def safety_notes(result: RunResult) -> tuple[Note, ...]:
-    """Name the seasons on whose best route the vessel cannot turn away everywhere, and where."""
+    """Note each season on whose best route a hard-over turn meets no-go, with the first place."""
     return tuple(
         Note.of(
             "not-safe-everywhere",
@@ -96,6 +96,6 @@ def safety_notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def _first_place(result: RunResult, season: str) -> Place:
-    """The first place of a season's best route from which a turn met land."""
+    """Return the first place on a season's best route from which a hard-over turn met no-go."""
     turns = result.evaluation.contingency[season, 1]
     return result.scene.place(np.asarray(turns.points)[np.asarray(turns.collided)][0])

@@ -1,7 +1,8 @@
-"""First stage: land and currents from the sources, with their credits.
+"""First stage: fetch land and currents from their sources, with credits.
 
-Each part is an artefact of its own. A season takes the first of its sources that is available,
-covers the region and returns data; the sources passed over for it, and why, stay with its current.
+The land and each season's current are separate artefacts. A season uses its first source that is
+available, covers the region and returns data. Its current keeps the names of the earlier sources
+and the reasons why they were not used.
 """
 
 import math
@@ -25,14 +26,14 @@ from pipeline.stages.comparing.overpowering_current import overpowering_notes
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones
 
-# Longest voyage in changing currents if no limit is given: this many times the duration straight
-# through still water, plus a day, as the tide may turn against a short voyage.
+# Default limit of a voyage in changing currents: this multiple of the time along the straight line
+# in still water, plus a day, because the tide may turn against a short voyage.
 _LONGEST_WAY, _DAY_HOURS = 3.0, 24.0
 
 
 @dataclass(frozen=True, slots=True)
 class FetchedParts:
-    """The fetched data, the store's key of each part, and why a season has no current."""
+    """The fetched data and their keys in the store; `failures`: season → why it has no current."""
 
     fetched: Fetched
     land_key: str
@@ -48,14 +49,15 @@ class FetchedParts:
 def fetch(
     scenario: Scenario, store: Store, *, offline: bool = False, strict: bool = False
 ) -> FetchedParts:
-    """Fetch land and every season's current; `strict` allows only each season's first choice.
+    """Fetch land and every season's current; if `strict`, only from each season's first source.
 
     Raises
     ------
     RequestError
         No season has a source that is available and covers the region.
     StageError
-        Sources were asked, and none returned data; or one that is no first choice, where strict.
+        Sources were tried and none returned data; or, if `strict`, a season would use another
+        source than its first.
     """
     parts = _plane_parts(scenario) if scenario.region is None else _parts(scenario, store, offline)
     if strict:
@@ -64,7 +66,7 @@ def fetch(
 
 
 def _refuse_stand_ins(parts: FetchedParts) -> None:
-    """Refuse to plan on other currents than those that the scenario asks for first."""
+    """Raise StageError if a season would use another source than the first that it names."""
     faults = [
         f"{season_text(grid.season)} would be {note_text(grid.stand_in_notes[0])}, which is not "
         "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
@@ -77,7 +79,7 @@ def _refuse_stand_ins(parts: FetchedParts) -> None:
 
 
 def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # noqa: FBT001
-    """Fetch the parts of a scenario with a chart."""
+    """Fetch the land and currents of a scenario with a region."""
     if scenario.region is None:
         raise ValueError("the region is chosen before")
     land = land_source(scenario.chart, scenario.vessel.draught_m)
@@ -118,7 +120,7 @@ def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # 
 
 
 def with_max_hours(season: Season, scenario: Scenario) -> Season:
-    """Return a season of changing currents with the longest voyage that is planned for."""
+    """Set `max_hours` to its default if the season's currents change and it has no limit."""
     if not season.is_changing or season.max_hours is not None:
         return season
     import pyproj
@@ -132,9 +134,9 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
 
 @dataclass(frozen=True, slots=True)
 class SeasonCurrent:
-    """A season's current and its key in the store, or none; and the sources passed over.
+    """A season's current with its key in the store, or None; and the sources that were not used.
 
-    `was_asked` says that a source was asked and failed, which is not the request's fault.
+    `was_asked`: a source was tried and failed, so the request is not at fault.
     """
 
     grid: CurrentGrid | None
@@ -159,12 +161,12 @@ class Fetcher:
 
     @cached_property
     def land(self) -> Land:
-        """Land near the region; fetched when first needed, as it takes seconds."""
+        """Land near the region; fetched at the first use, because fetching takes seconds."""
         return self._stored_land(self.land_source)
 
     @cached_property
     def dry_land(self) -> Land:
-        """Land above water only: a chart's no-go also holds shoals and uncharted water."""
+        """Land above water only; a chart's no-go areas also include shoals and uncharted water."""
         return self._stored_land(Overlay((OsmLand(),)))
 
     def _stored_land(self, source: LandSource) -> Land:
@@ -174,17 +176,17 @@ class Fetcher:
 
     @cached_property
     def _outline(self) -> str:
-        """The region as text that identifies it exactly."""
+        """The region's outline as WKT, a part of the artefacts' keys."""
         return str(self.region.shape.wkt)
 
     def current(self, season: Season) -> SeasonCurrent:
-        """Fetch the season's current from the first of its sources that has it."""
+        """Fetch the season's current from its first source that returns data."""
         passed_over: list[PassedOver] = []
         was_asked = False
         for named in season.currents:
             source, name = current_source(named), named if isinstance(named, str) else str(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
-            # What was fetched before needs neither account nor network.
+            # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
             if grid is None and (refusal := self._refusal(source, named, season)):
                 passed_over.append(PassedOver(name, refusal))
@@ -198,13 +200,13 @@ class Fetcher:
                     passed_over.append(PassedOver(name, "; ".join(str(error).splitlines())))
                     continue
                 self.store.save("current", key, grid)
-            # Not part of the artefact: another run may have a preferred source again.
+            # Not stored: in another run a preferred source may be available again.
             grid = replace(grid, passed_over=tuple(passed_over))
             return SeasonCurrent(grid, key, grid.passed_over, was_asked)
         return SeasonCurrent(None, "", tuple(passed_over), was_asked)
 
     def _refusal(self, source: CurrentSource, named: str | tuple[str, ...], season: Season) -> str:
-        """Say why a source can't be asked; empty when it can."""
+        """Return why a source can't be used, or "" if it can."""
         shape, folder = self.region.shape, self.store.root / DOWNLOADS
         uncovered = source.uncovered_reason(shape, season)
         if uncovered or not source.needs_network(shape, season, folder):
@@ -215,7 +217,7 @@ class Fetcher:
 
 
 def _plane_parts(scenario: Scenario) -> FetchedParts:
-    """Parts of a plane scenario, whose land and currents are numbers in the scenario itself."""
+    """Build the parts of a plane scenario, which contains its land and currents as numbers."""
     figures = scenario.model_dump(mode="json", include={"plane", "scale"})
     keys = {
         season.name: artefact_key("current", season.model_dump(mode="json"), figures)

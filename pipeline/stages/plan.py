@@ -1,4 +1,4 @@
-"""Fifth stage: every season's plan and evaluation, as independent tasks."""
+"""Fifth stage: plan and evaluate every season, each in an independent task."""
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ from pipeline.stages.workers.local_cluster import cores
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """The plans of all seasons, in the scenario's order, and what was measured of their routes."""
+    """The plans of all seasons, in the scenario's order, and the measurements of their routes."""
 
     plans: tuple[SeasonPlan, ...]
     evaluation: Evaluation
@@ -37,7 +37,7 @@ def plan_seasons(
     limit_s: float | None = None,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> Made[Planned]:
-    """Plan each season and evaluate its routes; each succeeds or fails by itself.
+    """Plan each season and evaluate its routes; a season that fails does not stop the others.
 
     Parameters
     ----------
@@ -46,16 +46,16 @@ def plan_seasons(
     land
         The simplified land.
     on_season
-        Called when a season ends that was not in the store.
+        Called at the end of each season whose result was not in the store.
     scheduler, limit_s
-        Where the tasks are run, and how long each may take; see `run_tasks`.
+        Where the tasks run, see `run_tasks`, and the time limit of each, s.
     meanwhile
-        Called in a thread of its own while plans are made, if any are.
+        Called in a separate thread during planning, unless the store has all results.
 
     Raises
     ------
     PipelineError
-        No season has a plan: NoWayError where a wider region might have a way.
+        No season has a plan; NoWayError if a wider region might have a way.
     """
     tasks = list(_tasks(chosen, land, store, limit_s))
     done = {task.season: result for task in tasks if (result := task.result()) is not None}
@@ -101,7 +101,7 @@ def _tasks(
     scenario, parts = chosen.scenario, chosen.parts
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
     for season, current_key in parts.current_keys.items():
-        # Without the scene's key, which depends on the other seasons' currents too.
+        # The scene's key is not used: it depends on the other seasons' currents, too.
         plan_key = artefact_key(
             "plan",
             land.key,
@@ -125,7 +125,7 @@ def _tasks(
 
 
 def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
-    """Say why seasons failed; those that failed for the same reason share a line."""
+    """Return one line for each reason of failure, with the seasons that failed for it."""
     seasons: dict[str, list[str]] = {}
     for plan in plans:
         seasons.setdefault(plan.failure, []).append(plan.season)
@@ -142,11 +142,11 @@ def run_tasks(
     tasks
         Independent of each other.
     scheduler
-        Address of a Dask scheduler. Without it, the one in DASK_SCHEDULER_ADDRESS; without that,
-        threads of this process: a plan takes seconds, and a new process as long to import. Tasks
-        with a limit run in processes, which can be killed.
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
+        threads of this process, because a new process would take as long to import as a plan
+        takes. Tasks with a time limit run in processes, because a process can be killed.
     on_status
-        Called in this thread.
+        Called in the caller's thread.
     """
     if not tasks:
         return
@@ -162,13 +162,13 @@ def run_tasks(
 
         run_in_processes(tasks, cores(), on_status)
     else:
-        # A single one, too: an exception raised by a signal in the main thread must not meet
-        # compiled code, whose caller in C does not expect it.
+        # Even a single task: a signal handler may raise in the main thread, and compiled code,
+        # called from C, can't handle an exception.
         _run_in_threads(tasks, on_status)
 
 
 def _run_in_threads(tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
-    """Run tasks in threads of this process. None of them raises, so that none stops the others."""
+    """Run tasks in threads of this process; a failure is returned as a status, not raised."""
     pool = ThreadPoolExecutor(min(len(tasks), cores()))
     try:
         runs = [
@@ -177,4 +177,4 @@ def _run_in_threads(tasks: Sequence[SeasonTask], on_status: Callable[[Status], N
         for run in as_completed(runs):
             on_status(run.result())
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # a signal waits for no plan
+        pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once

@@ -1,7 +1,8 @@
 """Third stage: project everything into the planner's plane, in metres divided by the scale.
 
-Speeds are not scaled. Current vectors are rotated by the meridian convergence; gaps in a current
-are filled from the water around them, as a value for land would be wrong for the water beside it.
+Speeds are not scaled. Current vectors are rotated by the meridian convergence. Gaps in a current,
+such as land, are filled from the water around them: a zero there would distort interpolated values
+near the coast.
 """
 
 import itertools
@@ -27,15 +28,15 @@ from pipeline.stages.projecting.endpoints import check_endpoints
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
 
-# Maximum sag of the region's edges as a share of its diagonal: they are straight in degrees but
-# curved in the plane. An edge is halved only until it sags less, and at most
-# _MAX_HALVINGS times, as each corner becomes a vertex of the triangulation.
+# Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
+# is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
+# times, because each corner becomes a vertex of the triangulation.
 _MAX_SAG = 2e-3
 _MAX_HALVINGS = 3
 # Nodes of the planner's current per cell of the source, along each axis; see `planar_current`.
 _NODES_PER_CELL = 2
-# Nodes are spaced as if no cell were narrower than its height divided by this: near a pole cells
-# become too narrow to follow.
+# Node spacing is limited as if no cell were narrower than its height divided by this number,
+# because cells become too narrow near a pole.
 _MAX_ASPECT = 4
 
 
@@ -46,12 +47,12 @@ def projected(
     land: Made[SimplifiedLand],
     store: Store,
 ) -> Made[Scene]:
-    """Build the planner's input, or find it in the store; keys of the currents are by season.
+    """Build the planner's input, or load it from the store; `current_keys` is keyed by season.
 
     Raises
     ------
     RequestError
-        As `project`; or the no-go zone leaves no water.
+        For the reasons of `project`, or the no-go zone leaves no water.
     """
 
     def make() -> Scene:
@@ -65,7 +66,7 @@ def projected(
 
 
 def scene_inputs(scenario: Scenario) -> dict[str, object]:
-    """Return the parts of the scenario, other than chart and currents, that a scene uses."""
+    """Return the scenario's values that a scene depends on, except chart, currents and speeds."""
     names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
     inputs = scenario.model_dump(mode="json", include=names)
     if not scenario.avoid:
@@ -80,7 +81,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     Raises
     ------
     RequestError
-        Start or goal on land, or in different bodies of water; all such faults at once.
+        Start or goal is on land, or they lie in different bodies of water; all faults are listed.
     renew.GeometryError
         The no-go zone leaves no water.
     """
@@ -98,7 +99,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
             charted.second_shore,
         )
     )
-    # Polygons that are valid in degrees may be invalid in the plane, where a union may then fail.
+    # Polygons that are valid in degrees may be invalid in the plane; a union of them may fail.
     land, second_shore = (extract_polygons(repaired(one)[0]) for one in (land, second_shore))
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
@@ -123,7 +124,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
 
 
 def extent_polygon(region: Polygon, projection: Projection) -> Polygon:
-    """Project a region; its edges are divided only where they would sag too much."""
+    """Project a region, and divide the edges that would sag too much."""
     corners = shapely.get_coordinates(region.exterior)
     planar = projection.to_plane(corners)
     allowed = _MAX_SAG * float(np.hypot(*(planar.max(axis=0) - planar.min(axis=0))))
@@ -137,7 +138,7 @@ def extent_polygon(region: Polygon, projection: Projection) -> Polygon:
 
 
 def _between(begin: FloatArray, end: FloatArray, parts: int) -> FloatArray:
-    """Return points (parts + 1, 2), evenly spaced from begin to end."""
+    """Return evenly spaced points (parts + 1, 2) from begin to end."""
     return begin + np.linspace(0, 1, parts + 1)[:, None] * (end - begin)
 
 
@@ -152,9 +153,9 @@ def planar_current(
 ) -> renew.GriddedCurrent | renew.VaryingCurrent:
     """Resample a lon/lat current to a planar grid over bounds (xmin, ymin, xmax, ymax), metres.
 
-    If the current changes, its times are seconds since departure. Vectors (m/s) are rotated to the
-    plane's axes. Nodes are half a cell of the source apart: the current then varies within a
-    triangle as much as in the source's cells there, to within 10 % on real fields.
+    Times of a changing current are seconds since departure. Vectors (m/s) are rotated to the
+    plane's axes. The node spacing is half a cell of the source, so that the variation of the
+    current within a triangle equals that of the source to within 10 % on real fields.
     """
     xmin, ymin, xmax, ymax = bounds
     step = _cell_m(grid) / _NODES_PER_CELL / projection.scale
@@ -170,10 +171,10 @@ def planar_current(
 
 
 def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
-    """East and north velocity (..., 2), m/s, at lon/lat (..., 2), by bilinear interpolation.
+    """Interpolate east and north velocity (..., 2), m/s, bilinearly at lon/lat (..., 2).
 
-    `step` is the index of one of the grid's times. Gaps are filled first; beyond the grid the
-    values at its edge are held constant.
+    `step` is the index of one of the grid's times. Gaps are filled first. Points beyond the grid
+    get the value at its nearest edge.
     """
     from scipy.interpolate import RegularGridInterpolator
 
@@ -183,7 +184,7 @@ def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray
 
 
 def _cell_m(grid: CurrentGrid) -> float:
-    """Return the shorter side of a source's cell, in true metres."""
+    """Return the shorter side of a source's cell in true metres, limited by _MAX_ASPECT."""
     up = float(np.diff(grid.lat).min())
     across = float(np.diff(grid.lon).min() * np.cos(np.radians(grid.lat.mean())))
     return max(min(up, across), up / _MAX_ASPECT) * METRES_PER_DEGREE
@@ -192,7 +193,7 @@ def _cell_m(grid: CurrentGrid) -> float:
 def fill_gaps(field: FloatArray) -> FloatArray:
     """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
 
-    A filled cell is the mean of those of its eight neighbours that are known; values stay as given.
+    A filled cell is the mean of its known neighbours, of eight. Known values stay unchanged.
     """
     field = np.array(field, dtype=float)
     known = np.isfinite(field).all(axis=-1)

@@ -1,14 +1,14 @@
-"""Second stage: the hard no-go zone, which covers all land, and land within the land for bounds.
+"""Second stage: simplify the land to an outer cover, the hard no-go zone, and to inner polygons.
 
-In true metres, in the plane that is centred on the region:
+The steps, in true metres in the plane that is centred on the region:
 
-1. land is projected, repaired, and clipped to the region and a little beyond;
-2. it is covered, with its margin, by polygons of fewer vertices
-   (:mod:`pipeline.geo.coast.covering_land`): nothing is joined but what overlaps then;
-3. starts and goals stay in water, and connected (:mod:`pipeline.geo.coast.open_water`);
-4. the same is done inwards, without a margin: no route that stays off the land can be better than
-   one that need only stay off this;
-5. the results are checked: valid, all of the land covered, nothing inside that is not land.
+1. Project and repair the land, and clip it to the region and a little beyond.
+2. Cover it and its margin with polygons of fewer vertices
+   (:mod:`pipeline.geo.coast.covering_land`); only covers that overlap are joined.
+3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.coast.open_water`).
+4. Simplify the land inwards, without a margin. A route that avoids only this inner land gives a
+   lower bound on the cost of every route that avoids the land.
+5. Check that the results are valid, the cover contains all land, and inner land is all land.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar
 
-# Maximum length of an edge when it is projected, m: what is straight in degrees is curved in the
-# plane, by 1.3 m for 5 km at 70 degrees of latitude.
+# Longer edges are divided before projection, m. An edge that is straight in degrees is curved in
+# the plane: an edge of 5 km at 70 degrees of latitude deviates by 1.3 m.
 _MAX_EDGE_M = 5_000.0
-# How far land extends beyond the region's edge, as a share of its diagonal: more than the edge can
-# move when another stage divides a curved edge into straight ones.
+# Extent of land beyond the region's edge, as a share of the region's diagonal: more than the edge
+# can move when the next stage approximates a curved edge by straight ones.
 _OVERLAP = 3e-3
-# Added to the margin, as a share of the region's diagonal (1 m to 1,000 km), and taken from inner
-# land: rounding coordinates on the way to degrees and back must not uncover land.
+# Share of the region's diagonal (1 m per 1,000 km) by which the cover is widened and inner land is
+# narrowed, so that rounding of coordinates, to degrees and back, does not uncover land.
 _ROUNDING = 1e-6
 # The tolerance as shares of the turning radius and of the region's diagonal; see
 # `chosen_tolerance_m`.
 _OF_RADIUS = 1 / 8
 _OF_DIAGONAL = 5e-5
-# Area that may seem uncovered by rounding where two polygons share an edge, m².
+# Uncovered area that is ascribed to rounding where two polygons share an edge, m².
 _UNCOVERED_M2 = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class SimplifiedLand:
-    """The stage's result, and notes on it: a margin raised, a passage opened."""
+    """The stage's result, with notes on a raised margin or an opened passage."""
 
     simplified: Simplified
     notes: tuple[Note, ...]
@@ -65,7 +65,7 @@ class SimplifiedLand:
 def simplify(
     scenario: Scenario, land: Made[Land], store: Store, ends: Sequence[Point] = ()
 ) -> Made[SimplifiedLand]:
-    """Simplify the land of a scenario's chart; `ends` are kept in water beside its own stops."""
+    """Simplify the chart's land; the scenario's stops and the points `ends` stay in water."""
     region, chart, fastest = scenario.region, scenario.chart, scenario.fastest_vessel
     names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
     figures = scenario.model_dump(mode="json", include=names)
@@ -99,7 +99,7 @@ def simplify_land(
     endpoints: Sequence[tuple[float, float]] = (),
     projection: Projection | None = None,
 ) -> SimplifiedLand:
-    """Cover land by disjoint, valid polygons of fewer vertices, and fill it by others.
+    """Simplify land to disjoint, valid polygons that cover it, and to others that lie inside it.
 
     Parameters
     ----------
@@ -108,15 +108,15 @@ def simplify_land(
     region
         Lon/lat degrees. Land that meets its edge extends a little beyond it in the result.
     margin_m, accuracy_m
-        Margin asked for, and how far the coast may be off (true metres): the larger one is added.
+        The margin asked for and the coast's position error (true metres); the larger is applied.
     tolerance_m
-        How far the simplified coast may be from the land with its margin (true metres); left out,
-        `chosen_tolerance_m`.
+        Largest distance of the simplified coast from the land with its margin (true metres);
+        default: `chosen_tolerance_m`.
     turning_radius_m
         The vessel's turning radius (true metres), for the choice of the tolerance.
     endpoints
-        Start and goal (lon, lat) of each voyage in turn: they stay in water, and connected, where
-        the land leaves them so.
+        Start, goal (lon, lat) of each leg in turn. They stay in water, and connected, if they are
+        so on the original land.
     projection
         The planner's plane, in which edges will be straight; by default the region's own.
 
@@ -157,22 +157,21 @@ def simplify_land(
 
 
 def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: float) -> float:
-    """Choose the tolerance: the largest that costs nothing that matters, as vertices cost time.
+    """Choose the largest tolerance that hardly affects routes, because vertices cost time.
 
-    It is the largest of three lengths (true metres). Below the chart's accuracy the coast is not
-    known. A vessel can't follow bends of the coast much tighter than its turning radius: an eighth
-    of that. And a tolerance of 0.05 per mille of the region's diagonal makes a route longer by some
-    0.01 %, as a route turns by one to two radians in all round the capes that it passes.
+    It is the largest of three lengths (true metres): the chart's accuracy, below which the coast is
+    not known; an eighth of the turning radius, because the vessel can't follow much tighter bends;
+    and 0.05 per mille of the region's diagonal. The last makes a route longer by about 0.01 %,
+    because a route turns by one to two radians in total round the capes that it passes.
     """
     return max(accuracy_m, _OF_RADIUS * turning_radius_m, _OF_DIAGONAL * diagonal_m)
 
 
 @dataclass(frozen=True, slots=True)
 class _Area:
-    """The region in the plane, and what follows from its size.
+    """The region and the endpoints (n, 2) in the plane.
 
-    `stretch` is the plane's largest point scale (at least 1), `endpoints` (n, 2) are start and
-    goal.
+    `stretch` is the plane's largest point scale in the region (at least 1).
     """
 
     extent: Polygon
@@ -196,12 +195,12 @@ class _Area:
         )
 
     def within(self, polygons: Geometries) -> Geometries:
-        """Return those polygons of which a part lies in the extent."""
+        """Return the polygons that intersect the extent."""
         return np.asarray(polygons[shapely.intersects(self.extent, polygons)])
 
 
 def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[Note, ...]]:
-    """Return the margin, never below the accuracy, and a note where that is more than asked."""
+    """Return the larger of margin and accuracy, and a note if it is more than was asked for."""
     if margin_m is None or margin_m >= accuracy_m:
         return margin_m or accuracy_m, ()
     return accuracy_m, (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
@@ -214,10 +213,10 @@ def check(
     endpoints: FloatArray,
     plane: Projection,
 ) -> None:
-    """Raise StageError unless all is valid, and inner land < land < outer land, by area.
+    """Raise StageError unless all polygons are valid, and inner land ⊂ land ⊂ outer land.
 
-    All are planar; endpoints (n, 2) on outer land are a fault but for those on land. The message
-    has places in lon/lat.
+    All inputs are planar. An endpoint (n, 2) on outer land is a fault unless it is on land itself.
+    The message names places in lon/lat.
     """
     faults = []
     for name, polygons in (("outer", outer), ("inner", inner)):
@@ -251,14 +250,14 @@ def check(
 
 
 def _place(area: BaseGeometry, plane: Projection) -> str:
-    """Name a place in an area of the plane."""
+    """Return the position of a point inside an area of the plane, as text in lon/lat."""
     lon, lat = plane.to_lonlat(shapely.get_coordinates(shapely.point_on_surface(area))[0])
     return f"at {position_text(lon, lat)}"
 
 
 def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
-    """Return the parts (n,) of areas beyond those of a cover, where areas overlap once for each."""
-    # Nearly all areas lie in one polygon of the cover, which is quick to see.
+    """Return each area minus the cover (n,), without areas that one cover polygon contains."""
+    # Nearly every area lies in one polygon of the cover; this test is quick.
     covered = shapely.STRtree(areas).query(cover, predicate="covers")[1]
     left = np.delete(areas, np.unique(covered))
     tree = shapely.STRtree(cover)
@@ -271,8 +270,8 @@ def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
 
 def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon) -> Geometries:
     """Project and repair the land, and clip it to the window."""
-    # Repaired before long edges are divided, which alone would drop half of a figure of eight, and
-    # again after.
+    # Repair before long edges are divided, because dividing alone would drop half of a figure of
+    # eight, and again afterwards.
     degrees = _repaired(np.array(polygons, dtype=object))
     planar = shapely.get_parts(_repaired(plane.geometry_to_plane(degrees, _MAX_EDGE_M)))
     shapely.prepare(window)
@@ -285,7 +284,7 @@ def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon
 
 
 def _repaired(polygons: Geometries) -> Geometries:
-    """Make invalid polygons valid; one may become several."""
+    """Make invalid polygons valid; one may become a multipolygon."""
     invalid = ~shapely.is_valid(polygons)
     repaired = polygons.copy()
     repaired[invalid] = shapely.make_valid(
@@ -295,13 +294,13 @@ def _repaired(polygons: Geometries) -> Geometries:
 
 
 def _count_vertices(polygons: Geometries) -> int:
-    """Count the vertices of polygons; the last point of a ring is its first."""
+    """Count the vertices of polygons; a ring's last point, equal to its first, is not counted."""
     rings = shapely.get_num_interior_rings(polygons).sum() + len(polygons)
     return int(shapely.get_num_coordinates(polygons).sum() - rings)
 
 
 def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tuple[Note, ...]:
-    """Say where start and goal are connected by less water than the margin leaves."""
+    """Return a note if start and goal are connected only by a passage narrower than the margin."""
     if cover.narrowest is None:
         return ()
     place = Place(*plane.to_lonlat(cover.narrowest).tolist())

@@ -1,6 +1,6 @@
-"""Last stage: all files of a run appear together, or the earlier ones stay unchanged.
+"""Last stage: write all files of a run, or leave the earlier files unchanged.
 
-Everything is written to a folder of its own, which then takes the place of the earlier one whole
+The files are written to a temporary folder, which then replaces the earlier one in a single step
 (:mod:`pipeline.machine.storage.result_folder`).
 """
 
@@ -26,13 +26,12 @@ from pipeline.scenario.season import Season
 Format = Callable[[RunResult, Path], None]
 
 MANIFEST = "manifest.json"
-# Maximum length of a file name that is made of a text, in characters.
+# Maximum length of a file name that is derived from a text, in characters.
 _MAX_NAME = 80
 # Names that Windows reserves for devices.
 _DEVICES = r"con|prn|aux|nul|com\d|lpt\d"
-# Number of new objects after which Python looks for unreachable ones while files are written. By
-# default it is 700, which takes a tenth of the time: figures are made of hundreds of thousands, all
-# of them in use.
+# Number of new objects after which Python collects garbage while files are written. The default of
+# 700 takes a tenth of the time, because figures have hundreds of thousands of objects in use.
 _COLLECT_AFTER = 50_000
 _ELSEWHERE = "or choose another folder with --output"
 _REMEDIES = {
@@ -54,8 +53,8 @@ def write(
 ) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is created if needed.
 
-    Files that the manifest of an earlier run names and this run does not write are removed: nobody
-    should sail a route that is no longer planned.
+    A file that is in an earlier run's manifest and is not written by this run is removed, so that
+    nobody sails an outdated route.
 
     Parameters
     ----------
@@ -74,8 +73,7 @@ def write(
     Raises
     ------
     StageError
-        The files can't be written; the message names the folder and the remedy. Earlier files
-        are unchanged.
+        The files can't be written; earlier files are unchanged. The message has the remedy.
     """
     from pipeline.formats.tables.manifest import write_manifest
 
@@ -103,7 +101,7 @@ def write(
 
 @contextmanager
 def _seldom_collecting() -> Iterator[None]:
-    """Look for unreachable objects seldom for a while."""
+    """Collect garbage less often inside the `with` block."""
     usual = gc.get_threshold()
     gc.set_threshold(_COLLECT_AFTER, *usual[1:])
     try:
@@ -113,21 +111,21 @@ def _seldom_collecting() -> Iterator[None]:
 
 
 def load_libraries() -> None:
-    """Import the libraries that write files, which takes a second: call it while plans are made."""
+    """Import the libraries that write files; it takes a second, so call it during planning."""
     for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "geopandas"):
         importlib.import_module(name)
 
 
 def output_directory(root: Path, name: str) -> Path:
-    """Return the folder, directly below `root`, for the files of the scenario called `name`."""
+    """Return the folder in `root` for the files of the scenario called `name`."""
     return root / safe_name(name)
 
 
 def safe_name(name: str) -> str:
-    """Turn any text into a file name that every system accepts, different for different texts.
+    """Return a file name that every system accepts; different texts give different names.
 
-    Letters and digits of any script, `.`, `_` and `-` stay. A text that had to be changed, or that
-    Windows reserves for a device, gets a short hash. At most 80 characters and 240 bytes.
+    Letters and digits of any script, `.`, `_` and `-` stay. If the text had to be changed, or is a
+    device name in Windows, the name gets a short hash. It has at most 240 bytes.
     """
     normal = unicodedata.normalize("NFC", name)
     plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_MAX_NAME]
@@ -142,7 +140,7 @@ def safe_name(name: str) -> str:
 
 
 def formats_of(result: RunResult) -> dict[str, Format]:
-    """Return a run's files by name, and the function that writes each."""
+    """Return the function that writes each file of a run, keyed by file name."""
     from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.paper.passage_plan import write_passage_plan
@@ -181,19 +179,19 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
 
 def _currents(grid: CurrentGrid) -> Format:
-    """Return what writes a season's current."""
+    """Return the function that writes a season's current."""
     from pipeline.formats.tables.netcdf import write_currents
 
     return lambda result, path: write_currents(result, grid.season, path)
 
 
 def season_stem(scenario: str, season: str) -> str:
-    """Return what the names of a season's files begin with, so that each tells where it is from."""
+    """Return the beginning of the names of a season's files: scenario and season."""
     return safe_name(f"{scenario}-{season}")
 
 
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
-    """Return the files of a season that has routes, for navigation devices."""
+    """Return the files of one season for navigation devices, with the function that writes each."""
     from pipeline.formats.exchange.gpx import write_gpx
     from pipeline.formats.exchange.kml import write_kml
     from pipeline.formats.exchange.missions import write_mission, write_plan
@@ -236,10 +234,10 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
 
 
 def _check_target(directory: Path, names: Sequence[str]) -> None:
-    """Refuse a target that can't be replaced: no folder, folders in it, a GeoPackage in use.
+    """Raise if the target can't be replaced: it is a file, has a folder as output, or is in use.
 
-    QGIS writes its changes to a journal beside the file until it closes it; SQLite would apply them
-    to the new file.
+    QGIS writes changes of an open GeoPackage to a journal beside it; SQLite would apply this
+    journal to the new file.
     """
     if directory.exists() and not directory.is_dir():
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(directory))
@@ -256,7 +254,7 @@ def _check_target(directory: Path, names: Sequence[str]) -> None:
 
 
 def _earlier_results(directory: Path) -> set[str]:
-    """Return the names of an earlier run's files, by its manifest."""
+    """Return the names of an earlier run's files according to its manifest."""
     try:
         named = json.loads((directory / MANIFEST).read_bytes())["outputs"]
     except (OSError, ValueError, KeyError, TypeError):

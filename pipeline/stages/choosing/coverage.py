@@ -1,4 +1,4 @@
-"""The area that a voyage's currents cover: the region must lie inside it."""
+"""The area that a voyage's currents cover; the region must lie inside it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.registry import current_source
 from pipeline.stages.choosing.region_choice import Voyage
 
-# Room around the stops that every region has, degrees (100 m).
+# Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0
@@ -23,9 +23,9 @@ _MAX_LATITUDE = 89.0
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Bounds that the currents of all seasons cover, and the name of the source on each side.
+    """Bounds that the currents of all seasons cover, and the source that limits each side.
 
-    The names are in the order of the bounds: west, south, east, north; "" where the world ends.
+    The order is west, south, east, north. A source is "" if only the world's edge limits that side.
     """
 
     bounds: Bounds
@@ -33,14 +33,15 @@ class Coverage:
 
 
 def least_region(*stops: Point) -> shapely.Polygon:
-    """Return the line from stop to stop with a little room around; every region contains it."""
+    """Return the line through all stops with a small margin; every region contains it."""
     return shapely.LineString(stops).buffer(_AROUND_DEG)
 
 
 def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
-    """Find seasons without a source that covers the period, and the region or else the stops.
+    """Yield a message on the seasons that no source covers in time and space.
 
-    Whatever asks for a plan asks this first: the sources are not known where a file is loaded.
+    The area is the region or, without one, the stops. Each caller that plans calls this first,
+    because loading a scenario file does not check the sources.
     """
     if scenario.is_planar:
         return
@@ -57,13 +58,7 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
 
 
 def require_covered(scenario: Scenario) -> None:
-    """Refuse a scenario with a season that no source covers.
-
-    Raises
-    ------
-    RequestError
-        One line for each reason, with its seasons.
-    """
+    """Raise RequestError if no source covers a season, with a line for each reason."""
     if faults := list(uncovered_seasons(scenario)):
         raise RequestError(faults)
 
@@ -71,15 +66,15 @@ def require_covered(scenario: Scenario) -> None:
 def covered_by_currents(
     seasons: Sequence[Season], voyage: Voyage, folder: Path, *, offline: bool
 ) -> Coverage:
-    """Return what the first usable source of every season covers.
+    """Return the area that the first usable source of every season covers.
 
-    A season without a source that can be used, or that covers start and goal, does not count here:
-    it fails by itself. `folder` is where downloads are cached.
+    A usable source is available and covers start and goal. A season without one is ignored here
+    and fails later. Downloads are cached in `folder`.
 
     Raises
     ------
     RequestError
-        No season has such a source; one line for each says why.
+        No season has a usable source; the message has a line for each reason.
     """
     middle = (voyage.start[0] + voyage.goal[0]) / 2
     world = (max(middle - 180, -180), -_MAX_LATITUDE, min(middle + 180, 360), _MAX_LATITUDE)
@@ -105,7 +100,7 @@ def covered_by_currents(
 def _of_season(
     season: Season, world: Bounds, voyage: Voyage, folder: Path, *, offline: bool
 ) -> tuple[Coverage | None, str]:
-    """Return what the first usable source of a season covers, or why there is none."""
+    """Return the coverage of a season's first usable source, or None and why there is none."""
     ends = least_region(voyage.start, voyage.goal)
     reasons = []
     for named in season.currents:
@@ -124,7 +119,7 @@ def _of_season(
 
 
 def _intersection(one: Coverage, other: Coverage) -> Coverage:
-    """Return the intersection of two coverages, both of which hold start and goal."""
+    """Return the intersection of two coverages that both contain start and goal."""
     bounds = common_bounds(one.bounds, other.bounds)
     if bounds is None:
         raise RequestError(["the seasons' currents have no water in common; plan each by itself"])

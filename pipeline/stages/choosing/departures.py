@@ -1,7 +1,7 @@
-"""When each season's vessel leaves: the best of its departures, or the latest that arrives in time.
+"""Choose each season's departure: the best of several, or the latest that arrives in time.
 
-What is chosen becomes the season's departure, and the clock of its current begins then; all later
-stages plan it as if it had been given.
+The chosen departure is set in the scenario, and the times of the season's current are counted from
+it. Later stages treat it as a given departure.
 """
 
 from collections.abc import Callable
@@ -28,13 +28,13 @@ from pipeline.stages.projecting.avoided_areas import later
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
 
-# Number of plans between two notes on how far the choice is.
+# Number of plans between two progress notes.
 _TOLD_EVERY = 5
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A scenario that leaves nothing out, its data and scene; what was chosen, and notes on it."""
+    """A complete scenario with its data and scene; the chosen departures, and notes on choices."""
 
     scenario: Scenario
     parts: FetchedParts
@@ -44,12 +44,12 @@ class Chosen:
 
 
 def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
-    """Choose the departure of every season that leaves it open; the new scene is stored, too.
+    """Choose the departure of every season that leaves it open, and store the new scene.
 
     Raises
     ------
     RequestError
-        No season is left: an arrival can't be made.
+        No season is left, because no departure arrives in time.
     """
     departed, scenario, scene = given, given.scenario, given.scene
     for season in scenario.seasons:
@@ -78,19 +78,19 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
         raise RequestError(
             [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
         )
-    if departed.scene.key != scene.key:  # where tasks find it
+    if departed.scene.key != scene.key:  # tasks load it from the store
         store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
     return departed
 
 
 def _in_thread(work: Callable[[], DepartureChoice]) -> DepartureChoice:
-    """Work in a thread: an exception raised by a signal must not meet compiled code."""
+    """Call `work` in a thread: a signal handler must not raise inside compiled code."""
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(work).result()
 
 
 def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
-    """Plan a season's departures."""
+    """Plan a season's departures, and choose the best or the latest that arrives in time."""
     asked: dict[str, Any] = {
         "options": plan_options(options, min_lateness=MIN_LATENESS_S),
         **scene.itinerary(season.name),
@@ -105,7 +105,7 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
     times = season.departures.seconds
     say(Note.of("departures-asked", count=len(times)))
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
-    # All classes at the best one are planned later, at the full second.
+    # The plan stage plans all classes at the best departure, rounded to the second.
     found = renew.plan_departures(
         *given,
         times,
@@ -133,7 +133,7 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
 
 
 def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:
-    """The choice of the latest departure that arrives in time: that of the route."""
+    """Return the departure of a route that arrives just in time, as the season's choice."""
     begin = float(route.times[0])
     return DepartureChoice(
         season=season.name,
@@ -149,7 +149,7 @@ def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureCho
 
 
 def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
-    """Say now and then how many of the departures asked for, or beyond them, are planned."""
+    """Report progress after every few plans: of the departures asked for, then of those added."""
     if count % _TOLD_EVERY:
         return
     if count < asked:
@@ -159,9 +159,9 @@ def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
 
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
-    """Let a season depart when it was chosen to."""
+    """Set a season's chosen departure, and count the times of its current and areas from it."""
     name, parts, scene = choice.season, departed.parts, departed.scene.value
-    # Times are written to the second, and so it is planned.
+    # Output files have times in whole seconds, so the plan starts at a whole second, too.
     shift = float(round(choice.chosen_s))
     chosen = choice.first + timedelta(seconds=shift)
     scenario = departed.scenario.departing(name, chosen)
@@ -202,7 +202,7 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
 
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:
-    """Leave out a season that has no departure, with the reason."""
+    """Move a season that has no departure from the currents to the failures, with the reason."""
     parts = departed.parts
     keys = {name: key for name, key in parts.current_keys.items() if name != season}
     failures = {**parts.failures, season: reason}

@@ -1,13 +1,13 @@
-"""The distance that a route keeps off land where nobody asks for another: an offing.
+"""The offing: the distance that a route keeps off land if the scenario gives no clearance.
 
-A mariner leaves room for what the chart does not know, for the time until somebody acts, and for
-the turn that follows: the chart's accuracy, the way sailed in two minutes, and the diameter of the
-turning circle or the vessel's length, whichever is larger. For a vessel of 7 m at 9.7 knots on the
-land of OpenStreetMap that is 0.4 nautical miles, for a ship of 200 m at 15 knots 0.9.
+It is the sum of three lengths: the chart's accuracy; the distance sailed in two minutes, until
+somebody acts; and, for the turn that follows, the larger of the turning circle's diameter and the
+vessel's length. With land of OpenStreetMap the offing is 0.4 nautical miles for a vessel of 7 m at
+9.7 knots, and 0.9 for a ship of 200 m at 15 knots.
 
 On a short voyage, as inside a harbour or among skerries, it is at most a two-hundredth of the
-distance between start and goal; and where it would leave no way at all, it is halved until there is
-one. It is a minimum: the padding for hard-over turns in the current may be wider.
+distance between start and goal. If no way is that wide, the offing is halved until one is. The
+padding for hard-over turns in the current may be wider than the offing.
 """
 
 from __future__ import annotations
@@ -26,21 +26,22 @@ from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.vessel import VesselSpec
 
-# Time until a danger is noticed and the helm is over, s: our choice, as no rule gives one.
+# Time until a danger is noticed and the helm is over, s; an assumption, as no rule gives a value.
 _REACTION_S = 120.0
 # Largest offing as a share of the distance between start and goal.
 _DISTANCE_SHARE = 1 / 200
-# Number of times that an offing is halved before none is kept.
+# Number of times that an offing is halved before it is set to zero.
 _HALVINGS = 5
-# Distance of start and goal from the open water, in offings: they may lie in a harbour.
+# Largest distance of start and goal from open water, in offings: they may lie in a harbour.
 _HARBOUR = 3.0
-# Segments per quarter circle of the buffers: corners a little short of the offing do no harm here.
+# Segments per quarter circle of the buffers; such round corners are slightly too narrow, which does
+# no harm here.
 _QUADRANT_SEGMENTS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Offing:
-    """The offing that was chosen, true metres; the wanted one may have been too wide a berth."""
+    """The chosen offing and the wanted one, true metres; the wanted one may leave no way."""
 
     metres: float
     wanted_m: float
@@ -56,7 +57,7 @@ class Offing:
             passable_offing(scene.chart, start, goal, wanted_m / scale)
             for start, goal in pairwise(scene.stops)
         )
-        # In whole metres, but for the smallest charts.
+        # Rounded down to whole metres, except on the smallest charts.
         metres = planar * scale
         return cls(float(math.floor(metres)) if metres > 1 else metres, wanted_m, scale)
 
@@ -67,7 +68,7 @@ class Offing:
 
     @property
     def note(self) -> Note:
-        """What a reader should know of it."""
+        """The note on the chosen offing for the report."""
         return Note.of("offing-chosen", offing_m=self.metres, wanted_m=self.wanted_m)
 
 
@@ -81,9 +82,9 @@ def wanted_offing_m(vessel: VesselSpec, accuracy_m: float, distance_m: float) ->
 def passable_offing(
     chart: renew.Chart, start: FloatArray, goal: FloatArray, wanted: float
 ) -> float:
-    """Halve an offing until a way is left from start to goal; 0 where none is (planar metres).
+    """Halve an offing until a way is left from start to goal (planar metres); 0 if none is left.
 
-    The way may begin and end within some offings of start and goal, where harbours are.
+    The way may begin and end a few offings from start and goal, which may lie in harbours.
     """
     land = np.array(chart.no_go, dtype=object)
     for halvings in range(_HALVINGS + 1):

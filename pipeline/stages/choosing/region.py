@@ -1,4 +1,4 @@
-"""The region of a scenario without one: chosen before the first plan, widened after a plan."""
+"""Choose a region for a scenario that has none, before the first plan, and widen it after plans."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,24 +19,24 @@ from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import Voyage, choose_region
 
-# Distance between start and goal below which the mask of 500 m is too coarse, m: the chart's own
-# polygons are used.
+# Distance between start and goal, m, below which the chart's polygons are used instead of the land
+# mask, whose cells of 500 m are too coarse there.
 _FINE_M = 50_000.0
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""
 
-# Distance from the edge at which a route counts as near, and by which the region grows, as shares
-# of the margin that was left around start, goal and the ways between.
+# Distance from the edge below which a route is near it, and growth of the region, as shares of the
+# region's margin around start, goal and the ways between.
 _NEAR, _GROWTH = 0.3, 2.0
-# Growth where no way joins start and goal, as a share of their distance.
+# Growth of a region without a way from start to goal, as a share of their distance.
 _OPENING = 0.5
-# Least growth that is worth another plan, as a share of the growth wanted.
+# Smallest growth that justifies another plan, as a share of the wanted growth.
 _LEAST_GAIN = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRegion:
-    """A region in degrees, what limits it, and what a reader should know about it."""
+    """Bounds of a region in degrees, the coverage that limits them, and notes for the report."""
 
     bounds: Bounds
     coverage: Coverage
@@ -54,7 +54,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     Raises
     ------
     RequestError
-        No source of currents that can be used covers start and goal.
+        No usable source of currents covers start and goal.
     """
     parts = [Voyage.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS
@@ -87,9 +87,9 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:
-    """Widen a region where one of the best routes, (n, 2) in degrees, comes near its edge.
+    """Widen a region on the sides that a best route, (n, 2) in degrees, comes near.
 
-    None where no route does, or nothing is gained; then `edge_notes` says what limits it.
+    Returns None if no route comes near a side, or the currents end there; see `edge_notes`.
     """
     near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
     bounds = grown(chosen.bounds, near, chosen.voyage.margin_m, chosen.coverage.bounds)
@@ -101,7 +101,7 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
 
 
 def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
-    """Widen a region in which no way joins start and goal; None where it ends with its currents."""
+    """Widen a region without a way from start to goal; None if its currents reach no further."""
     bounds = opened(chosen.bounds, chosen.voyage.distance_m, chosen.coverage.bounds)
     if bounds == chosen.bounds:
         return None
@@ -110,14 +110,14 @@ def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
 
 
 def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[Note, ...]:
-    """Say where a best route is near an edge beyond which there are no currents."""
+    """Return a note if a best route comes near an edge at which the currents end."""
     near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
     ends = _ends_of_currents(chosen, near)
     return (Note.of("route-near-edge", ends=ends),) if ends else ()
 
 
 def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> tuple[Note, ...]:
-    """Note for each source on which of some sides the region ends at the edge of its currents."""
+    """Return a note for each source whose coverage limits the region on some of these sides."""
     limits, sources = chosen.coverage.bounds, chosen.coverage.sources
     ending: dict[str, list[str]] = {}
     for side in sides:
@@ -130,7 +130,7 @@ def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> tuple[Note,
 
 
 def sides_near(bounds: Bounds, paths: Sequence[FloatArray], margin_m: float) -> list[int]:
-    """Return the sides of bounds that paths (n, 2), degrees, come near: 0 to 3, as in SIDES."""
+    """Return the indices in SIDES of the sides that paths (n, 2), degrees, come near."""
     if not paths:
         return []
     lon, lat = np.concatenate(paths).T
@@ -146,23 +146,23 @@ def sides_near(bounds: Bounds, paths: Sequence[FloatArray], margin_m: float) -> 
 
 
 def grown(bounds: Bounds, sides: Sequence[int], margin_m: float, limits: Bounds) -> Bounds:
-    """Move some sides of bounds outward by a multiple of the margin, as far as limits allow.
+    """Move the given sides outward by twice the margin, at most to the limits.
 
-    Bounds that would gain hardly anything stay as they are.
+    Bounds that would hardly change are returned unchanged.
     """
     return _moved(bounds, sides, _GROWTH * margin_m, limits)
 
 
 def opened(bounds: Bounds, distance_m: float, limits: Bounds) -> Bounds:
-    """Move all sides of bounds outward by a share of a voyage's distance, as far as limits allow.
+    """Move all sides outward by half the distance of the voyage, at most to the limits.
 
-    Bounds that would gain hardly anything stay as they are.
+    Bounds that would hardly change are returned unchanged.
     """
     return _moved(bounds, range(len(SIDES)), _OPENING * distance_m, limits)
 
 
 def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
-    """Move some sides of bounds outward, as far as limits allow and unless they gain too little."""
+    """Move the given sides outward, at most to the limits, unless they would hardly change."""
     up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))

@@ -1,8 +1,8 @@
-"""The region of a voyage: start and goal, the ways round what lies between, and room around.
+"""Choose the region of a voyage: it contains start, goal and the ways between, with a margin.
 
-The ways are shortest ones on a coarse grid: the best, and for each larger island that the direct
-line meets the best on either side. Currents are not known yet; where the best route comes near the
-region's edge, :mod:`pipeline.stages.choosing.region` widens it.
+The ways are found on a coarse grid: the shortest, and the shortest on either side of each larger
+island on the direct line. Currents are not known yet: if a best route comes near the region's edge,
+:mod:`pipeline.stages.choosing.region` widens the region.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from pipeline.stages.choosing.water_grid import WaterGrid, Way
 
 LonLat = tuple[float, float]
 
-# Room around endpoints, ways and islands, as a share of the distance between start and goal, and at
-# least, m: more than the share within which a route counts as near the edge.
+# Margin around endpoints, ways and islands: a share of the distance between start and goal, and its
+# minimum, m.
 MARGIN_SHARE = 0.1
 _MIN_MARGIN_M = 2_000.0
-# How far from start and goal ways are looked for at first, as a share of their distance, and at
-# least, m. Each further search looks this many times as far.
+# Distance from the direct line up to which the first search looks for ways: a share of the distance
+# between start and goal, and its minimum, m. The number of searches, and the factor by which each
+# further search reaches further.
 _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
-# A way round an island is a choice up to this length, in lengths of the shortest way.
+# A longer way round an island is ignored; in lengths of the shortest way.
 _LONGEST_WAY = 2.5
-# Number of islands on the direct line whose both sides are looked for, the largest first: at 0.1 s
-# for each side. Smaller ones lie inside the region anyway, or nearly.
+# Number of the largest islands on the direct line for which ways on both sides are searched, at
+# 0.1 s each. Smaller islands lie almost completely inside the region anyway.
 _MAX_ISLANDS = 5
-# Points of the direct line.
+# Number of points on the direct line.
 _DIRECT_POINTS = 1000
 # Latitude beyond which a region does not reach, degrees: the pole itself has no longitude.
 _MAX_LATITUDE = 89.0
@@ -42,7 +43,7 @@ _MAX_LATITUDE = 89.0
 
 @dataclass(frozen=True, slots=True)
 class Voyage:
-    """Start and goal, (lon, lat) in degrees, continuous across 180, and their distance in m."""
+    """Start and goal (lon, lat), degrees, with longitudes continuous across 180; distance in m."""
 
     start: LonLat
     goal: LonLat
@@ -52,7 +53,7 @@ class Voyage:
 
     @classmethod
     def between(cls, start: LonLat, goal: LonLat) -> Voyage:
-        """Work out the direct line."""
+        """Compute the geodesic from start to goal and its length."""
         import pyproj
 
         geod = pyproj.Geod(ellps="WGS84")
@@ -65,7 +66,7 @@ class Voyage:
 
     @property
     def margin_m(self) -> float:
-        """Room around the ways, m."""
+        """The region's margin around the ways, m."""
         return max(MARGIN_SHARE * self.distance_m, _MIN_MARGIN_M)
 
 
@@ -75,11 +76,11 @@ def choose_region(voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits:
     Parameters
     ----------
     voyage
-        Start and goal lie inside the limits.
+        Its start and goal must lie inside the limits.
     mask_of
-        Gives the land inside bounds.
+        Returns the land inside bounds.
     limits
-        What the currents cover: the region does not reach beyond.
+        Bounds of the currents, which the region does not exceed.
     """
     reach_m = max(_REACH_SHARE * voyage.distance_m, _MIN_REACH_M)
     ends = bounds_of(np.array([voyage.start, voyage.goal]))
@@ -91,12 +92,12 @@ def choose_region(voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits:
             hull = (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
             return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
         reach_m *= _FURTHER
-    # No way was found, as through a canal: the planner sees the water as it is.
+    # The coarse grid has no way, as through a canal; the planner may find one on the real coast.
     return _within(rounded_outward(widened_by(bounds_of(voyage.direct), voyage.margin_m)), limits)
 
 
 def _places(voyage: Voyage, grid: WaterGrid) -> list[Bounds] | None:
-    """Bounds of the ways that a region is to contain, and of the islands; None without a way."""
+    """Return the bounds of the ways and islands that a region must contain; None without a way."""
     start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
     shortest = None if start is None or goal is None else grid.shortest_way(start, goal)
     if start is None or goal is None or shortest is None:
@@ -111,14 +112,14 @@ def _places(voyage: Voyage, grid: WaterGrid) -> list[Bounds] | None:
 
 
 def _is_choice(way: Way | None, shortest: Way) -> bool:
-    """Whether a navigator would think about a way at all."""
+    """Whether a way exists and is at most _LONGEST_WAY times as long as the shortest."""
     return way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m
 
 
 def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IndexArray]]]:
-    """Yield the islands that the direct line meets, with a barrier on the left and on the right.
+    """Yield the largest islands on the direct line, with a barrier on the left and on the right.
 
-    A barrier leads from the island to the edge of the grid, square to the direct line: a way that
+    A barrier leads from the island to the grid's edge, perpendicular to the direct line. A way that
     does not cross the barrier passes the island on the other side.
     """
     cells = grid.cells(voyage.direct)
@@ -132,7 +133,7 @@ def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, lis
 
 
 def _barriers(grid: WaterGrid, middle: IndexArray, line: IndexArray) -> Iterator[IndexArray]:
-    """Yield the cells of two rays from a cell to the grid's edge, square to a line of cells."""
+    """Yield the cells of both perpendiculars to a line of cells, from a cell to the grid's edge."""
     along = (line[-1] - line[0]).astype(float)
     along /= max(float(np.hypot(*along)), 1e-9)
     across = np.array([-along[1], along[0]])
@@ -146,14 +147,14 @@ def _barriers(grid: WaterGrid, middle: IndexArray, line: IndexArray) -> Iterator
 
 
 def bounds_of(lonlat: FloatArray) -> Bounds:
-    """Bounds of points (n, 2)."""
+    """Return the bounds of points (n, 2)."""
     west, south = lonlat.min(axis=0).tolist()
     east, north = lonlat.max(axis=0).tolist()
     return west, south, east, north
 
 
 def widened_by(bounds: Bounds, metres: float) -> Bounds:
-    """Bounds with a margin in metres; the poles are left out."""
+    """Return bounds with a margin in metres, without the poles."""
     west, south, east, north = bounds
     up = metres / METRES_PER_DEGREE
     south, north = max(south - up, -_MAX_LATITUDE), min(north + up, _MAX_LATITUDE)
@@ -162,7 +163,7 @@ def widened_by(bounds: Bounds, metres: float) -> Bounds:
 
 
 def rounded_outward(bounds: Bounds) -> Bounds:
-    """Round bounds outward to tenths, hundredths ... of a degree, as a person would give them."""
+    """Round bounds outward to tenths, hundredths ... of a degree, according to their size."""
     west, south, east, north = bounds
     decimals = max(1, 2 - math.floor(math.log10(max(east - west, north - south))))
     unit = 10.0**decimals
@@ -172,7 +173,7 @@ def rounded_outward(bounds: Bounds) -> Bounds:
 
 
 def _within(bounds: Bounds, limits: Bounds) -> Bounds:
-    """Bounds inside limits, which they meet; less than once round the earth."""
+    """Return the intersection of bounds with limits; raise ValueError if it is empty."""
     common = common_bounds(bounds, limits)
     if common is None:
         raise ValueError(f"{bounds} lies outside {limits}")

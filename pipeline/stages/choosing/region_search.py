@@ -1,4 +1,4 @@
-"""Plan, look where the best routes lie in their region, widen it, and plan again."""
+"""Plan in a chosen region, and again in a wider one while a best route comes near its edge."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,7 +19,7 @@ from pipeline.stages.choosing.region import (
 
 RunInRegion = Callable[[Scenario, tuple[Note, ...]], Made[RunResult]]
 
-# Number of times that a chosen region is widened: each is a plan of its own.
+# Largest number of times that a chosen region is widened; each time needs a new plan.
 _MAX_WIDENINGS = 3
 
 
@@ -30,20 +30,21 @@ def search_region(
     *,
     offline: bool,
 ) -> Made[RunResult]:
-    """Return the result in a region, widened until no best route comes near its edge.
+    """Return the result in a region that is widened until no best route comes near its edge.
 
     Parameters
     ----------
     asked
         A chart scenario without a region.
     run_in_region
-        Plans a scenario with a region, given notes on the region.
+        Plans a scenario with its region, given the notes on the region.
 
     Raises
     ------
     PipelineError
-        The run in the first region failed; or no way joins start and goal in it, and the run in the
-        widest region failed. Once a region has a way, failures in wider ones are ignored.
+        The run in the first region failed; or the first region has no way from start to goal, and
+        the run in the widest region failed. After a region with a way, the search stops at the
+        first wider region that fails, and returns the last result.
     """
     region, made = _first_with_a_way(
         chosen_region(asked, store, offline=offline), asked, run_in_region
@@ -68,7 +69,7 @@ def _first_with_a_way(
     asked: Scenario,
     run_in_region: RunInRegion,
 ) -> tuple[ChosenRegion, Made[RunResult]]:
-    """Open a region up until a way joins start and goal in it; return it, and what its run gave."""
+    """Widen a region until it has a way from start to goal; return it and the result in it."""
     for _ in range(_MAX_WIDENINGS):
         try:
             return region, run_in_region(region.complete(asked), region.notes)

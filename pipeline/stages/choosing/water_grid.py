@@ -1,4 +1,4 @@
-"""Water and land between start and goal on a coarse grid: ways round islands, not routes."""
+"""A coarse grid of water and land, to find the shortest ways round islands, not routes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Cell = tuple[int, int]
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
-# Number of cells along the longer side: 100 times finer than the region's margin need be, and a
-# shortest way takes 0.1 s.
+# Number of cells along the longer side: fine enough for the region's margin, and a shortest way
+# takes 0.1 s.
 _CELLS = 300
-# Cells from an endpoint within which water is looked for: harbours are finer than the grid.
+# Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5
 
 
@@ -43,7 +43,7 @@ class WaterGrid:
 
     @classmethod
     def of(cls, mask: LandMask, bounds: Bounds) -> WaterGrid:
-        """Sample a land mask at the centres of cells, which are about square."""
+        """Sample a land mask at the centres of nearly square cells."""
         west, south, east, north = bounds
         cosine = float(np.cos(np.radians((south + north) / 2)))
         step = max((east - west) * cosine, north - south) / _CELLS
@@ -54,7 +54,7 @@ class WaterGrid:
         return cls(lon, lat, ~mask.on_grid(lon, lat))
 
     def cells(self, lonlat: FloatArray) -> IndexArray:
-        """Rows and columns (n, 2) of the cells that are nearest to points (n, 2), degrees."""
+        """Return rows and columns (n, 2) of the cells nearest to points (n, 2), degrees."""
         nearest = [
             np.abs(axis[None, :] - lonlat[:, [i]]).argmin(axis=1)
             for i, axis in ((1, self.lat), (0, self.lon))
@@ -62,7 +62,7 @@ class WaterGrid:
         return np.stack(nearest, axis=1)
 
     def water_near(self, lon: float, lat: float) -> Cell | None:
-        """Return the nearest cell of water within a few cells of a place, or None."""
+        """Return the nearest cell of water within _NEAR_CELLS of a position, or None."""
         row, column = self.cells(np.array([[lon, lat]]))[0]
         wet = np.argwhere(self.is_water)
         steps = np.abs(wet - [row, column])
@@ -73,19 +73,19 @@ class WaterGrid:
         return int(best[0]), int(best[1])
 
     def bounds_of(self, cells: IndexArray) -> Bounds:
-        """Bounds of the centres of some cells (n, 2), degrees."""
+        """Return the bounds of the centres of cells (n, 2), degrees."""
         lat, lon = self.lat[cells[:, 0]], self.lon[cells[:, 1]]
         return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
 
     @cached_property
     def islands(self) -> npt.NDArray[np.int32]:
-        """Number of the land that each cell belongs to, 0 for water: (ny, nx)."""
+        """Number of the island that each cell (ny, nx) belongs to; 0 for water."""
         from scipy.ndimage import label
 
         return np.asarray(label(~self.is_water, structure=np.ones((3, 3)))[0], dtype=np.int32)
 
     def leaves(self, island: int) -> bool:
-        """Whether a piece of land reaches the grid's edge: a continent, as far as can be seen."""
+        """Whether an island reaches the grid's edge, so that it may be part of a continent."""
         is_land = self.islands == island
         edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
         return any(bool(edge.any()) for edge in edges)
@@ -95,8 +95,8 @@ class WaterGrid:
     ) -> Way | None:
         """Return the shortest way through water that avoids a barrier's cells (n, 2), or None.
 
-        Steps go to the eight neighbours, diagonally only where both cells beside are water: land
-        and barriers of cells that touch by a corner are tight.
+        Steps go to the eight neighbours. A diagonal step needs water in both cells beside it, so
+        that no way passes between cells of land or a barrier that touch at a corner.
         """
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import dijkstra
@@ -138,7 +138,7 @@ class WaterGrid:
 def _shifted(
     values: npt.NDArray[ScalarT], down: int, right: int
 ) -> tuple[npt.NDArray[ScalarT], npt.NDArray[ScalarT]]:
-    """Return the values of cells, and those of their neighbours down and right (-1, 0 or 1)."""
+    """Return the values of cells and of their neighbours `down` (0, 1) and `right` (-1, 0, 1)."""
     rows = values.shape[0] - down
     if right >= 0:
         columns = values.shape[1] - right

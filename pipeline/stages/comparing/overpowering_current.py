@@ -1,7 +1,7 @@
-"""Reports water with a current as fast as the vessel, always or for some hours.
+"""Report water where the current is at least as fast as the vessel, always or for some hours.
 
-Both in the whole region, by the grid of the currents, and on the ways of a plan's classes, with the
-hours at which the vessel may be there.
+One report covers the whole region, at the nodes of the currents' grid. The other covers the ways of
+a plan's classes, during the hours when the vessel may be there.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,18 +17,18 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.model import CurrentGrid, Scene, SeasonPlan
 from pipeline.model.notes import Note, Place
 
-# Time step at which a changing current is interpolated, s.
+# Time step for the interpolation of a changing current, s.
 _STEP_S = 300.0
 
 
 def overpowering_notes(
     grid: CurrentGrid, region: Polygon, speed_m_s: float, departure: datetime | None = None
 ) -> Iterator[Note]:
-    """Note the share of a region's water with an overpowering current, and its maximum.
+    """Yield notes on the share of a region's water with an overpowering current, and its maximum.
 
-    The region is in lon/lat degrees, the vessel's speed through water in m/s. A changing current
-    may overpower the vessel for some hours only, which the note gives; the current's clock begins
-    at the first departure. None if the current is slower than the vessel everywhere.
+    The region is in lon/lat degrees, the vessel's speed through water in m/s. `departure` is the
+    first departure, from which the current's times are counted. If a changing current overpowers
+    the vessel only for some hours, the note lists them.
     """
     lon, lat = np.meshgrid(grid.lon, grid.lat)
     strength = np.hypot(grid.u, grid.v)
@@ -55,7 +55,7 @@ def overpowering_notes(
 
 
 def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
-    """Say at which hours the current shuts the ways of routes and of rejected classes."""
+    """Yield notes on the hours when the current shuts the ways of routes or rejected classes."""
     for plan in plans:
         routes = {f"route {rank}": one for rank, one in enumerate(plan.ranked_routes, start=1)}
         rejected = plan.plan.rejected if plan.plan else ()
@@ -71,7 +71,7 @@ def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
 
 
 def _places(hours: Iterable[renew.OverpoweredHours], scene: Scene, season: str) -> tuple[Note, ...]:
-    """The places of a way that are shut, with their hours."""
+    """Return the places where the current shuts a way, each with its hours."""
     return tuple(
         Note.of(
             "place-shut",
@@ -84,13 +84,13 @@ def _places(hours: Iterable[renew.OverpoweredHours], scene: Scene, season: str) 
 
 
 def _share(some: BoolArray, water: BoolArray, lat: FloatArray) -> float:
-    """Share of water by area: a cell's width is proportional to the cosine of its latitude."""
+    """Return the share of the water's area in some cells; a cell's width scales with cos(lat)."""
     area = np.cos(np.radians(lat))
     return float(area[some].sum() / area[water].sum())
 
 
 def _worst(grid: CurrentGrid, among: BoolArray) -> tuple[tuple[int, int], float]:
-    """The node (row, column) among some with the strongest current at any time, and that (m/s)."""
+    """Return the node (row, column) in `among` with the strongest current, and its speed, m/s."""
     strongest = np.where(among, np.hypot(grid.u, grid.v).max(axis=0), -1.0)
     row, column = np.unravel_index(np.argmax(strongest), strongest.shape)
     return (int(row), int(column)), float(strongest[row, column])
@@ -99,7 +99,7 @@ def _worst(grid: CurrentGrid, among: BoolArray) -> tuple[tuple[int, int], float]
 def _spells(
     grid: CurrentGrid, where: tuple[int, int], speed_m_s: float
 ) -> Iterator[tuple[float, float]]:
-    """Times (s) since departure between which the current at a node is as fast as the vessel."""
+    """Yield begin and end, s since departure, of each time when the current is too fast there."""
     times = np.arange(max(0.0, grid.times_s[0]), grid.times_s[-1] + _STEP_S / 2, _STEP_S)
     row, column = where
     u, v = (np.interp(times, grid.times_s, part[:, row, column]) for part in (grid.u, grid.v))

@@ -1,7 +1,7 @@
-"""Finds where routes cross land of a second shoreline: there the shorelines disagree.
+"""Find where routes cross land of a second shoreline, because there the two shorelines disagree.
 
-The second one, GSHHG, is older and coarser in places. A route that crosses its land may be right,
-but the crossing is a reason to look at an official chart.
+The second shoreline, GSHHG, is older and in places coarser. A route that crosses its land may be
+right, but the crossing is a reason to check an official chart.
 """
 
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from pipeline._types import FloatArray
 from pipeline.model import Scene, ShoreCrossing
 from pipeline.model.notes import Note, Place, of_seasons
 
-# Least length of a crossing, true metres: a shorter one only grazes the shore.
+# Minimum length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0
-# Crossings are at the same place if they agree to this many decimals of a degree: about 100 m.
+# Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
 _SAME_PLACE = 3
 
 
 class SecondShoreline:
-    """The land of a scene's second shoreline, searchable."""
+    """The land of a scene's second shoreline, with a spatial index."""
 
     def __init__(self, scene: Scene) -> None:
         self._projection = scene.projection
@@ -30,7 +30,7 @@ class SecondShoreline:
     def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
         """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
         line = shapely.LineString(path)
-        # Polygons that are valid in degrees need not be valid in the plane.
+        # Polygons that are valid in degrees may be invalid in the plane.
         crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
         over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
         found = []
@@ -44,9 +44,9 @@ class SecondShoreline:
 
 
 def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
-    """Note for each season the places where its routes cross the second shoreline.
+    """Return a note for each season on the places where its routes cross the second shoreline.
 
-    Crossings of the best route come first, then the longest ones.
+    Crossings of the best route come first; the longest come first within both groups.
     """
     return of_seasons(
         {
@@ -57,7 +57,7 @@ def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
 
 
 def _places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
-    """The places of a season, each with all routes that cross there."""
+    """Return the places of a season, each with its longest crossing and all routes that cross."""
     there: dict[tuple[float, float], list[ShoreCrossing]] = {}
     for one in crossings:
         if one.season == season:

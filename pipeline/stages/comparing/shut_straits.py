@@ -1,9 +1,9 @@
-"""Finds the straits of the original land that are shut by margin, tolerance or padding and matter.
+"""Find important straits of the original land that margin, tolerance or padding shut.
 
-A strait matters if the land on both sides is larger than a hundredth of the distance between start
-and goal, so that shutting it makes a way longer by about as much, and if the straight lines through
-it are hardly longer than a season's best route. Wider straits are added at which classes were
-rejected because adaptive padding fills them.
+A strait is important on two conditions. The land on both sides is larger than a hundredth of the
+distance between start and goal, so that a detour is longer by about as much. And the straight lines
+from start and goal to the strait are together hardly longer than a season's best route. Wider
+straits are added if adaptive padding fills them, so that the planner rejected classes.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,21 +21,21 @@ from pipeline.model.for_planner import plan_options
 from pipeline.scenario.model import PlannerOptions
 from renew.errors import Strait
 
-# Least size of the land on either side, as a share of the distance between start and goal.
+# Minimum size of the land on either side, as a share of the distance between start and goal.
 _PART_SHARE = 0.01
-# Largest length of the straight lines through a strait, in lengths of the best route: a way that
-# needs less fuel is not much longer.
+# Largest length of the straight lines through a strait, in lengths of the best route: a much longer
+# way would not need less fuel.
 _LONGER = 1.05
-# Distance of a bank from the original land, in margins and tolerances: it is at most about one.
+# Largest distance of a bank from the original land, in sums of margin and tolerance.
 _AT_LAND = 1.1
-# Width below which a gap is an artefact of rounding and not a way, true metres.
+# Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
 
 
 def shut_straits(
     scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
 ) -> tuple[ShutStrait, ...]:
-    """Return the shut straits that matter, the widest first; none in a plane."""
+    """Return the important shut straits, the widest first; a plane scenario has none."""
     best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
     if scene.is_planar or not best:
         return ()
@@ -48,7 +48,7 @@ def shut_straits(
 
 @dataclass(frozen=True)
 class _StraitFinder:
-    """Finds the straits of one chart; lengths are planar metres unless they are named `_m`.
+    """Finds the straits of one chart; lengths are planar metres, or true metres if named `_m`.
 
     `padding` is the width that nearly all paddings exceed.
     """
@@ -69,16 +69,16 @@ class _StraitFinder:
 
     @property
     def margins_m(self) -> float:
-        """The most that margin and tolerance take of a strait's width, true metres."""
+        """The largest width that margin and tolerance take from a strait, true metres."""
         return 2 * (self.simplified.margin_m + self.simplified.tolerance_m)
 
     @property
     def needed_m(self) -> float:
-        """The width above which a strait is open, unless its padding is wider than most."""
+        """The width above which a strait is open, true metres, unless its padding is unusual."""
         return self.margins_m + 2 * self.padding * self.scene.projection.scale
 
     def shut(self, longest: float) -> Iterator[ShutStrait]:
-        """Yield the straits that matter and are shut, for routes up to some length."""
+        """Yield the important shut straits that a route of at most this length can reach."""
         scene, scale = self.scene, self.scene.projection.scale
         land = np.array(scene.land, dtype=object)
         near = land[shapely.intersects(scene.chart.extent, land)]
@@ -100,7 +100,7 @@ class _StraitFinder:
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
         """Return the straits at which classes were rejected, each once with all its seasons.
 
-        They are wider than most padding; `shut` finds the narrower ones.
+        Only straits wider than `needed_m` are returned, as `shut` finds the narrower ones.
         """
         found: list[ShutStrait] = []
         for plan in plans:
@@ -118,16 +118,16 @@ class _StraitFinder:
         return found
 
     def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
-        """Say whether two straits are nearer to each other than what they need."""
+        """Whether two straits are nearer to each other than the larger width that they need."""
         apart_m = self.scene.projection.geodesic_length_m(
             self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
         )
         return apart_m <= max(one.needed_m, other.needed_m)
 
     def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
-        """Return the strait at which a season's class was rejected; None if a bank is water.
+        """Return the strait at which a season's class was rejected; None if a bank is not land.
 
-        A gap of the planner may end at a corner of its channel, where more water is beyond.
+        A planner's gap may end at a corner of its channel that has water beyond it.
         """
         land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
         ends = shapely.points(strait.gap)
@@ -152,17 +152,17 @@ class _StraitFinder:
         is_margin: bool,
         seasons: tuple[str, ...] = (),
     ) -> ShutStrait:
-        """Return a strait at a planar place (2,)."""
+        """Return a strait whose middle is a planar point (2,)."""
         lon, lat = self.scene.projection.to_lonlat(middle).tolist()
         return ShutStrait(
             lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", seasons
         )
 
     def _is_shut(self, line: FloatArray) -> bool:
-        """Say whether margin, tolerance and padding leave no way through a gap (2, 2)."""
+        """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
         scale = self.scene.projection.scale
         width = float(np.linalg.norm(line[1] - line[0]))
-        # Simplification moves the coast by at most the tolerance: only closer gaps need a test.
+        # A gap narrower than margins and padding is shut; any other needs a test on the zone.
         if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
             return True
         return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)
@@ -175,6 +175,6 @@ class _StraitFinder:
 
 
 def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
-    """Return the same strait in the seasons of both, with the larger need."""
+    """Combine two records of one strait: the larger needed width, and the seasons of both."""
     seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
     return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)

@@ -1,9 +1,9 @@
-"""Bounds the fuel of ways on the other side of the main island, to prove the choice of side.
+"""Compute a lower bound on the fuel of ways on the other side of the main island.
 
-The best route passes the main island on one side: it crosses a line from the island to the chart's
-edge that no route by another passage crosses. With a strip along that line shut, the lower bound on
-fuel (:mod:`renew.bounds.fuel_lower_bound`) holds for every way that keeps off the strip, however
-close to land. Where it is above the best route's fuel, no such way is better.
+The best route crosses a line from the main island to the chart's edge; no route on the island's
+other side crosses it. A strip along that line is shut. The lower bound on fuel
+(:mod:`renew.bounds.fuel_lower_bound`) then holds for every way that avoids the strip, however close
+to land. If the bound is above the best route's fuel, no such way is better.
 """
 
 import math
@@ -23,25 +23,26 @@ from renew.errors import PlanningError
 from renew.inputs.current import as_field
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
-# Number of lines from the island, in all directions; the shortest suitable one is taken.
+# Number of lines from the island, in all directions; the suitable one with the least area is used.
 _DIRECTIONS = 72
-# Numbers of cells of the bound's grid, tried in turn until the side is proven. With few the front
-# leaks through narrow islands: the bound stays valid, but is lower. Around Palawan 16,000 prove
-# nothing; the larger number proves the summer's.
+# Numbers of cells of the bound's grid, tried in turn until the side is proven. With few cells, the
+# front passes through narrow islands: the bound stays valid, but is lower. Around Palawan, 16,000
+# cells prove no season, and the larger number proves the summer.
 _CELLS = (16_000, 160_000)
-# Width of the strip, as a share of the square root of the chart's area: three cells.
+# Width of the strip, as a share of the square root of the chart's area: three cells of the finer
+# grid.
 _WIDTH = 3 / math.sqrt(_CELLS[-1])
 
 
 def side_bounds(
     scene: Scene, plans: Sequence[SeasonPlan], evaluation: Evaluation, options: PlannerOptions
 ) -> tuple[SideBound, ...]:
-    """Bound the fuel of ways on the other sides, for each season whose routes differ in side."""
+    """Bound the fuel of ways on the other side, for each season with routes on both sides."""
 
     def bound(plan: SeasonPlan) -> SideBound:
         return SideBound(plan.season, _bound(scene, plan, evaluation, options))
 
-    # Threads are enough: most of it is compiled code.
+    # Threads run in parallel here, because most of the work is compiled code.
     with ThreadPoolExecutor(max_workers=cores()) as pool:
         return tuple(one for one in pool.map(bound, plans) if math.isfinite(one.fuel))
 
@@ -49,7 +50,7 @@ def side_bounds(
 def _bound(
     scene: Scene, plan: SeasonPlan, evaluation: Evaluation, options: PlannerOptions
 ) -> float:
-    """Least fuel of a way on another side than the best route's; inf if nothing is known of any."""
+    """Return a lower bound on the fuel of ways on the other side; inf if there is none."""
     rows = [row for row in evaluation.routes if row.season == plan.season]
     paths = [shapely.LineString(route.path) for route in plan.ranked_routes]
     others = [
@@ -61,7 +62,7 @@ def _bound(
     if strip is None:
         return math.inf
     extent = scene.chart.extent
-    # The bound uses the land alone, like the bound of the optimality gap.
+    # Like the optimality gap's bound, this one uses the land without margin or padding.
     water = shapely.difference(scene.chart.open_water, strip)
     try:
         voyage = Voyage(
@@ -89,9 +90,10 @@ def _bound(
 
 
 def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
-    """Speeds to choose from, with a price of time: a bound holds at any price (weak duality).
+    """Return the season's choice of speeds, with a price of time.
 
-    Nearly the best price is the slope of fuel over arrival at the best route's arrival.
+    The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
+    arrival time at the best route's arrival.
     """
     speeds, planned = scene.speeds.get(plan.season), plan.plan
     if speeds is None or planned is None or planned.trade_off is None:
@@ -106,9 +108,9 @@ def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
 def _strip(
     scene: Scene, best: LineString, others: Sequence[LineString], evaluation: Evaluation
 ) -> shapely.geometry.base.BaseGeometry | None:
-    """The shortest strip of water from the main island to the chart's edge that `best` crosses.
+    """Return the smallest strip from the main island to the chart's edge that `best` crosses.
 
-    No other route meets it, and start and goal lie outside. None if there is no such strip.
+    No other route meets the strip, and all stops lie outside. None if there is no such strip.
     """
     main = next(iter(evaluation.islands), None)
     if main is None:

@@ -1,4 +1,4 @@
-"""Finds straits on the way that are too narrow for the grid of a changing current."""
+"""Find straits on the best routes that are too narrow for the grid of a changing current."""
 
 import itertools
 from collections.abc import Iterator
@@ -12,14 +12,14 @@ from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import CurrentGrid, Scene
 from pipeline.model.notes import Note, Place
 
-# Number of cells across a strait from which its tide is resolved at all.
+# Minimum number of cells across a strait for which the grid can resolve its tide.
 _MIN_CELLS = 2.0
-# Distance from a coast, planar metres, at which a point lies on it.
+# A point this near to a coast lies on it, planar metres.
 _ON_COAST = 1e-6
 
 
 def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
-    """Name, for each season's best route, the worst strait whose tide the grid can't resolve."""
+    """Yield a note for each season's best route on the worst strait with an unresolved tide."""
     for grid in result.fetched.currents:
         if not grid.changes:
             continue
@@ -37,9 +37,9 @@ def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
 
 
 def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:
-    """Find the straits that a route passes: true width (m), and the middle (lon, lat) degrees.
+    """Yield the straits on a route: true width (m), and the middle (lon, lat), degrees.
 
-    Straits are sides of triangles, from one island to another, that the route crosses.
+    A strait is a triangle's side that the route crosses and that joins two islands.
     """
     if not scene.chart.no_go:
         return
@@ -57,6 +57,6 @@ def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[
 
 
 def _cell_m(grid: CurrentGrid, lat: float) -> float:
-    """The longer side of a cell at a latitude, true metres."""
+    """Return the longer side of a cell at a latitude, true metres."""
     across = float(np.median(np.diff(grid.lon)) * np.cos(np.radians(lat)))
     return max(across, float(np.median(np.diff(grid.lat)))) * METRES_PER_DEGREE

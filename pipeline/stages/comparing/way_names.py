@@ -1,9 +1,9 @@
-"""Names of ways that a navigator reads: "west of island 1", "between islands 2 and 5".
+"""Names of ways for navigators: "west of island 1", "between islands 2 and 5".
 
-Islands have the numbers that they have in the planner's homotopy classes
-(:mod:`renew.classes.h_signature`: the largest is 1), or the chart's own names. A name has only as
-many islands as are needed to distinguish a route from the others of its season. All seasons share
-the numbers and one main island, the first in every name: the largest that distinguishes any routes.
+An island has the chart's name, or its number in the planner's homotopy classes
+(:mod:`renew.classes.h_signature`: the largest is 1). A name has only as many islands as are needed
+to distinguish a route from the others of its season. All seasons share the numbers and the main
+island, which is the first in every name: the largest that distinguishes any two routes.
 """
 
 import re
@@ -32,8 +32,8 @@ from renew.classes.deciding_islands import rays_that_matter
 from renew.classes.h_signature import Rays
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
-# Number of points of a route that are compared; and points within this multiple of the route's
-# closest approach to an island's centre count as abeam.
+# Number of sampled points of a route. A point is abeam of an island if its distance from the
+# island's centre is at most this multiple of the smallest.
 _SAMPLES, _NEAR = 1000, 2.0
 
 
@@ -67,14 +67,14 @@ def with_way_names(
 
 @dataclass(frozen=True, slots=True)
 class _Passed:
-    """A route's path (n, 2), planar metres, and the island numbers in its class."""
+    """A route's path (n, 2), planar metres, and the island numbers in its class name."""
 
     path: FloatArray
     spelled: frozenset[int]
 
 
 def _letters(homotopy: str) -> frozenset[int]:
-    """Numbers in a class's name, such as "s2.p1"."""
+    """Return the numbers in a class's name, such as {1, 2} for "s2.p1"."""
     return frozenset(int(number) for number in re.findall(r"\d+", homotopy))
 
 
@@ -86,13 +86,13 @@ class _WayNamer:
     ) -> None:
         self._scene, self._routes, self._places = scene, routes, places
         self._rays = Rays.of(scene.chart)
-        # Winding numbers: how often each route passes north of each island, eastward less westward.
-        # Two routes pass an island on different sides if and only if these differ.
+        # Winding number: the number of times that a route passes north of an island eastward, less
+        # westward. Two routes pass an island on different sides if and only if it differs.
         self._windings = {
             key: self._winding_numbers_of(route.path) for key, route in routes.items()
         }
         self._used: set[int] = set()
-        # Caches, as many routes ask for the same islands.
+        # Caches, because many routes need the same islands.
         self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
         self._gaps: dict[tuple[int, int], LineString] = {}
 
@@ -118,16 +118,16 @@ class _WayNamer:
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
-        """Return other islands in names of classes, of routes or `rejected`, with numbers only.
+        """Return the islands of class names and of `rejected` that no way's name has.
 
-        Water with an overpowering current has numbers in classes too, but none on the map.
+        Class names also number water with an overpowering current, which is left out here.
         """
         spelled = rejected.union(*(route.spelled for route in self._routes.values()))
         known = spelled & set(self._rays.island.tolist())
         return tuple(self._numbered(island) for island in sorted(known - self._used))
 
     def _numbered(self, island: int, name: str = "") -> NumberedIsland:
-        """Return an island with its number, and where it is."""
+        """Return an island with its number, name and position."""
         point = self._point(island)
         place = self._scene.place_text(point)
         if not name and self._places:
@@ -136,7 +136,7 @@ class _WayNamer:
 
     @cached_property
     def _distinguishing_any(self) -> list[int]:
-        """Return the islands that two routes of a season pass differently, the largest first."""
+        """The islands that two routes of a season pass differently, the largest first."""
         known = set(self._rays.island.tolist())
         spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
         seasons = {season for season, _ in self._routes}
@@ -148,7 +148,7 @@ class _WayNamer:
 
     @cached_property
     def _main(self) -> int | None:
-        """Return the first island of all names; if routes don't differ, the largest on the way."""
+        """The first island of all names; if routes don't differ, the largest on the way."""
         if self._distinguishing_any or not self._routes:
             return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
@@ -176,10 +176,10 @@ class _WayNamer:
         return chosen
 
     def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
-        """Return pairs of islands between which a route passes, the closest first, none twice.
+        """Yield pairs of islands between which a route passes, the closest first, no island twice.
 
-        Skip a gap that another route of the season crosses with other winding numbers: "between A
-        and B" would fit both.
+        A gap is skipped if another route of the season crosses it with other winding numbers, as
+        "between A and B" would describe both.
         """
         gaps = {pair: self._gap(*pair) for pair in combinations(islands, 2)}
         free = set(islands)
@@ -201,8 +201,8 @@ class _WayNamer:
     def _side(self, key: RouteKey, island: int) -> Side:
         """Return the compass point of the side on which a route passes an island.
 
-        It is the mean direction from the island to all routes with the same winding number, and
-        opposite to the direction of the others.
+        It is nearest to the mean direction from the island to all routes with this winding number.
+        If there is just one other winding number, the mean direction to its routes is subtracted.
         """
         mine = self._windings[key][island]
         values = {winding[island] for winding in self._windings.values()}
@@ -216,7 +216,7 @@ class _WayNamer:
         return _COMPASS[round(bearing / 90) % 4]
 
     def _direction(self, island: int, winding: int) -> FloatArray:
-        """Return the mean direction (2,) to the routes, abeam, with a given winding number."""
+        """Return the mean direction (2,), abeam of an island, to the routes with this winding."""
         keys = [key for key, of in self._windings.items() if of[island] == winding]
         return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
 
@@ -235,7 +235,7 @@ class _WayNamer:
         return self._gaps[one, other]
 
     def _along(self, key: RouteKey, island: int) -> float:
-        """Return the distance along a route, m, at which it passes an island."""
+        """Return the distance along a route, planar m, at which it passes an island."""
         path = shapely.LineString(self._routes[key].path)
         return float(path.project(shapely.Point(self._centre(island))))
 
@@ -255,7 +255,7 @@ class _WayNamer:
         return self._chart_name(island) or str(island)
 
     def _chart_name(self, island: int) -> str:
-        """Return the chart's name of the largest named land on an island; empty if it has none."""
+        """Return the chart's name of the largest named land on an island, or ""."""
         outline = self._outline(island)
         named = [
             place
@@ -273,12 +273,12 @@ class _WayNamer:
         return self._places[int(away.argmin())]
 
     def _point(self, island: int) -> FloatArray:
-        """A point (2,) on an island."""
+        """Return a point (2,) on an island."""
         at = int((self._rays.island == island).argmax())
         return np.array([self._rays.x[at], self._rays.y[at]])
 
     def _centre(self, island: int) -> FloatArray:
-        """An island's centroid (2,), or a point on it where that is in water."""
+        """Return an island's centroid (2,), or a point on it if the centroid is in water."""
         outline = self._outline(island)
         centroid = outline.centroid
         return (
@@ -288,7 +288,7 @@ class _WayNamer:
         )
 
     def _outline(self, island: int) -> Polygon:
-        """An island's polygon in the planner's chart."""
+        """Return an island's polygon in the planner's chart."""
         found = self._land.query(shapely.Point(self._point(island)), predicate="intersects")
         polygon: Polygon = self._land.geometries[found[0]]
         return polygon
@@ -299,13 +299,13 @@ class _WayNamer:
 
 
 def _crosses(path: FloatArray, gap: LineString) -> bool:
-    """Whether a path (n, 2) leads through a gap, and not only in and out again."""
+    """Whether a path (n, 2) passes through a gap: it crosses its line an odd number of times."""
     places = shapely.intersection(shapely.LineString(path), gap)
     return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1
 
 
 def _direction_abeam(path: FloatArray, centre: FloatArray) -> FloatArray:
-    """Return the mean direction (2,) from a place to the points of a path (n, 2) abeam of it."""
+    """Return the mean direction (2,) from a centre to the points of a path (n, 2) abeam of it."""
     line = shapely.LineString(path)
     steps = np.linspace(0, 1, _SAMPLES)
     vectors = shapely.get_coordinates(line.interpolate(steps, normalized=True)) - centre

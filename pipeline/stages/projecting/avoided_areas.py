@@ -1,4 +1,4 @@
-"""The user's shut areas: read from files, as zones of the chart, and on each season's clock."""
+"""The user's shut areas, read from files: as zones of the chart and as each season's shut areas."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -23,17 +23,17 @@ from pipeline.sources.land.vector import VectorFile
 
 
 def area_identities(scenario: Scenario) -> tuple[object, ...]:
-    """Return the areas of a scenario and the hashes of their files."""
+    """Return the avoided areas of a scenario, each with the identity of its file."""
     return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
 
 
 def avoided_zones(scenario: Scenario, region: Polygon) -> tuple[Zone, ...]:
-    """The areas of a scenario near its region (lon/lat degrees), in its order.
+    """Return the avoided areas near a region (lon/lat degrees), in the scenario's order.
 
     Raises
     ------
     RequestError
-        Files that can't be read, or have no area near the region; all at once.
+        A file can't be read, or has no area near the region; all faults are listed.
     """
     zones, faults = list[Zone](), list[str]()
     for at, area in enumerate(scenario.avoid):
@@ -50,7 +50,7 @@ def avoided_zones(scenario: Scenario, region: Polygon) -> tuple[Zone, ...]:
 
 
 def hours_text(area: AvoidedArea) -> str:
-    """The hours of an area, for readers."""
+    """Return an area's hours as text: "always shut", or "shut from ... until ..."."""
     begin = "" if area.begin is None else f" from {moment_text(area.begin)}"
     until = "" if area.until is None else f" until {moment_text(area.until)}"
     return f"shut{begin}{until}" if area.has_hours else "always shut"
@@ -59,10 +59,10 @@ def hours_text(area: AvoidedArea) -> str:
 def shut_areas(
     scenario: Scenario, zones: Iterable[Zone], projection: Projection
 ) -> dict[str, tuple[renew.ShutArea, ...]]:
-    """The shut areas of each season in the plane, on the clock that begins at its departure."""
+    """Return each season's shut areas in the plane, with hours in s since its first departure."""
     shut = [zone for zone in zones if zone.kind == "shut"]
     planar = projection.geometry_to_plane(np.array([zone.area for zone in shut], dtype=object))
-    # What is valid in degrees need not be so in the plane.
+    # Polygons that are valid in degrees may be invalid in the plane.
     polygons = [shapely.union_all(extract_polygons(repaired(one)[0])) for one in planar[:, None]]
     return {
         season.name: tuple(
@@ -79,7 +79,7 @@ def shut_areas(
 
 
 def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea, ...]:
-    """Put areas on a clock that begins some seconds later."""
+    """Return areas with hours that are counted from a departure `shift` seconds later."""
     return tuple(
         renew.ShutArea(area.polygon, area.begin - shift, area.end - shift, area.name)
         for area in areas
@@ -87,7 +87,7 @@ def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea
 
 
 def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
-    """Say which areas routes go around because a way through would meet them while shut."""
+    """Return notes on the areas that routes avoid because they are shut during the voyage."""
     return tuple(
         Note.of(
             "area-shut",
@@ -102,7 +102,7 @@ def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
 
 
 def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
-    """When the clock of each season begins, of those that have one: their first departures."""
+    """Return the first departure of each season whose plan depends on the date."""
     return {
         season.name: season.first_departure
         for season in scenario.seasons
@@ -116,10 +116,10 @@ def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
 
 
 def _file(area: AvoidedArea) -> VectorFile:
-    """The file of an area."""
+    """Return the reader of an area's file."""
     return VectorFile(Path(area.path), ChartSource(path=area.path))
 
 
 def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) -> float:
-    """Seconds from one moment to another; `otherwise` where one is not given."""
+    """Return the seconds from `begin` to `moment`, or `otherwise` if one of them is None."""
     return otherwise if moment is None or begin is None else (moment - begin).total_seconds()

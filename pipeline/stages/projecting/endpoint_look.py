@@ -1,4 +1,4 @@
-"""A quick look at the chart near start and goal only, before anything is computed."""
+"""Check quickly, with the chart near each stop only, that no stop lies on land."""
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,12 @@ from pipeline.sources.land.polygons import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.projecting.endpoints import endpoints, not_in_water
 
-# Distance around a position within which a quick look finds water, m.
+# Distance around a position within which the quick check searches for water, m.
 _LOOK_M = 20_000.0
 
 
 def endpoints_on_land(scenario: Scenario) -> list[str]:
-    """Return a fault for each of start and goal that lies on land; none in a plane."""
+    """Return a message for each stop that lies on land; none for a plane scenario."""
     if scenario.is_planar:
         return []
     source = land_source(scenario.chart, scenario.vessel.draught_m)
@@ -30,7 +30,7 @@ def endpoints_on_land(scenario: Scenario) -> list[str]:
 
 
 def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat: float) -> str:
-    """Say that a position is on land, and where water is, or that its coordinates are swapped."""
+    """Return a message with a remedy if a position lies on land, otherwise ""."""
     region = box_around(shapely.Point(lon, lat), _LOOK_M)
     land = _land_near(source, lon, lat)
     if not shapely.intersects_xy(land, lon, lat).any():
@@ -50,7 +50,7 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
 
 
 def _remedy(source: LandSource, lon: float, lat: float) -> str:
-    """Say what to do about a position far inland: with its coordinates swapped it may be at sea."""
+    """Return the remedy for a position far inland; its coordinates may be swapped."""
     can_swap = -90 <= lon <= 90
     if can_swap and not shapely.intersects_xy(_land_near(source, lat, lon), lat, lon).any():
         return f"did you mean [{lat:g}, {lon:g}]? A place is [longitude, latitude]"
@@ -58,9 +58,9 @@ def _remedy(source: LandSource, lon: float, lat: float) -> str:
 
 
 def _land_near(source: LandSource, lon: float, lat: float) -> npt.NDArray[np.object_]:
-    """Return the chart's land around a place; none where the chart has nothing near.
+    """Return the chart's land around a position; empty if the chart has nothing near it.
 
-    A run judges that with its whole region.
+    The run itself checks with its whole region whether the chart covers it.
     """
     try:
         found = source.land(box_around(shapely.Point(lon, lat), _LOOK_M)).polygons

@@ -1,4 +1,4 @@
-"""Start and goal must lie in water, and in the same body of water; if not, say where water is."""
+"""Check that all stops lie in the same body of water; if not, name the nearest suitable water."""
 
 from collections.abc import Sequence
 
@@ -12,15 +12,18 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Scene
 from pipeline.scenario.model import Scenario
 
-# Distances beyond the nearest shore at which a position is suggested (true metres): the first that
-# is still water after rounding.
+# Distances beyond the nearest shore (true metres): the first that is still in water after rounding
+# is suggested.
 _BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
 # Decimals of a degree to which a suggested position is rounded: 11 m.
 _DECIMALS = 4
 
 
 def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projection) -> None:
-    """Refuse a start or goal that is not in water, or that no water connects."""
+    """Raise RequestError if a stop is not in water, or no water connects it with the start.
+
+    NoWayError is raised if a wider region might connect them.
+    """
     water = shapely.get_parts(chart.water)
     faults: list[str] = []
     bodies: list[set[int]] = []
@@ -37,7 +40,7 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
     for name, body in zip(endpoints(scenario), bodies, strict=True):
         if not body & bodies[0]:
             apart = water[[min(bodies[0]), min(body)]]
-            # Water that land encloses stays apart in a wider region, too.
+            # A wider region does not connect water that land encloses.
             open_ended = not scenario.is_planar and all(_reaches_edge(one, chart) for one in apart)
             text = _not_connected(scenario, name, apart[0], projection, is_open_ended=open_ended)
             raise (NoWayError if open_ended else RequestError)([text])
@@ -46,7 +49,7 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
 def not_in_water(
     scenario: Scenario, name: str, here: shapely.Point, chart: renew.Chart, projection: Projection
 ) -> str:
-    """Say how far an endpoint is from the nearest water, and where that is."""
+    """Return a message with the distance from a stop to the nearest water, and its position."""
     distance, place = _nearest_water(scenario, here, chart.water, projection)
     obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
     if scenario.chart.depths:
@@ -58,14 +61,14 @@ def not_in_water(
 
 
 def is_shut_in(scene: Scene, gaps: Sequence[FloatArray]) -> bool:
-    """Whether gaps (2, 2), planar metres, part a stop from another and from the chart's edge.
+    """Whether gaps (2, 2), planar metres, separate a stop from another and from the chart's edge.
 
-    Where no class can pass them, none can in a wider region either.
+    If no class can pass such gaps, none can in a wider region.
     """
     if not gaps:
         return False
     chart = scene.chart
-    # A little wider and longer than they are, so that they do part the water.
+    # Buffered, so that the cuts reach the banks and separate the water.
     cuts = shapely.union_all(shapely.buffer(shapely.linestrings(np.array(gaps)), chart.precision))
     parts = shapely.get_parts(shapely.difference(chart.water, cuts))
     stops = shapely.points(scene.stops)
@@ -76,7 +79,7 @@ def is_shut_in(scene: Scene, gaps: Sequence[FloatArray]) -> bool:
 
 
 def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
-    """Whether a body of water goes on where the chart ends."""
+    """Whether a body of water reaches the chart's edge, so that it may continue beyond."""
     return bool(shapely.dwithin(body, chart.extent.exterior, 2 * chart.precision))
 
 
@@ -88,7 +91,7 @@ def _not_connected(
     *,
     is_open_ended: bool,
 ) -> str:
-    """Say where the start's body of water is nearest to another stop."""
+    """Return a message with the position in the start's body of water nearest to another stop."""
     place_given = endpoints(scenario)[name]
     xy = np.asarray(place_given, dtype=float)
     here = shapely.Point(xy if scenario.is_planar else projection.to_plane(xy))
@@ -102,14 +105,14 @@ def _not_connected(
 
 
 def endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
-    """Start, via points and goal as given, by their keys."""
+    """Return start, via points and goal as given, by their keys in the scenario."""
     return scenario.stops
 
 
 def _nearest_water(
     scenario: Scenario, here: shapely.Point, water: shapely.Geometry, projection: Projection
 ) -> tuple[str, str]:
-    """Distance to a place in the water as text, and that place as a scenario would give it."""
+    """Return the distance to the nearest water and its position, as a scenario would write it."""
     line = shapely.get_coordinates(shapely.shortest_line(here, water))
     shore, here_xy = line[-1], line[0]
     if scenario.is_planar:

@@ -1,6 +1,7 @@
-"""Plane scenarios: extent, obstacles and current are given in metres, and placed at 0 N 0 E.
+"""Plane scenarios, whose extent, obstacles and current are given in metres and placed at 0 N 0 E.
 
-They become the same dataclasses as a chart scenario, so that every output format works for them.
+Their data become instances of the same classes as in a chart scenario, so that every output format
+works.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ from pipeline.stages.projecting.speed_choices import speed_choices
 
 
 def fetched_plane(scenario: Scenario) -> Fetched:
-    """Return the obstacles as land; the current is read from the scenario itself."""
+    """Return the obstacles as land, without currents: `plane_scene` reads them."""
     projection = _projection(scenario)
     credit = Credit(
         name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""
@@ -31,7 +32,7 @@ def fetched_plane(scenario: Scenario) -> Fetched:
 
 
 def unsimplified(land: Land) -> Simplified:
-    """Return the obstacles as they are: the planner takes them without simplification."""
+    """Return the obstacles unchanged: in a plane scenario nothing is simplified."""
     vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
     return Simplified(
         polygons=land.polygons,
@@ -44,7 +45,7 @@ def unsimplified(land: Land) -> Simplified:
 
 
 def plane_scene(scenario: Scenario) -> Scene:
-    """Build the planner's input from the given metres: by way of lon/lat they would be rounded."""
+    """Build the planner's input from the given metres; a detour over lon/lat would round them."""
     obstacles = _obstacles(scenario)
     chart = renew.Chart(scenario.area, obstacles)
     projection = _projection(scenario)
@@ -65,7 +66,7 @@ def plane_scene(scenario: Scenario) -> Scene:
 
 
 def _plane(scenario: Scenario) -> Plane:
-    """Return the scenario's plane."""
+    """Return the scenario's plane, or raise RequestError."""
     if scenario.plane is None:
         raise RequestError(["the scenario has neither region nor plane; give one of the two"])
     return scenario.plane
@@ -77,12 +78,12 @@ def _obstacles(scenario: Scenario) -> tuple[Polygon, ...]:
 
 
 def _projection(scenario: Scenario) -> Projection:
-    """Place the plane on the globe, with its origin at 0 N 0 E."""
+    """Return the projection whose origin, 0 N 0 E, is that of the plane."""
     return Projection.at(0.0, 0.0, scenario.scale)
 
 
 def _current(season: Season, extent: Polygon) -> Current:
-    """Return a season's current, given by its parameters in m/s."""
+    """Return the gyre or uniform current of a season."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds
         return renew.GyreCurrent(

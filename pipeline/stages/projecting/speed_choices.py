@@ -1,8 +1,8 @@
-"""Choices of speeds, and the conversion of an arrival to the planner's clock.
+"""Choices of speeds, and the latest arrival that the planner is given.
 
 The planner computes durations in the plane. In a steady current the true duration differs a little,
-by the plane's point scale along the route: so the planner's arrival is set early enough that all
-routes arrive in time.
+according to the plane's point scale along the route. The planner's latest arrival is therefore set
+so early that all routes arrive in time.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,22 +15,22 @@ from pipeline.model import Scene, SpeedChoice
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
-# Share of the time under way by which the best route may arrive earlier than it has to, before it
-# is planned once more; and by which it is asked to be earlier then, as routes shift a little.
+# If the best route arrives earlier than it must by more than the first share of its duration, it is
+# planned once more. The second share is a reserve then, because routes shift a little.
 _EARLY, _RESERVE = 1e-3, 2e-5
-# Number of points at which the point scale is looked up: along the chart's edge, and along either
-# side of a lattice.
+# Number of points at which the point scale is computed: along the chart's edge, and along each side
+# of a lattice.
 _EDGE_POINTS, _LATTICE = 400, 40
 
 
 def speed_choices(scenario: Scenario) -> Mapping[str, SpeedChoice]:
-    """Choices of speeds by season, of those that have one, from the first departure on."""
+    """Return the choice of speeds of each season that has one; times start at first departure."""
     found = {season.name: _speed_choice(season) for season in scenario.seasons}
     return {name: choice for name, choice in found.items() if choice is not None}
 
 
 def _speed_choice(season: Season) -> SpeedChoice | None:
-    """Choice of speeds of a season; None if it has none."""
+    """Return the choice of speeds of a season, or None."""
     begin, end = season.first_departure, season.arrive_by
     if season.speed is None or begin is None or end is None:
         return None
@@ -38,9 +38,9 @@ def _speed_choice(season: Season) -> SpeedChoice | None:
 
 
 def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
-    """Return a route's seconds at true scale, corrected for the plane's point scale along it.
+    """Return a route's true duration, s, corrected for the plane's point scale along it.
 
-    In a changing current they are the planner's own, by whose clock the current was read.
+    In a changing current it is the planner's duration, with which the current was read.
     """
     if not scene.currents[season].is_steady:
         return route.duration
@@ -55,10 +55,10 @@ def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
 def planned_in_time(
     planned: Callable[[float], renew.Plan], scene: Scene, season: str
 ) -> tuple[renew.Plan, float]:
-    """Plan a season with a choice of speeds; return the plan, and the arrival for the planner.
+    """Plan a season with a choice of speeds; return the plan and the planner's latest arrival, s.
 
-    All its routes arrive in time at true scale. The best one is early by less than a thousandth of
-    its duration, unless another route becomes the best.
+    All routes arrive in time at true scale. The best is early by less than a thousandth of its
+    duration, unless fuel is least even earlier or the second plan has another best route.
     """
     within_s = scene.speeds[season].within_s
     by = within_s / largest_stretch(scene, season)
@@ -76,9 +76,9 @@ def planned_in_time(
 
 
 def largest_stretch(scene: Scene, season: str) -> float:
-    """Return an upper bound of the true seconds per second of the planner on the chart.
+    """Return an upper bound of true duration divided by planned duration on the chart.
 
-    In a changing current it is 1: the planner's clock is the current's.
+    In a changing current it is 1, because the planner's times are those of the current.
     """
     if not scene.currents[season].is_steady:
         return 1.0

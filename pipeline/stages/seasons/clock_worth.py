@@ -1,8 +1,8 @@
-"""The worth of knowing how the current changes: plans without a clock, sailed in that current.
+"""The benefit of planning with a changing current, compared with plans for a steady one.
 
-They are planned on the current at departure, on its mean over the voyage, or without current, which
-gives the shortest safe path. All depart at the same time and keep the same padding rules. If speeds
-are chosen, each plan is sailed at its own speeds times one factor, so that it arrives in time.
+The other plans use the current at departure, its mean over the voyage, or no current, which gives
+the shortest safe path. All are sailed in the changing current, with the same departure and padding
+rules. If speeds are chosen, a plan's speeds are multiplied by a factor so that it arrives in time.
 """
 
 import math
@@ -17,14 +17,14 @@ from pipeline.scenario.model import PlannerOptions
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
 
-# Number of classes of the other plans: only their best route is used.
+# Number of classes of the other plans; only their best route is used.
 _CLASSES = 4
 # Number of bisections for the factor on speeds.
 _HALVINGS = 30
 
 
 def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> ClockWorth | None:
-    """Sail other plans in a season's current; None if it does not change, or there is no plan."""
+    """Compare a season's fuel with other plans; None for a steady current or without a plan."""
     current = scene.currents[season.season]
     if season.plan is None or not isinstance(current, renew.VaryingCurrent):
         return None
@@ -43,12 +43,12 @@ def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Cl
 
 
 def hat_weights(times: FloatArray, moment: float) -> FloatArray:
-    """Weights (nt,) of slices that make up the current at a moment, linear between them."""
+    """Return weights (nt,) of a current's slices that interpolate linearly to a moment, s."""
     return np.array([np.interp(moment, times, one) for one in np.eye(len(times))])
 
 
 def mean_weights(times: FloatArray, end: float) -> FloatArray:
-    """Weights (nt,) of slices that make up the mean of the current from 0 to `end`, s."""
+    """Return weights (nt,) of a current's slices for its mean from 0 to `end`, s."""
     knots = np.unique(np.concatenate([[0.0, end], times[(times > 0) & (times < end)]]))
     shares = np.zeros(len(knots))
     shares[1:] += np.diff(knots) / 2
@@ -58,7 +58,7 @@ def mean_weights(times: FloatArray, end: float) -> FloatArray:
 
 
 def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.GriddedCurrent:
-    """The sum of a current's slices with some weights, as a steady current."""
+    """Return the weighted sum of a current's slices as a steady current."""
     grids = [one for one in current.slices if isinstance(one, renew.GriddedCurrent)]
     used = [(grid, weight) for grid, weight in zip(grids, weights, strict=True) if weight > 0]
     uv = sum((weight * grid.uv for grid, weight in used), np.zeros(grids[0].uv.shape))
@@ -68,7 +68,7 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 def _sailed(
     scene: Scene, season: SeasonPlan, planned_in: renew.CurrentField, options: PlannerOptions
 ) -> float:
-    """Fuel, in a season's current, of the best route planned in another; inf without a route."""
+    """Return the fuel, in the season's current, of the best route planned in another, or inf."""
     asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
     vessel, current = scene.vessel_in(name), scene.currents[name]
     try:
@@ -97,9 +97,9 @@ def _sailed(
 def speeds_in_time(
     route: renew.Route, current: Current, choice: SpeedChoice, arrive_by_s: float, drift: Drift
 ) -> FloatArray | None:
-    """Return a route's speeds (n - 1,), m/s, times about the least factor that is in time.
+    """Return a route's speeds (n - 1,), m/s, times the least factor with which it is in time.
 
-    All are clipped to the range of the choice. Returns None if the highest are too slow.
+    Speeds are clipped to the range of the choice. Returns None if the highest are too slow.
     """
     vessel = renew.Vessel(choice.most, turn_rate=1.0)
 

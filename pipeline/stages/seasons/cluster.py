@@ -1,4 +1,4 @@
-"""Seasons on a Dask scheduler's workers: if a worker dies, the other seasons go on."""
+"""Plan seasons on a Dask scheduler's workers; if a worker dies, the other seasons continue."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, 
 from pipeline.stages.workers.connection import own_identity
 from pipeline.stages.workers.fleet import fleet
 
-# Number of tries of a season: an error such as lack of memory may happen on one worker only.
+# Number of tries of a season, because an error such as lack of memory may occur on one worker only.
 _TRIES = 2
 
 
@@ -19,12 +19,12 @@ def run_on_scheduler(
 ) -> None:
     """Run tasks on a scheduler's workers.
 
-    If the scheduler or all workers die, the unfinished tasks have failed.
+    If the scheduler or all workers die, the unfinished tasks are reported as failed.
 
     Raises
     ------
     StageError
-        The scheduler can't be reached, has no workers, or some can't do the work.
+        The scheduler can't be reached or has no workers, or a worker can't plan.
     """
     seasons = _Seasons(tasks, own_identity(), on_status)
     with fleet(address, tasks[0].scene_path) as workers:
@@ -35,7 +35,7 @@ def run_on_scheduler(
 
 
 def plan_on_worker(task: SeasonTask) -> Status:
-    """Run a task on a worker: with a limit, in a process that is killed when its time is up."""
+    """Run a task on a worker; if it has a time limit, in a process that is killed after it."""
     if task.limit_s is None:
         return Status(task.season, plan_and_evaluate(task), crashed=False)
     ended: list[Status] = []
@@ -67,7 +67,7 @@ class _Seasons:
         self._on_status = on_status
 
     def next_task(self, workers: int) -> _OnWorker | None:
-        """Return the next season."""
+        """Return the next season, or None if all are handed out."""
         del workers
         return self._waiting.popleft() if self._waiting else None
 
@@ -77,7 +77,7 @@ class _Seasons:
         self._end(result)
 
     def died(self, task: _OnWorker) -> None:
-        """Report that workers died of a season, one after the other."""
+        """Report a season as crashed because several workers died while planning it."""
         reason = "its workers died of it (out of memory, or a crash of the interpreter)"
         self._end(Status(task.season.season, reason, crashed=True))
 
@@ -95,7 +95,7 @@ class _Seasons:
         self._end(status_of(season, fail))
 
     def give_up(self, error: StageError) -> None:
-        """Report the rest, by the store: a season may have been done before the scheduler died."""
+        """Report each open season: with its result if the store has one, otherwise as crashed."""
         for task in tuple(self._open.values()):
             result = task.result()
             self._end(

@@ -1,4 +1,4 @@
-"""Measures every route of a season against the original, unsimplified land."""
+"""Measure every route of a season against the original, unsimplified land."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,20 +29,20 @@ from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
 from renew.inputs.options import Drift
 from renew.turns.reach_bound import TurnReach
 
-# Spacing of the points at which turns begin: at least this many metres of the plane, as published,
-# and at least this many turning radii, as with a shorter step the turns are almost the same.
+# Spacing of the points at which hard-over turns begin: at least this many planar metres, as
+# published, and at least this many turning radii, because nearer turns are almost the same.
 _MIN_SPACING = 1.0
 _SPACING_RADII = 0.5
-# Maximum number of points per route whose turns are stored without a collision, evenly along it: at
-# true scale there are 100,000.
+# Maximum number of points per route that are stored although no turn from them collides, evenly
+# spaced; at true scale a route has 100,000 points.
 _MAX_POINTS = 1000
-# Length (true metres) of the pieces whose distance from land is measured: short enough for the
-# plane's scale to be constant across one. Land within _NEARLY times the least distance found so is
-# measured again along geodesics.
+# Length (true metres) of the pieces of a route whose distance from land is measured: the plane's
+# scale is nearly constant across each. Land within _NEARLY times the smallest distance is measured
+# again along geodesics.
 _PIECE_M = 10_000.0
 _NEARLY = 1.02
-# Segments per quadrant of the buffer around routes, and the factor on its width that makes up for
-# the corners that 16-sided circles cut off (2 %), with a reserve.
+# Segments per quadrant of the buffer around routes, and the factor on its width that compensates
+# for what 16-sided circles cut off (2 %), with a reserve.
 _QUADRANT_SEGMENTS = 4
 _BUFFER_RESERVE = 1.1
 
@@ -51,7 +51,7 @@ _BUFFER_RESERVE = 1.1
 class SeasonEvaluation:
     """One season's part of an Evaluation.
 
-    `contingency` counts all turns; it holds the points of all collisions, and of some other turns.
+    `contingency` counts all turns, and has the points of all collisions and of some other turns.
     """
 
     routes: tuple[RouteMetrics, ...]
@@ -69,10 +69,10 @@ def evaluate_season(
     drift: Drift = "projected",
     lateness: float = 0.05,
 ) -> SeasonEvaluation:
-    """Measure one season's routes, by rank; empty where the season was not planned.
+    """Measure one season's routes, by rank; the result is empty if the season was not planned.
 
-    In currents that change the clock runs by the drift model, and turns begin early, on time and
-    late by a share of the time since departure.
+    In a changing current, the drift model determines the times along a route. Turns are simulated
+    on time, and early and late by the share `lateness` of the time since departure.
     """
     routes = plan.ranked_routes
     if not routes:
@@ -121,7 +121,7 @@ class _RouteEvaluator:
         self._near_land = land_within_reach(scene, self._current, scene.vessel_in(season), routes)
 
     def metrics(self, route: renew.Route, turns: renew.Contingency, rank: int) -> RouteMetrics:
-        """Return all figures of one route."""
+        """Return all measurements of one route."""
         line = shapely.LineString(route.path)
         land_m, land_lon, land_lat = self._over_land(line)
         return RouteMetrics(
@@ -161,10 +161,10 @@ class _RouteEvaluator:
         )
 
     def _clearance_m(self, line: shapely.LineString) -> float:
-        """Return true metres from a route to the nearest original land; inf where there is none.
+        """Return true metres from a route to the nearest original land; inf if there is no land.
 
-        The land nearest in the plane need not be nearest on earth, as the plane's scale varies
-        along the route: all land that is nearly as near is measured.
+        The nearest land in the plane may not be the nearest on earth, because the plane's scale
+        varies along the route. So all land within nearly the smallest distance is measured.
         """
         if not len(self._land):
             return math.inf
@@ -181,21 +181,21 @@ class _RouteEvaluator:
         return min(projection.geodesic_length_m(shapely.get_coordinates(gap)) for gap in gaps)
 
     def _filled_share(self, route: renew.Route) -> float:
-        """Return the share of a route in cells where the current's source has no figure."""
+        """Return the share of a route in cells without a value in the current's source."""
         cells = self._scene.current_cells.get(self._season)
         if cells is None:
             return 0.0
         return share_without(route.path, self._scene.projection, cells.at)
 
     def _uncharted_share(self, route: renew.Route) -> float:
-        """Return the share of a route without charted depth; NaN in a chart without depths."""
+        """Return the share of a route without charted depth; NaN if the chart has no depths."""
         depths = self._scene.depths
         if depths is None:
             return math.nan
         return share_without(route.path, self._scene.projection, depths.at)
 
     def _over_land(self, line: shapely.LineString) -> tuple[float, float, float]:
-        """Return true metres of a route over original land, and lon, lat amid the longest part."""
+        """Return true metres of a route over original land, and the longest part's middle lon, lat."""
         projection = self._scene.projection
         crossed = self._land[self._tree.query(line, predicate="intersects")]
         over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
@@ -212,7 +212,7 @@ class _RouteEvaluator:
 def land_within_reach(
     scene: Scene, current: Current, vessel: renew.Vessel, routes: Sequence[renew.Route]
 ) -> renew.Chart:
-    """Return a chart of the original land within reach of any route's turns, to save time."""
+    """Return a chart of only the original land that a turn from any route can reach."""
     reach = TurnReach.of(current.table(scene.chart.bounds), vessel).furthest.max()
     paths = [shapely.LineString(route.path) for route in routes]
     zone = shapely.union_all(
@@ -227,12 +227,12 @@ def land_within_reach(
 
 
 def mean_speed_m_s(route: renew.Route) -> float:
-    """Return the mean speed through water over time, or the speed if all legs have the same."""
+    """Return the mean over time of the speed through water, m/s."""
     return float(np.average(route.speeds, weights=np.diff(route.times)))
 
 
 def _thinned(turns: renew.Contingency) -> renew.Contingency:
-    """Keep every point with a collision, and as many others as a map can show."""
+    """Keep every point with a collision, and at most _MAX_POINTS others."""
     others = np.flatnonzero(~turns.collided)
     kept = others[np.linspace(0, others.size - 1, min(_MAX_POINTS, others.size)).astype(int)]
     chosen = np.sort(np.concatenate([np.flatnonzero(turns.collided), kept]))
@@ -240,7 +240,7 @@ def _thinned(turns: renew.Contingency) -> renew.Contingency:
 
 
 def _polygons(geometries: npt.NDArray[np.object_]) -> list[Polygon]:
-    """Return the polygons among any geometries and their parts."""
+    """Return the non-empty polygons among geometries and their parts."""
     return [
         part
         for part in shapely.get_parts(shapely.get_parts(geometries))

@@ -1,4 +1,4 @@
-"""The plan of one season."""
+"""Plan one season."""
 
 import math
 import time
@@ -13,11 +13,11 @@ from pipeline.stages.projecting.speed_choices import largest_stretch, planned_in
 from renew.errors import TooLateError
 
 MIN_LATENESS_S = 3600.0
-"""Least time by which turns are checked early and late in changing currents, s."""
+"""Minimum of the times by which turns are checked early and late in changing currents, s."""
 
 
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
-    """Plan one season; where that is impossible, the result's `failure` says why."""
+    """Plan one season; if that is impossible, the result's `failure` has the reason."""
     started = time.perf_counter()
 
     def planned(arrive_by_s: float) -> renew.Plan:

@@ -1,6 +1,6 @@
-"""Seasons with a limit: each in a process of its own, which can be killed when its time is up.
+"""Plan seasons with a time limit, each in a separate process that is killed after the limit.
 
-As a program it plans the one season whose pickled task it reads from standard input.
+Run as a program, this module plans one season, whose pickled task it reads from standard input.
 """
 
 import contextlib
@@ -21,9 +21,9 @@ from typing import IO
 from pipeline.machine.interpreters import python_command, python_environment
 from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 
-# Time between two looks at processes, s.
+# Time between two checks whether processes have ended, s.
 _PAUSE_S = 0.05
-# Time between two checks in a process that its parent still runs, s.
+# Time between two checks of a process whether its parent still runs, s.
 _PARENT_S = 0.5
 _MODULE = "pipeline.stages.seasons.process"
 # Largest length of a process's last output in a message, in characters.
@@ -31,12 +31,12 @@ _MAX_SHOWN = 200
 
 
 class SeasonProcess:
-    """A season's task at work in a process of its own, with a deadline if the task has a limit."""
+    """A separate process that runs a season's task; it has a deadline if the task has a limit."""
 
     def __init__(self, task: SeasonTask) -> None:
         self._task = task
         self._deadline = time.monotonic() + (task.limit_s or float("inf"))
-        # Files, not pipes: nobody needs to read while the process works.
+        # Files, because a pipe would have to be read while the process runs.
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
         self._process = subprocess.Popen(  # noqa: S603 - this very module
@@ -57,7 +57,7 @@ class SeasonProcess:
         return self._process.stdin
 
     def status(self) -> Status | None:
-        """Return how the task ended; None while it is at work. Past its deadline it is killed."""
+        """Return how the task ended, or None while it runs; after its deadline, kill it."""
         if self._process.poll() is None:
             if time.monotonic() < self._deadline:
                 return None
@@ -81,7 +81,7 @@ class SeasonProcess:
                 )
 
     def kill(self) -> None:
-        """End the process, and all that it started."""
+        """Kill the process and all processes that it started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -92,7 +92,7 @@ class SeasonProcess:
 def run_in_processes(
     tasks: Sequence[SeasonTask], count: int, on_status: Callable[[Status], None]
 ) -> None:
-    """Run tasks, at most `count` at a time; on any error the processes are ended too."""
+    """Run tasks, at most `count` at a time; an exception or interruption kills all processes."""
     waiting, working = deque(tasks), list[SeasonProcess]()
     try:
         while waiting or working:
@@ -110,7 +110,7 @@ def run_in_processes(
 
 
 def _end_with(parent: int) -> None:
-    """End this process once the one that started it has ended, however that happened."""
+    """End this process after its parent has ended, for whatever reason."""
     while os.getppid() == parent:
         time.sleep(_PARENT_S)
     os._exit(1)
@@ -120,7 +120,7 @@ def _main() -> None:
     """Plan one season; write its failure, and whether the task crashed, to standard output."""
     threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
     task = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the process that started this
-    answer, sys.stdout = sys.stdout, sys.stderr  # what libraries print is no answer
+    answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
     status = status_of(task.season, partial(plan_and_evaluate, task))
     answer.write(json.dumps([status.failure, status.crashed]))
 

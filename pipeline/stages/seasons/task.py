@@ -1,7 +1,7 @@
-"""A season's plan and evaluation as one task, for a thread, a process or any Dask worker.
+"""Plan and evaluate a season as one task, for a thread, a process or a Dask worker.
 
-A task holds paths, not arrays: large arguments fail in transit. Its results are in the store as
-soon as they are complete, so that a killed run continues from there.
+A task has paths instead of arrays, because Dask can't transfer large arguments reliably. Results
+are stored as soon as they are complete; the next run after a killed one loads them.
 """
 
 import traceback
@@ -21,10 +21,10 @@ from pipeline.stages.seasons.plan_season import plan_season
 
 @dataclass(frozen=True, slots=True)
 class SeasonTask:
-    """All that is needed to plan and evaluate one season.
+    """The inputs and result paths to plan and evaluate one season.
 
-    `owner` is the scenario's name; `limit_s` is the time that the task may take, or None. With
-    `explains_gap` the evaluation says what the optimality gap is made of.
+    `owner` is the scenario's name, `limit_s` the task's time limit or None. With `explains_gap` the
+    evaluation splits the optimality gap into its causes.
     """
 
     season: str
@@ -38,14 +38,14 @@ class SeasonTask:
     explains_gap: bool = False
 
     def result(self) -> tuple[SeasonPlan, SeasonEvaluation] | None:
-        """Load plan and evaluation from the store; None where one is missing or damaged."""
+        """Load plan and evaluation from the store; None if one is missing or damaged."""
         plan = load_artefact(self.plan_path, SeasonPlan)
         evaluation = load_artefact(self.evaluation_path, SeasonEvaluation)
         return None if plan is None or evaluation is None else (plan, evaluation)
 
 
 def plan_and_evaluate(task: SeasonTask) -> str:
-    """Plan and evaluate a season, store both; return why it could not be planned, or ""."""
+    """Plan and evaluate a season, and store both; return why it could not be planned, or ""."""
     scene = load_artefact(task.scene_path, Scene)
     if scene is None:
         raise StageError(
@@ -69,9 +69,9 @@ def plan_and_evaluate(task: SeasonTask) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """How a season's task ended; `failure` is empty where it was planned.
+    """How a season's task ended; `failure` is "" if the season has a plan.
 
-    `crashed` says that the task itself failed: there is no plan to say why.
+    `crashed`: the task itself failed, so that the store has no result for the season.
     """
 
     season: str
@@ -80,7 +80,7 @@ class Status:
 
 
 def status_of(season: str, result: Callable[[], str]) -> Status:
-    """Return how a task ended; an exception in one season must not stop the others."""
+    """Call `result` and return how the task ended; an exception becomes a failure."""
     try:
         return Status(season, result(), crashed=False)
     except PipelineError as error:

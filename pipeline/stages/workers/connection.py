@@ -1,4 +1,4 @@
-"""Asks a Dask scheduler, which may never answer, for its workers, and which of them can plan."""
+"""Ask a Dask scheduler for its workers, with time limits, and check that they can plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ValueT = TypeVar("ValueT")
-# Time limit for the answers of all workers, s: before it answers, a worker imports the planner.
+# Time limit for the answers of all workers, s: a worker imports the planner before it answers.
 _ANSWER_S = 60.0
 _OTHER_VERSION = "another version of RENEW or of its libraries; install the same on all machines"
 
@@ -28,7 +28,7 @@ _OTHER_VERSION = "another version of RENEW or of its libraries; install the same
 def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
     """Ask a scheduler for its workers, without a client, which would try to connect for long.
 
-    Any exception means that no scheduler answered in time.
+    Raises any exception if no scheduler answers within the limit.
     """
     from distributed import rpc
     from distributed.security import Security
@@ -62,10 +62,10 @@ def within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Silence Dask's log lines and warnings, so that they don't mix with those of this program."""
+    """Silence Dask's log lines and warnings inside the `with` block."""
     import distributed
 
-    del distributed  # sets the levels of its loggers when it is imported
+    del distributed  # imported because it then sets the levels of its loggers
     loggers = [
         logging.getLogger(name)
         for name in logging.root.manager.loggerDict
@@ -89,19 +89,13 @@ def own_identity() -> str:
 
 
 def refuse_other_version(identity: str) -> None:
-    """Refuse to work for a job of another version: its results would not be the same.
-
-    Raises
-    ------
-    StageError
-        This worker's code or libraries differ from those of the job.
-    """
+    """Raise StageError if this worker's code or libraries differ from those of the job."""
     if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
 
 
 def worker_fault(identity: str, path: str) -> str:
-    """Say why this worker can't plan for a job of this code identity; empty if it can."""
+    """Return why this worker can't plan for a job with this code identity, or ""."""
     if own_identity() != identity:
         return f"runs {_OTHER_VERSION}"
     if not Path(path).is_file():
@@ -110,13 +104,7 @@ def worker_fault(identity: str, path: str) -> str:
 
 
 def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
-    """Refuse workers that can't plan, can't read a path, or do not answer.
-
-    Raises
-    ------
-    StageError
-        One line that names them.
-    """
+    """Raise StageError, with their names, if workers can't plan, read a path, or answer."""
     ask = partial(client.run, worker_fault, own_identity(), str(path), on_error="return")
     try:
         answers = within(_ANSWER_S, ask)

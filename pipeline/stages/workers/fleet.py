@@ -1,7 +1,7 @@
-"""Hands out tasks to the workers of a Dask scheduler and watches them; every wait has a limit.
+"""Hand out tasks to the workers of a Dask scheduler and monitor them; every wait has a time limit.
 
-Each worker has one task at a time, so that no task waits in a worker that another task kills. If a
-worker dies, its task is reported and not repeated: the owner of the work decides about it.
+A worker gets one task per thread at a time, so that no task waits in a worker that another task
+kills. If a worker dies, its task is reported to the `Work`, which decides whether to repeat it.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from pipeline.stages.workers.connection import (
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Times within which a scheduler must answer, workers must be there, and an end is orderly, s.
+# Time limits for an answer of the scheduler, for workers to appear, and for an orderly end, s.
 _ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
-# Times between two looks at tasks, and between two questions whether the scheduler lives, s.
+# Times between two checks of the tasks, and between two checks of the scheduler, s.
 _PAUSE_S, _HEARTBEAT_S = 0.05, 5.0
 _REMEDY = "check the address, or leave --scheduler out"
 
 
 class DiedBeforeError(Exception):
-    """A worker has died of this very task."""
+    """A worker has died of this task before."""
 
 
 class Task(Protocol):
@@ -41,7 +41,7 @@ class Task(Protocol):
 
     @property
     def identity(self) -> str:
-        """Identity of the code that asks for it."""
+        """Identity of the code and libraries of the job."""
         ...
 
     def make(self) -> Any:  # noqa: ANN401 - each kind of task has its own
@@ -53,15 +53,15 @@ class Work(Protocol):
     """Tasks to hand out one at a time; it receives their results and failures."""
 
     def next_task(self, workers: int) -> Task | None:
-        """Return the next task, or None where there is none now; there may be one later."""
+        """Return the next task, or None if none is ready; one may be ready later."""
         ...
 
     def done(self, task: Any, result: Any) -> None:  # noqa: ANN401 - as `Task.make`
-        """Take a task's result."""
+        """Receive a task's result."""
         ...
 
     def died(self, task: Any) -> None:  # noqa: ANN401 - any task
-        """Handle the death of a worker by a task."""
+        """Handle a task during which its worker died."""
         ...
 
     def failed(self, task: Any, error: Exception) -> None:  # noqa: ANN401 - any task
@@ -70,7 +70,7 @@ class Work(Protocol):
 
 
 def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
-    """Do a task on a worker."""
+    """Do a task on a worker; raise StageError if the job has another version."""
     refuse_other_version(task.identity)
     return task.make()
 
@@ -82,16 +82,16 @@ def fleet(address: str, shared: Path, *, attempts: int = 1) -> Iterator[Fleet]:
     Parameters
     ----------
     address
-        Of the scheduler.
+        The scheduler's address.
     shared
         A file that all workers must be able to read.
     attempts
-        Number of times that workers are looked at, as they may die just then.
+        Number of times that the workers are checked, because a worker may die during a check.
 
     Raises
     ------
     StageError
-        It can't be reached, has no workers, or some can't do the work.
+        The scheduler can't be reached or has no workers, or a worker can't plan.
     """
     with quiet(), _client(address) as client:
         connected = Fleet(address, client)
@@ -119,12 +119,12 @@ class Fleet:
         self._answered = self._had_workers = self._asked = time.monotonic()
 
     def run(self, work: Work, check: Callable[[], None] = lambda: None) -> None:
-        """Hand out all tasks; `check` is called regularly, and may end the work by an error.
+        """Hand out all tasks; `check` is called regularly, and may end the work with an error.
 
         Raises
         ------
         StageError
-            The scheduler has died, or has had no workers for long; or a task failed for good.
+            The scheduler has died, or has had no workers for _WORKERS_S.
         """
         at_work: dict[Future[Any], Task] = {}
         try:
@@ -148,18 +148,18 @@ class Fleet:
                     within(_CLOSE_S, partial(self.client.cancel, list(at_work), force=True))
 
     def wait_for_workers(self) -> None:
-        """Wait until there is a worker."""
+        """Wait until the scheduler has a worker, at most _WORKERS_S."""
         while not self._ask():
             self._check_workers_since()
             time.sleep(10 * _PAUSE_S)
 
     def _settle(self, work: Work, future: Future[Any], task: Task) -> None:
-        """Report how a task ended."""
+        """Report to `work` how a task ended."""
         from distributed.scheduler import KilledWorker
 
         if future.cancelled() or future.status == "lost":
             raise self._dead()
-        # A task ends, or dies, on a worker, which may be gone again at the next question.
+        # A task that ends or dies had a worker, even if that worker has gone since.
         self._had_workers = time.monotonic()
         try:
             result = within(_ANSWER_S, future.result)
@@ -167,13 +167,13 @@ class Fleet:
             work.died(task)
         except TimeoutError:
             raise self._dead() from None
-        except Exception as error:  # noqa: BLE001 - what to make of it is its owner's
+        except Exception as error:  # noqa: BLE001 - `work` decides what to do
             work.failed(task, error)
         else:
             work.done(task, result)
 
     def _check_alive(self) -> None:
-        """Ask the scheduler now and then; give up when it has not answered for long."""
+        """Ask the scheduler every _HEARTBEAT_S; raise StageError after _ANSWER_S without answer."""
         if time.monotonic() - self._asked < _HEARTBEAT_S:
             return
         try:
@@ -185,7 +185,7 @@ class Fleet:
             self._check_workers_since()
 
     def _ask(self) -> int:
-        """Ask the scheduler for its workers; return how many tasks they can do at a time."""
+        """Ask the scheduler for its workers, and return their number."""
         self._asked = time.monotonic()
         try:
             found = scheduler_workers(self._address, _ANSWER_S)
@@ -198,7 +198,7 @@ class Fleet:
         return len(found)
 
     def _check_workers_since(self) -> None:
-        """Give up when there have been no workers for long."""
+        """Raise StageError if there have been no workers for _WORKERS_S."""
         if time.monotonic() - self._had_workers > _WORKERS_S:
             raise StageError(
                 f"the Dask scheduler at {self._address!r} has had no workers for {_WORKERS_S:g} s; "
@@ -206,7 +206,7 @@ class Fleet:
             )
 
     def _dead(self) -> StageError:
-        """Return the error that the scheduler has died."""
+        """Return the error for a scheduler that has died."""
         return StageError(
             f"the Dask scheduler at {self._address!r} no longer answers; all that was done is "
             "kept: start it and run again to continue, or leave --scheduler out"
@@ -215,7 +215,7 @@ class Fleet:
 
 @contextlib.contextmanager
 def _client(address: str) -> Iterator[Client]:
-    """Connect a client; if it can't be closed in time, it stays open until the program ends."""
+    """Connect a client; a client that can't be closed in time stays open until the program ends."""
     from distributed import Client
 
     connect = partial(Client, address, timeout=_ANSWER_S, set_as_default=False)

@@ -1,4 +1,4 @@
-"""A Dask cluster of this machine: processes with one thread and a memory limit each."""
+"""A Dask cluster on this machine: processes with one thread and a memory limit each."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from pipeline.stages.workers.connection import quiet, within
 if TYPE_CHECKING:
     from distributed import LocalCluster
 
-# Time for an orderly end, s; and number of times that starting is tried.
+# Time limit for an orderly end, s, and number of tries to start.
 _CLOSE_S, _TRIES = 3.0, 3
-# A worker is ended at its limit; until then its memory is its own. And the cluster does not give
-# up a worker that dies a second time within the time in which it looks into the first.
+# A worker is ended at its memory limit, and neither spills nor pauses before. With the long timeout
+# the cluster still replaces a worker that dies again shortly after its first death.
 _SETTINGS = {
     "distributed.deploy.lost-worker-timeout": "7 days",
     "distributed.worker.memory.target": False,
@@ -32,19 +32,19 @@ _SETTINGS = {
 
 @contextlib.contextmanager
 def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
-    """Start a cluster; give its scheduler's address.
+    """Start a cluster, and yield its scheduler's address.
 
     Parameters
     ----------
     workers
-        Number of processes; None for one a core.
+        Number of processes; default: one per core.
     memory_gb
-        Memory at which a process is ended, GB.
+        Memory limit of a process, GB; a process that exceeds it is ended.
 
     Raises
     ------
     StageError
-        Its processes die as they start.
+        The cluster could not be started.
     """
     import dask
 
@@ -58,7 +58,7 @@ def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
 
 
 def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> LocalCluster:
-    """Start a cluster; where a process dies as it starts, start another one."""
+    """Start a cluster; if that fails, for example because a process dies, try again."""
     from distributed import LocalCluster
 
     try:
@@ -68,7 +68,7 @@ def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> LocalCluste
             processes=True,
             memory_limit=int(memory_gb * 1e9),
             host="127.0.0.1",
-            dashboard_address=":0",  # any free port: with none it takes the common one all the same
+            dashboard_address=":0",  # any free port; with None, Dask uses its default port
             silence_logs=logging.CRITICAL + 1,
         )
     except Exception as error:
