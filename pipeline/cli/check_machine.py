@@ -1,4 +1,4 @@
-"""Checks of this machine and of what is installed on it, for `renew doctor`."""
+"""Checks of this machine and of its installation, for `renew doctor`."""
 
 import os
 import platform
@@ -26,7 +26,7 @@ LAND_S = 15.0
 _MIN_DISK, _GOOD_DISK = 50e6, 1e9
 # Free memory, bytes: a run on a region of 1,000 km takes about 1 GB.
 _GOOD_MEMORY = 1.5e9
-# Tolerance of the clock's comparison with the time of installation, s.
+# Tolerance for a clock that is behind the time of installation, s.
 _CLOCK_S = 86_400.0
 _LAST_YEAR = 2100
 
@@ -50,7 +50,7 @@ def python() -> Finding:
 
 
 def clock() -> Finding:
-    """Check the clock, by which currents are requested and certificates are checked."""
+    """Check the clock: requests for currents and checks of certificates depend on it."""
     now, installed = time.time(), Path(__file__).stat().st_mtime
     text = f"{datetime.fromtimestamp(now, UTC):%Y-%m-%d %H:%M} UTC"
     remedy = "set the clock, or start the service after the time is synchronised"
@@ -65,7 +65,7 @@ def clock() -> Finding:
 
 
 def memory() -> Finding:
-    """Check the memory that a run can use: free memory and limits."""
+    """Check the memory that a run can use: the least of free memory and limits."""
     limits = {"free": _free_memory(), "limit of the control group": _group_memory()}
     for name, kind in (("ulimit -v", resource.RLIMIT_AS), ("ulimit -d", resource.RLIMIT_DATA)):
         soft = resource.getrlimit(kind)[0]
@@ -81,7 +81,7 @@ def memory() -> Finding:
 
 
 def _free_memory() -> float | None:
-    """Memory that the kernel can give to a new process, bytes."""
+    """Return the memory that the kernel can give to a new process, bytes; None if unknown."""
     try:
         found = re.search(
             r"^MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE
@@ -92,7 +92,7 @@ def _free_memory() -> float | None:
 
 
 def _group_memory() -> float | None:
-    """Limit of the control group that this process is in, bytes; None without one."""
+    """Return the memory limit of this process's control group, bytes; None if it has none."""
     try:
         group = Path("/proc/self/cgroup").read_text().strip().rpartition("::")[2].strip("/")
         text = (Path("/sys/fs/cgroup") / group / "memory.max").read_text().strip()
@@ -136,14 +136,14 @@ def output(output: Path) -> Finding:
 
 
 def _existing(folder: Path) -> Path:
-    """The folder, or the nearest one above that exists."""
+    """Return the folder or, if it does not exist, its nearest existing parent."""
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
     return folder
 
 
 def _can_write(folder: Path) -> bool:
-    """Whether a file can be made in a folder."""
+    """Whether a file can be created in a folder."""
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
@@ -172,7 +172,7 @@ def compiler_cache() -> Finding:
 
 
 def land_cache() -> Finding:
-    """Check the cache of the world's land, which saves unpacking it for each region."""
+    """Check the cache of the world's land; without it, each region unpacks the land again."""
     what, path = "land's cache", cache_file("Osm")
     if path is not None and path.is_file():
         return Finding("ok", what, f"{path} ({path.stat().st_size / 1e6:.0f} MB)")
@@ -189,7 +189,7 @@ def land_cache() -> Finding:
 
 
 def libraries() -> Finding:
-    """Check that the required libraries are installed, in the required versions."""
+    """Check that the required libraries are installed in the required versions."""
     what = "libraries"
     try:
         requirements = distribution(_DISTRIBUTION).requires or []
@@ -226,7 +226,7 @@ def _numbers(release: str) -> tuple[int, ...]:
 
 
 def projections() -> Finding:
-    """Check that PROJ finds its database; a PROJ_DATA of another release breaks it."""
+    """Check that PROJ finds its database; PROJ_DATA may point at another release's."""
     import pyproj
 
     what, text = "projections", f"PROJ {pyproj.proj_version_str}"
@@ -249,7 +249,7 @@ def triangulator() -> Finding:
 
 
 def land() -> Finding:
-    """Check the world's land in a process of its own, as reading it blocks all other threads."""
+    """Check the world's land in a separate process, because reading it blocks all other threads."""
     what = "land data"
     result = run_python(["-c", _READ_LAND], "", LAND_S)
     if result.exit_code is None:

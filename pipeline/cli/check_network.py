@@ -17,7 +17,7 @@ _SAME_ON_WORKERS = ("distributed", "numba", "numpy", "scipy", "shapely")
 
 
 def account() -> Finding:
-    """Check that there is an account, without showing it."""
+    """Check that an account is set up, without printing it."""
     remedy = f"set {USERNAME} and {PASSWORD}, or run `copernicusmarine login`, to fetch currents"
     try:
         if has_account():
@@ -66,7 +66,7 @@ def scheduler(address: str | None, output: Path) -> Finding:
 
 
 def _worker_states(address: str, folder: str) -> dict[str, object]:
-    """Ask a scheduler's workers for their states; any exception means no answer in time."""
+    """Return the state of each of a scheduler's workers; raise if they do not answer in time."""
     from distributed import Client
 
     from pipeline.stages.workers.connection import quiet, scheduler_workers, within
@@ -77,7 +77,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
             return answers
 
     with quiet():
-        # No client without workers: a client that can't connect prints a traceback when deleted.
+        # Check for workers first: a client that can't connect prints a traceback when deleted.
         return within(NETWORK_S, ask) if scheduler_workers(address, NETWORK_S - 2) else {}
 
 

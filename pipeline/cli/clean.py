@@ -13,14 +13,14 @@ _MB = 1e6
 
 
 def clean(output: Path, *, older: str, everything: bool) -> str:
-    """Prune the store of an output folder; return in one line how much was freed.
+    """Prune the store of an output folder; return one line on the space that was freed.
 
     Raises
     ------
     RequestError
         `older` is not an age, or there is no store.
     StageError
-        A run is at work in the folder.
+        A run is using the folder.
     """
     age = re.fullmatch(r"(\d{1,6})([hdw])", older)
     if age is None:

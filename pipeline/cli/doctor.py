@@ -1,8 +1,7 @@
-"""The command `doctor`: checks that this machine can run RENEW.
+"""The command `doctor`, which checks that this machine can run RENEW.
 
-A fault makes every run fail or its results wrong. If something is missing that only some runs need,
-such as an account, that is a warning. Checks that may hang run in threads, all at once, and are
-given up after some seconds.
+A fault makes every run fail or its results wrong. A warning is for something that only some runs
+need, such as an account. Checks that may hang run in parallel threads and have a time limit.
 """
 
 import json
@@ -30,9 +29,9 @@ def examine(
     output
         Folder of results; it need not exist, and is not created.
     offline
-        Don't ask the service for currents; a named scheduler is still asked.
+        Don't check the login at the service for currents; a named scheduler is still checked.
     scheduler
-        Address of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, if any.
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, if it is set.
     """
     slow = [
         Background("land data", check_machine.land, check_machine.LAND_S + 1),
@@ -65,30 +64,30 @@ def examine(
 
 
 def spelled_as_json(findings: Sequence[Finding]) -> str:
-    """Spell the findings as one JSON object."""
+    """Return the findings as one JSON object."""
     return json.dumps(
         {"exit_code": exit_code(findings), "findings": [asdict(one) for one in findings]}
     )
 
 
 def exit_code(findings: Sequence[Finding]) -> int:
-    """1 if there is a fault, else 0."""
+    """Return 1 if there is a fault, else 0."""
     return int(any(one.state == "fault" for one in findings))
 
 
 def guarded(what: str, check: Callable[[], Finding]) -> Finding:
-    """Run a check; if it raises an error, return that as a finding."""
+    """Run a check; if it raises an error, return the error as a finding."""
     try:
         return check()
-    except PipelineError as error:  # its text ends in the remedy
+    except PipelineError as error:  # its text ends with the remedy
         return Finding("fault", what, str(error))
-    except Exception as error:  # noqa: BLE001 - what is broken may break its check in any way
+    except Exception as error:  # noqa: BLE001 - a broken installation may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         return Finding("fault", what, f"the check failed ({reason})", _REINSTALL)
 
 
 class Background:
-    """A check in a thread of its own, given up after some time."""
+    """A check that runs in a separate thread, with a time limit in seconds."""
 
     def __init__(self, what: str, check: Callable[[], Finding], seconds: float) -> None:
         self._what, self._seconds = what, seconds
@@ -100,7 +99,7 @@ class Background:
         self._thread.start()
 
     def finding(self) -> Finding:
-        """Wait for the check, but no longer than its time."""
+        """Return the check's finding, or a fault if it has not ended within its time limit."""
         self._thread.join(max(0.0, self._end - time.monotonic()))
         if self._found:
             return self._found[0]

@@ -1,4 +1,4 @@
-"""After a refused run, a note with the date of the earlier results in the scenario's folder."""
+"""Note the date of the earlier results in a scenario's folder if a request is refused."""
 
 import contextlib
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ from pipeline.errors import RequestError
 
 @contextlib.contextmanager
 def dating_earlier_results(output: Path, asked: str) -> Iterator[None]:
-    """Add a note to a RequestError where an earlier run's results lie in the output folder."""
+    """Add a note to a RequestError if the output folder has results of an earlier run."""
     try:
         yield
     except RequestError as error:
-        with contextlib.suppress(Exception):  # a note is no reason for another error
+        with contextlib.suppress(Exception):  # a failure here must not hide the error
             error.add_note(_note(output, asked))
         raise
 

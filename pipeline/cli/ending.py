@@ -1,4 +1,4 @@
-"""The end of a run on the terminal: its table, the folder of its results, and its failures."""
+"""Print the end of a run: its table, the folder of its results, and its failures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoReturn:
-    """Print an outcome for a reader, as JSON for a program or not at all; exit with its code."""
+    """Print an outcome as a table or JSON, or only its failures if `quiet`; exit with its code."""
     if as_json:
         from pipeline.cli.outcome_json import outcome_json
 
@@ -29,7 +29,7 @@ def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoRe
 
 
 def short_path(path: Path) -> str:
-    """Return a path relative to the working directory where that is shorter."""
+    """Return a path relative to the working directory if it lies inside."""
     try:
         return str(path.relative_to(Path.cwd()))
     except ValueError:

@@ -1,4 +1,4 @@
-"""How the command line reports errors: a line for each, and an exit code."""
+"""Report errors on the command line: one line for each, and an exit code."""
 
 import contextlib
 import json
@@ -14,7 +14,7 @@ from pipeline.cli.interruption import MESSAGE, exit_code
 from pipeline.errors import PipelineError, shortened
 
 _UNEXPECTED = 3
-# Number of frames, the last of a traceback, that are reported.
+# Number of the last frames of a traceback that are reported.
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
@@ -22,33 +22,33 @@ _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input
 
 
 class BriefRefusals(TyperGroup):
-    """A command group whose refusals cut long words short."""
+    """A command group that shortens long arguments in its error messages."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of click, or of typer's own copy of it
-        """Read the words before the command."""
+        """Parse the arguments before the command."""
         with _brief_refusals():
             return super().make_context(*args, **kwargs)
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above
-        """Read the command's own words, and run it."""
+        """Parse the command's own arguments, and run it."""
         with _brief_refusals():
             return super().invoke(ctx)
 
 
 @contextlib.contextmanager
 def _brief_refusals() -> Iterator[None]:
-    """Shorten click's messages about words that it refuses."""
+    """Shorten click's messages about invalid arguments."""
     try:
         yield
     except Exception as error:
-        # Depending on its version, typer raises click's class of such errors or its own copy.
+        # Depending on its version, typer raises click's class of usage errors or its own copy.
         if hasattr(error, "format_message") and isinstance(getattr(error, "message", None), str):
             error.message = shortened(error.message)  # type: ignore[attr-defined]
         raise
 
 
 def exit_code_of(error: BaseException) -> int:
-    """Return the exit code of a command that ends with an error."""
+    """Return the exit code of a command that ended with this error."""
     if isinstance(error, PipelineError):
         return error.exit_code
     return exit_code(error) if isinstance(error, KeyboardInterrupt) else _UNEXPECTED
@@ -70,7 +70,7 @@ def reported_errors() -> Iterator[None]:
     except KeyboardInterrupt as error:
         typer.echo(MESSAGE, err=True)
         raise typer.Exit(exit_code(error)) from None
-    except Exception as error:  # noqa: BLE001 - the last resort
+    except Exception as error:  # noqa: BLE001 - reported as unexpected
         typer.echo(_unexpected(error), err=True)
         raise typer.Exit(_UNEXPECTED) from None
 
@@ -92,5 +92,5 @@ def _unexpected(error: Exception) -> str:
 
 
 def _short(filename: str) -> str:
-    """Return the end of a path, without the user's own folders."""
+    """Return the last three parts of a path, to hide the user's folders."""
     return "/".join(Path(filename).parts[-3:])

@@ -1,4 +1,4 @@
-"""A finding of `renew doctor`: one line for each thing that it checks."""
+"""A finding of `renew doctor`: the result of one check."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,7 @@ State = Literal["ok", "warning", "fault"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The thing that was checked, its state, details, and the remedy if it is not in order."""
+    """The checked item `what`, its state, details, and a remedy for a warning or a fault."""
 
     state: State
     what: str
@@ -16,6 +16,6 @@ class Finding:
     remedy: str = ""
 
     def __str__(self) -> str:
-        """One line."""
+        """Return the finding as one line."""
         remedy = f"; {self.remedy}" if self.remedy else ""
         return f"{self.state:<8} {self.what}: {self.detail}{remedy}"

@@ -1,4 +1,4 @@
-"""`renew go`: a voyage in one line."""
+"""The command `renew go`: plan a voyage from options, without a scenario file."""
 
 import re
 from pathlib import Path
@@ -21,15 +21,15 @@ from pipeline.cli.options import (
     VesselOption,
 )
 
-# A minus and a digit: no option begins like that.
+# A minus and a digit or point, as in a negative number; no option begins with them.
 _NEGATIVE = re.compile(r"-[\d.]")
 
 
 class NegativeFigures(TyperCommand):
-    """Takes words that begin with a minus and a digit as arguments, not as options."""
+    """A command that parses negative numbers as arguments, not as options."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - of click, or of typer's own copy of it
-        """Parse the words; a space before a minus hides it from the option parser."""
+        """Parse the arguments; a space before a minus hides it from the option parser."""
         return super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
 
 
@@ -47,9 +47,9 @@ def go(
     speed: Annotated[
         str,
         typer.Option(
-            help="Speed through water, as 12kn, 6m/s; in place of --vessel. Or a range, as "
-            "4kn..9kn, also with --vessel: each leg gets a speed, for least fuel from --depart to "
-            "--arrive-by."
+            help="Speed through water, such as 12kn or 6m/s, in place of --vessel. Or a range, "
+            "such as 4kn..9kn, also with --vessel: the planner then chooses a speed for each leg, "
+            "for least fuel between --depart and --arrive-by."
         ),
     ] = "",
     length: Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")] = "",
@@ -59,18 +59,19 @@ def go(
     draught: Annotated[str, typer.Option(help="Draught, as 4m; charts with depths need it.")] = "",
     month: Annotated[
         list[str] | None,
-        typer.Option(help="Month of the voyage, as 2024-07; repeated, a season for each."),
+        typer.Option(help="Month of the voyage, as 2024-07; may be repeated: each is a season."),
     ] = None,
     depart: Annotated[
         str,
         typer.Option(
-            help="Departure with its zone, as 2026-11-22T06:00Z: the currents change on the way, "
-            "by the time steps of --currents, or the service's hourly ones; in place of --month."
+            help="Departure with its time zone, as 2026-11-22T06:00Z, in place of --month. The "
+            "currents then change during the voyage, with the time steps of --currents or with "
+            "the service's hourly ones."
         ),
     ] = "",
     until: Annotated[
         str,
-        typer.Option(help="Latest departure: the best one between --depart and it is chosen."),
+        typer.Option(help="Latest departure: the best one from --depart until then is chosen."),
     ] = "",
     arrive_by: Annotated[
         str,
@@ -84,7 +85,8 @@ def go(
         list[str] | None,
         typer.Option(
             metavar="POSITION",
-            help="Point that the route passes, as START; may be repeated, in order of passing.",
+            help="Point that the route must pass, written like START; may be repeated, in the "
+            "order of passing.",
         ),
     ] = None,
     avoid: Annotated[

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: clean up, print a message, and end within seconds, even during planning."""
+"""Handle Ctrl-C and SIGTERM: clean up, print a message, and end within seconds."""
 
 import _thread
 import contextlib
@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
-# Time for the main thread to clean up, s. After it the process ends: the system then releases its
-# locks, and the seasons' processes end with it.
+# Time for the main thread to clean up, s. Then the process ends, the system releases its locks, and
+# the seasons' processes end, too.
 _GRACE_S = 3.0
 # Time between two attempts to interrupt the main thread, s.
 _PAUSE_S = 0.05
-# Time for the last calls, s: a service that gets a report of the end may take ten to answer.
+# Time limit for the calls of `saying_last`, s: a monitoring service may take ten to answer.
 _LAST_WORDS_S = 20.0
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHOW_CURSOR = "\x1b[?25h"
@@ -26,7 +26,7 @@ _last_words: list[Callable[[int], None]] = []
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asked the program to end: its exit code is 128 plus the signal's number."""
+    """A signal stopped the program; the exit code is 128 plus the signal's number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -40,10 +40,10 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 @contextlib.contextmanager
 def saying_last(words: Callable[[int], None]) -> Iterator[None]:
-    """While in the block, call a function with the exit code as soon as a signal comes.
+    """Call a function with the exit code if a signal arrives inside the `with` block.
 
-    It is called in a thread of its own, before anything is cleaned up. The process does not end
-    until it has returned, or `_LAST_WORDS_S` have passed.
+    It is called in a separate thread, before anything is cleaned up. The process ends after it has
+    returned, or after `_LAST_WORDS_S`.
     """
     _last_words.append(words)
     try:
@@ -56,8 +56,8 @@ def saying_last(words: Callable[[int], None]) -> Iterator[None]:
 def ending_promptly() -> Iterator[None]:
     """Raise `Stopped` in the main thread at the first signal; then end without waiting for threads.
 
-    C code may keep the main thread from seeing the signal, and an interpreter waits for its threads
-    before it ends: so an extra thread ends the process if the main thread has not done so in time.
+    C code may delay the signal's handler in the main thread, and an interpreter waits for its
+    threads before it ends. So an extra thread ends the process if it still runs after `_GRACE_S`.
     """
     number, is_raised = 0, False
     said = threading.Event()
@@ -71,7 +71,7 @@ def ending_promptly() -> Iterator[None]:
             raise Stopped(number)
 
     def raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-        """Note that `Stopped` was lost in a destructor or the garbage collector."""
+        """Let `handle` raise again if `Stopped` was lost in a destructor or garbage collector."""
         nonlocal is_raised
         if isinstance(unraisable.exc_value, Stopped):
             is_raised = False
@@ -92,12 +92,12 @@ def ending_promptly() -> Iterator[None]:
         if number:
             said.wait(_LAST_WORDS_S)
             _end(number)
-        for name in caught:  # by now everything is cleaned up: later signals end the process
+        for name in caught:  # everything is cleaned up: a later signal ends the process at once
             signal.signal(name, lambda asked, _frame: _end(asked))
 
 
 def _is_in_compiler(frame: FrameType | None) -> bool:
-    """Whether Numba's compiler is at work: an error raised in it crashes its callers in C."""
+    """Whether Numba's compiler is running: an error raised in it crashes its callers in C."""
     while frame is not None:
         if "/numba/" in frame.f_code.co_filename:
             return True
@@ -116,7 +116,7 @@ def _end_after_signal(reader: int, said: threading.Event) -> None:
                 time.sleep(_PAUSE_S)
                 _thread.interrupt_main(
                     signal.Signals(number)
-                )  # for a handler that could not raise before
+                )  # the handler may not have raised yet
             said.wait(_LAST_WORDS_S)
             with contextlib.suppress(Exception):
                 os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())
@@ -124,7 +124,7 @@ def _end_after_signal(reader: int, said: threading.Event) -> None:
 
 
 def _say_last(exit_code: int, said: threading.Event) -> None:
-    """Call the function of `saying_last`, if there is one."""
+    """Call the functions of `saying_last`, and then set the event."""
     for words in tuple(_last_words):
         with contextlib.suppress(Exception):
             words(exit_code)
@@ -132,7 +132,7 @@ def _say_last(exit_code: int, said: threading.Event) -> None:
 
 
 def _end(number: int) -> None:
-    """End the process at once, its threads with it."""
+    """End the process and its threads at once; show the terminal's cursor again."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(Exception):
             if stream.isatty():

@@ -1,4 +1,4 @@
-"""The output of `renew list`: the catalogue, and which scenarios need files or the network."""
+"""The output of `renew list`: the catalogue, and the scenarios that need files or the network."""
 
 import json
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ class Entry:
 
 
 def listed() -> list[Entry]:
-    """Return every entry, by section and name."""
+    """Return every entry, sorted by section and name."""
     return [
         Entry(
             section,
@@ -50,7 +50,7 @@ def as_text(entries: Sequence[Entry]) -> str:
 
 
 def spelled_as_json(entries: Sequence[Entry]) -> str:
-    """Return entries as one JSON object, by section."""
+    """Return entries as one JSON object with a list for each section."""
     sections = {
         section: [asdict(entry) for entry in entries if entry.section == section]
         for section in catalogue.SECTIONS
@@ -59,7 +59,7 @@ def spelled_as_json(entries: Sequence[Entry]) -> str:
 
 
 def _needs(scenario: dict[str, Any]) -> str:
-    """Say that a scenario runs offline, or what it needs."""
+    """Return what a scenario needs, as text, or that it runs offline."""
     files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
     seasons = [Season.model_validate(table) for table in scenario["seasons"]]
     offline = [season.name for season in seasons if _runs_offline(season)]

@@ -2,13 +2,14 @@
 
 Exit codes:
 
-- 0: done.
-- 1: a season failed, the others are written; or this machine failed, or `--strict` refused.
-- 2: the request is wrong: nothing is written, every fault has a line of its own.
-- 3: an unexpected error: one line of JSON says where to report it.
-- 4, 5, 10: from `renew nightly` only: another job is at work; no new currents yet; published, but
-  somebody should look.
-- 130 and 143: stopped by Ctrl-C and by SIGTERM; what was done is kept.
+- 0: success.
+- 1: a season failed and the others are written; or the machine or network failed; or `--strict`
+  refused.
+- 2: the request is wrong and nothing is written; each fault has its own line.
+- 3: an unexpected error; one line of JSON says where to report it.
+- 4, 5, 10: only from `renew nightly`: another job is running; no new currents yet; published, but
+  an operator should check the results.
+- 130, 143: stopped by Ctrl-C or SIGTERM; finished stages are kept.
 
 Results go to standard output; progress, notes and errors to standard error.
 """
@@ -67,7 +68,7 @@ def main() -> None:
 
 
 def _open_missing_streams() -> None:
-    """Open streams that the caller closed (`2>&-`): else the next opened file gets their number."""
+    """Open streams that the caller closed (`2>&-`); a file would get their numbers otherwise."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -97,7 +98,7 @@ def options(
     del version
 
 
-# Shortest limit of a season, s: starting its process takes as long.
+# Minimum of a season's time limit, s: starting its process takes as long.
 _MIN_LIMIT_S = 1.0
 
 
@@ -118,7 +119,7 @@ def run(
         typer.Option(
             min=_MIN_LIMIT_S,
             metavar="SECONDS",
-            help="Time that a season may take; past it the season fails, the others are written.",
+            help="Time limit of a season; if it takes longer it fails, and the others are written.",
         ),
     ] = None,
     scheduler: Annotated[
@@ -163,7 +164,7 @@ def plot(
     ] = None,
     form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
     width: Annotated[
-        Width, typer.Option(help="A journal's column (3.3 in) or page (7 in), or a screen's.")
+        Width, typer.Option(help="Width of a journal's column (3.3 in) or page (7 in), or screen.")
     ] = Width.SCREEN,
     output: OutputOption = Path("outputs"),
     offline: OfflineOption = False,
@@ -217,7 +218,7 @@ def list_entries(
 def show(
     name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
 ) -> None:
-    """Print an entry of the catalogue as TOML, to read or to start a new one from."""
+    """Print an entry of the catalogue as TOML, for example as a template for a new one."""
     with reported_errors():
         from pipeline.scenario import catalogue
 
@@ -230,7 +231,7 @@ def show(
 def check(
     file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
 ) -> None:
-    """List all faults of a scenario's file, and whether its start and goal are in water."""
+    """List all faults of a scenario's file; also check that its start and goal are in water."""
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario
 
@@ -293,7 +294,7 @@ def doctor(
 
 @app.command()
 def warm() -> None:
-    """Compile the code of the planner now, so that the first plan need not wait for it."""
+    """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
         from pipeline.cli.warm import warm as warm_up
 
@@ -302,7 +303,7 @@ def warm() -> None:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """The requested scenario, its file, and the seasons that were left out."""
+    """The requested scenario, its file, and notes on how it was loaded."""
 
     scenario: Scenario
     origin: Origin
@@ -312,7 +313,7 @@ class _Wanted:
 def _wanted(
     asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
 ) -> _Wanted:
-    """Load a scenario before the heavy imports, so that a wrong request is reported at once."""
+    """Load a scenario before slow imports, so that a wrong request is reported at once."""
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import scenario_path
     from pipeline.scenario.loading import load_scenario

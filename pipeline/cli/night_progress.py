@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from pipeline.cli.json_lines import json_lines
 from pipeline.nightly.outcome import NightEvent, NightEventHandler
 
-# Least time between two lines on the progress of a stage, s.
+# Minimum time between two lines on the progress of a stage, s.
 _PROGRESS_S = 10.0
 
 
 @contextlib.contextmanager
 def night_progress() -> Iterator[NightEventHandler]:
-    """Provide the event handler."""
+    """Yield an event handler that logs to standard error."""
     log = json_lines(sys.stderr)
     said = 0.0
 

@@ -1,4 +1,4 @@
-"""Reports the begin and end of a night to a service (`--ping`) and to a file of metrics."""
+"""Report the start and end of a night to a service (`--ping`), and the end to a metrics file."""
 
 import threading
 from collections.abc import Callable
@@ -20,7 +20,7 @@ def watched(
     url: str | None,
     on_event: NightEventHandler,
 ) -> NightOutcome:
-    """Run a night and report it; a report that can't be sent is a note, and never fails the night.
+    """Run a night and report it; a report that fails gives only a note.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def watched(
 
 @dataclass(frozen=True)
 class _Teller:
-    """Reports the end of a night once, even if a signal comes meanwhile."""
+    """Reports the end of a night exactly once, even if a signal arrives meanwhile."""
 
     metrics: Path | None
     url: str | None
@@ -57,11 +57,11 @@ class _Teller:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def tell(self, outcome: NightOutcome) -> None:
-        """Report how the night ended, unless that was done before."""
+        """Report how the night ended, unless it was reported before."""
         with self._lock:
             if self._told:
                 return
-            # The other job, which is at work, writes the figures of its night.
+            # If another job was running, that job writes the metrics.
             if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
                 _note(write_metrics(self.metrics, outcome), self.on_event)
             if self.url and (what := report_for(outcome.exit_code)) is not None:
@@ -70,6 +70,6 @@ class _Teller:
 
 
 def _note(fault: str, on_event: NightEventHandler) -> None:
-    """Report what went wrong, if anything did."""
+    """Report a fault as an event, unless it is ""."""
     if fault:
         on_event(NightEvent("publish", "note", fault))

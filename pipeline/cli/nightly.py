@@ -1,4 +1,4 @@
-"""`renew nightly check | run | status | show`: every case on the newest currents, unattended."""
+"""The commands `renew nightly check | run | status | show`: plan many cases, unattended."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ app = typer.Typer(
 ConfigOption = Annotated[
     Path | None,
     typer.Option(
-        help="The night's TOML file; left out, one that comes with RENEW and runs offline."
+        help="The night's TOML file; by default one that comes with RENEW and runs offline."
     ),
 ]
 NightOutputOption = Annotated[
@@ -91,7 +91,7 @@ def run(
         ),
     ] = None,
 ) -> None:
-    """Plan every case on the newest currents; at the end point OUTPUT/latest at the results."""
+    """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
     with reported_errors():
         from pipeline.cli.night_progress import night_progress
         from pipeline.cli.night_watch import watched
@@ -148,12 +148,12 @@ def _loaded(config: Path | None, output: Path | None) -> NightConfig:
 
 
 def _is_regular(path: Path) -> bool:
-    """Whether a path is a file or a folder, not a pipe; a folder is refused later, by a note."""
+    """Whether a path is a file or a folder, not a pipe; writing to a folder gives a note later."""
     return path.is_file() or path.is_dir()
 
 
 def _refuse_no_file(metrics: Path | None) -> None:
-    """Refuse a path that is not a file: earlier figures are read from it; a pipe would block."""
+    """Raise RequestError if the path is a pipe or device, which could block when it is read."""
     from pipeline.errors import RequestError
     from pipeline.machine.paths import shown
 

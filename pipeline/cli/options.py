@@ -1,4 +1,4 @@
-"""Arguments and options of several commands."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _known_names(section: Section) -> Callable[[str], list[str]]:
-    """Return a function for a shell that completes a name of the catalogue."""
+    """Return a function that completes names of a catalogue section in a shell."""
 
     def completed(incomplete: str) -> list[str]:
         from pipeline.scenario import catalogue
@@ -55,7 +55,7 @@ OfflineOption = Annotated[
 ]
 ChartsOption = Annotated[
     Path | None,
-    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chart chosen."),
+    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chosen chart."),
 ]
 CurrentsOption = Annotated[
     list[str] | None,
@@ -78,6 +78,7 @@ StrictOption = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Plan nothing, exit code 1, if a season's first choice of currents can't be used.",
+        help="Plan nothing and exit with code 1 if a season's first choice of currents can't be "
+        "used.",
     ),
 ]

@@ -1,4 +1,4 @@
-"""A run's outcome as one JSON object, for programs."""
+"""The outcome of a run as one JSON object, for programs."""
 
 import json
 import math
@@ -15,8 +15,8 @@ from pipeline.stages.write import season_stem
 def outcome_json(outcome: Outcome) -> str:
     """Return an outcome as JSON on one line; numbers that are not finite are null.
 
-    Lengths are in true metres, durations in seconds. The files of a route hold all routes of its
-    season; the RTZ file holds the best one only.
+    Lengths are in true metres, durations in seconds. A route's `files` may also contain the other
+    routes of its season; only the best route has device files of its own, such as RTZ.
     """
     files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
     fields = {
@@ -49,7 +49,7 @@ def outcome_json(outcome: Outcome) -> str:
 def _route(
     row: RouteMetrics, passage: tuple[datetime, datetime] | None, stem: str, files: list[str]
 ) -> dict[str, object]:
-    """Return one route's figures."""
+    """Return one route's values and the files that contain it."""
     of_all = ("-all.gpx", ".geojson")
     of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
     return {
@@ -76,7 +76,7 @@ def _route(
 
 
 def _clock_worth(worth: ClockWorth) -> dict[str, object]:
-    """Return the fuel of plans without a clock in a season's changing current."""
+    """Return the fuel of plans for a steady current, sailed in a season's changing current."""
     return {
         "season": worth.season,
         "best_fuel": worth.best,
@@ -88,5 +88,5 @@ def _clock_worth(worth: ClockWorth) -> dict[str, object]:
 
 
 def _finite(value: float) -> float | None:
-    """Return a number, or None if it is not finite: no land to be clear of, or no bound."""
+    """Return a number, or None if it is not finite, as the clearance without any land."""
     return value if math.isfinite(value) else None

@@ -1,6 +1,6 @@
-"""Draw a scenario's figures to files: `renew plot`.
+"""The command `renew plot`: draw a scenario's figures to files.
 
-They show the results of an earlier run; seasons without results are planned first.
+The figures show the results of an earlier run; seasons without results are planned first.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FOLDER = "figures"
 # Resolution of PNG files, dots per inch.
 _DPI = 200
-# Metadata without dates: the same figure gives the same file.
+# Metadata without dates, so that equal figures give identical files.
 _METADATA: dict[str, dict[str, str | None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
@@ -40,9 +40,9 @@ _METADATA: dict[str, dict[str, str | None]] = {
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """The files that were written, and one line for each season that could not be drawn.
+    """The files that were written, and one line for each season that could not be planned.
 
-    `skipped` has one line for each figure for which a season has no data.
+    `skipped` has one line for each figure of a season that had no data for it.
     """
 
     directory: Path
@@ -72,7 +72,7 @@ def plot(
     seasons
         Names of seasons; all if empty.
     kinds, form
-        The figures, all if empty; and the format of their files.
+        The kinds of figures, all if empty; and the format of their files.
     width
         Width of a journal's column, of its page, or of a screen.
     offline, origin, on_event
@@ -93,7 +93,7 @@ def plot(
         planned_scenario, output=output, offline=offline, origin=origin, on_event=on_event
     )
     variants = compared_variants(scenario, selected, planned)
-    # Saved inside the block: another run can't replace the folder meanwhile.
+    # Figures are saved inside the block, so that another run can't replace the folder meanwhile.
     with planned(scenario) as result:
         failures = {
             entry.season: f"{season_text(entry.season)}: {entry.failure}"
@@ -117,7 +117,7 @@ def plot(
 
 
 def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str) -> None:
-    """Refuse names of seasons that a scenario does not have."""
+    """Raise RequestError for names of seasons that a scenario does not have."""
     faults = [
         f"{scenario} has no season {name!r}: it has {', '.join(known)}"
         for name in seasons
@@ -128,7 +128,7 @@ def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str)
 
 
 def _save(drawing: Figure, path: Path, title: str) -> Path:
-    """Write a figure with its title under a temporary name; rename it once it is complete."""
+    """Write a figure with its title under a temporary name, and rename the complete file."""
     import matplotlib as mpl
 
     form = path.suffix[1:]

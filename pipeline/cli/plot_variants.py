@@ -1,4 +1,4 @@
-"""The runs that `renew plot` compares: few and many classes; adaptive, none and fixed padding."""
+"""The runs that `renew plot` compares: few and many classes; adaptive, no and fixed padding."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -16,10 +16,10 @@ Planned = Callable[[Scenario], AbstractContextManager[RunResult]]
 def compared_variants(
     scenario: Scenario, kinds: Sequence[Kind], planned: Planned
 ) -> dict[Kind, list[Variant]]:
-    """Plan the runs that some kinds of figures compare; the store keeps each.
+    """Plan the runs that some kinds of figures compare; the store keeps each of them.
 
-    Few and many classes are compared by depth-first search, as in the paper. The fixed padding is
-    the widest adaptive padding on any season's best route, and so as safe everywhere.
+    Few and many classes are compared with depth-first search, as in the paper. The fixed padding is
+    the widest adaptive padding on any season's best route, and is therefore as safe everywhere.
     """
     variants: dict[Kind, list[Variant]] = {}
     if Kind.CLASSES in kinds:
@@ -42,7 +42,7 @@ def compared_variants(
 
 
 def _variant(scenario: Scenario, planned: Planned, title: str, **options: object) -> Variant:
-    """Plan a scenario with other options of the planner; if that fails, keep the reason."""
+    """Plan a scenario with changed planner options; if that fails, the variant has the reason."""
     planner = scenario.planner.model_copy(update=options)
     try:
         with planned(scenario.model_copy(update={"planner": planner})) as result:
@@ -52,6 +52,6 @@ def _variant(scenario: Scenario, planned: Planned, title: str, **options: object
 
 
 def _widest(result: RunResult | None) -> float:
-    """The widest padding of any season's best route, planar metres."""
+    """Return the widest padding on any season's best route, planar metres."""
     best = [one.route for one in result.routes if one.rank == 1] if result else []
     return max((float(route.padding_used[:, 4].max(initial=0.0)) for route in best), default=0.0)

@@ -23,7 +23,7 @@ _DESCRIPTIONS = {
 }
 
 
-# Seconds between the lines that say that the run is still at work.
+# Time between two lines that report that the run is still working, s.
 _HEARTBEAT_S = 30.0
 
 
@@ -31,9 +31,9 @@ _HEARTBEAT_S = 30.0
 def progress(
     scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False
 ) -> Iterator[EventHandler]:
-    """Report notes on the scenario to standard error, then provide the handler of events.
+    """Report notes on the scenario to standard error, then yield the handler of events.
 
-    If quiet, it reports nothing: errors end the run, and are reported then.
+    If quiet, nothing is reported here; errors are reported at the end of the run.
     """
     if quiet:
         yield ignore
@@ -47,7 +47,7 @@ def progress(
 
 
 def _machine_notes() -> Iterator[str]:
-    """Yield notes on this machine for its user."""
+    """Yield notes for the user on this machine."""
     from renew._compiled import cache_is_temporary
 
     if cache_is_temporary():
@@ -91,7 +91,7 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 
 @contextlib.contextmanager
 def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
-    """Write a line of JSON for each event, and one at regular intervals while the run works."""
+    """Write a line of JSON for each event, and one every _HEARTBEAT_S while the run works."""
     from pipeline.cli.json_lines import json_lines
 
     log = json_lines(stream).bind(scenario=scenario)
@@ -127,7 +127,7 @@ def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Ev
 
 
 class _State:
-    """The current stage, when it began, and the seasons that it has not finished yet."""
+    """The current stage, its start time, and the seasons that it has not finished yet."""
 
     def __init__(self, seasons: Sequence[str]) -> None:
         self._all = tuple(seasons)
@@ -135,14 +135,14 @@ class _State:
         self._waiting = self._all
 
     def update(self, event: Event) -> None:
-        """Follow the run's events."""
+        """Update the state with an event."""
         if event.status == "begun":
             self._stage, self._begun, self._waiting = event.stage, time.monotonic(), self._all
         elif event.season:
             self._waiting = tuple(name for name in self._waiting if name != event.season)
 
     def fields(self) -> dict[str, object]:
-        """Describe the state in the fields of a line of JSON."""
+        """Return the state as the fields of a line of JSON."""
         return {
             "status": "working",
             "stage": self._stage,

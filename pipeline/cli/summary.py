@@ -31,14 +31,17 @@ _HEAD = (
     "gap",
     "turns",
 )
-# Number of left-aligned columns, the first ones.
+# Number of the first columns that are left-aligned.
 _LEFT_ALIGNED = 3
 # If the longest route is shorter than this, lengths are in metres, not kilometres.
 _SHORT_M = 10_000.0
 
 
 def season_table(outcome: Outcome) -> str:
-    """Return the table: for each season, the best route on each side of the main island."""
+    """Return the run's table, with notes before and after it.
+
+    For each season it has the best route on each side of the main island.
+    """
     lengths = [row.length_m for row in outcome.evaluation.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(name.format(unit=unit) for name in _HEAD)
@@ -109,7 +112,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
-    """Return one route's figures; the last is the number of hard-over turns that met land."""
+    """Return one route's cells; the last is the number of hard-over turns that met land, of all."""
     kept = clearance(row.clearance_m) if row.has_land else "-"
     return (
         season_name(row.season),

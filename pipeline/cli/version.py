@@ -1,4 +1,4 @@
-"""The version of the program, from a checkout or an installation."""
+"""The version of the program, from its source tree or its installation."""
 
 import tomllib
 from importlib.metadata import version
@@ -8,7 +8,7 @@ _DISTRIBUTION = "renew-planner"
 
 
 def program_version() -> str:
-    """Return the version that the checkout's pyproject.toml states, or else the installation's."""
+    """Return the version in the source tree's pyproject.toml, or else that of the installation."""
     pyproject = Path(__file__).resolve().parents[2] / "pyproject.toml"
     try:
         project = tomllib.loads(pyproject.read_text(encoding="utf-8")).get("project", {})

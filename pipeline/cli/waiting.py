@@ -1,4 +1,4 @@
-"""Regular signs of life from commands that have no stages to report."""
+"""Regular messages that a command is still working, for commands that have no stages to report."""
 
 import contextlib
 import sys
@@ -12,7 +12,7 @@ _PAUSE_S = 30.0
 
 @contextlib.contextmanager
 def still_at_work() -> Iterator[None]:
-    """Write a line on standard error now and then while a command is at work."""
+    """Write a line on standard error every _PAUSE_S inside the `with` block."""
     begun, ended = time.monotonic(), threading.Event()
 
     def beat() -> None:

@@ -1,4 +1,4 @@
-"""Compile the code of the planner before anybody waits for it: `renew warm`."""
+"""The command `renew warm`: compile the planner's code before the first run needs it."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ _MB = 1e6
 
 
 def warm() -> str:
-    """Compile everything that is not compiled yet, show the progress, and return a summary.
+    """Compile all functions that are not compiled yet, show the progress, and return a summary.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def warm() -> str:
 
 
 def _refuse_elsewhere(folder: Path) -> None:
-    """Refuse if machine code would go to another folder than NUMBA_CACHE_DIR names."""
+    """Raise StageError if machine code would go to another folder than NUMBA_CACHE_DIR names."""
     asked = os.environ.get("NUMBA_CACHE_DIR")
     if asked and folder.parent.resolve() != Path(asked).resolve():
         raise StageError(
@@ -65,7 +65,7 @@ def _refuse_elsewhere(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _counted_compilations() -> Iterator[Callable[[], int]]:
-    """Count the functions compiled in the block, without those loaded from the cache."""
+    """Yield a function that counts the compiled functions, without those from the cache."""
     from numba.core import event
 
     with event.install_recorder("numba:compile") as recorder:
@@ -74,7 +74,7 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
 
 @contextlib.contextmanager
 def _progress(steps: int) -> Iterator[Callable[[str, int], None]]:
-    """Provide a function that reports a step: by a bar on a terminal, else as a line of JSON."""
+    """Yield a function that reports a step: as a bar on a terminal, else as a line of JSON."""
     provider = _bar if sys.stderr.isatty() else _lines
     with provider(steps) as on_step:
         yield on_step

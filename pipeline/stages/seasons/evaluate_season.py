@@ -195,7 +195,7 @@ class _RouteEvaluator:
         return share_without(route.path, self._scene.projection, depths.at)
 
     def _over_land(self, line: shapely.LineString) -> tuple[float, float, float]:
-        """Return true metres of a route over original land, and the longest part's middle lon, lat."""
+        """Return true metres of a route over original land, and lon, lat of the longest part."""
         projection = self._scene.projection
         crossed = self._land[self._tree.query(line, predicate="intersects")]
         over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
