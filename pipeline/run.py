@@ -1,4 +1,4 @@
-"""Run a scenario's seven stages in order, its seasons as independent tasks."""
+"""Run the seven stages of a scenario in order; its seasons are planned as independent tasks."""
 
 import contextlib
 import time
@@ -44,28 +44,29 @@ def run(
     Parameters
     ----------
     scenario
-        What to run.
+        The scenario to plan.
     output
-        Folder of all results; it also holds the store, where the next run finds the artefacts.
+        Folder of all results, and of the store with the artefacts that the next run reuses.
     offline
         Use no source that needs the network.
     strict
-        Plan each season only on the current that the scenario asks for first.
+        Plan nothing if a season's first choice of currents can't be used.
     scheduler
-        Address of a Dask scheduler whose workers see the same files; else this machine's cores.
+        Address of a Dask scheduler whose workers have access to the same files; default:
+        DASK_SCHEDULER_ADDRESS, or else the cores of this machine.
     limit_s
-        Time that a season may take, s; past it the season fails, and the others are written.
+        Time limit of a season, s; if it takes longer it fails, and the others are written.
     origin
-        The file that the scenario was loaded from: results of another file are not replaced.
+        The file that the scenario was loaded from; results of another file are not replaced.
     on_event
-        Called for every stage and season.
+        Called with the events of every stage and season.
 
     Raises
     ------
     RequestError
         The request is wrong; nothing was written to the scenario's folder.
     StageError
-        No season could be planned for another reason, or nothing can be written.
+        No season could be planned for another reason, or the results can't be written.
     """
     require_covered(scenario)
     options = _Options(offline, strict, scheduler, limit_s)
@@ -88,10 +89,10 @@ def planned_scenario(
     origin: Origin | None = None,
     on_event: EventHandler | None = None,
 ) -> Iterator[RunResult]:
-    """Give a scenario's result without writing it: from an earlier run, or planned now.
+    """Yield a scenario's result, from an earlier run or planned now, without writing its files.
 
-    Parameters and errors are those of `run`; only the store is written. During the block no other
-    run replaces the scenario's folder.
+    Parameters and errors are as in `run`. Artefacts are saved in the store. During the `with` block
+    no other run replaces the scenario's folder.
     """
     require_covered(scenario)
     with session(scenario.name, output, origin) as held:
@@ -103,7 +104,7 @@ def planned_scenario(
 
 @dataclass(frozen=True, slots=True)
 class _Options:
-    """How a run is to be done, as `run` takes it."""
+    """Options of a run; see `run`."""
 
     offline: bool = False
     strict: bool = False
@@ -113,16 +114,16 @@ class _Options:
 
 @dataclass(frozen=True)
 class _Stages:
-    """The stages in their order, each of which reuses its artefact where the store has it."""
+    """The stages of a run; each loads its artefact if the store has it."""
 
     store: Store
     on_event: EventHandler
     options: _Options
-    compiled: Callable[[], None]  # waits until what plans call is
+    compiled: Callable[[], None]  # waits for the compilation of the planner
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Made[RunResult]:
-        """Run all stages but the last; of a scenario without a region, in one that is chosen."""
+        """Run all stages except "write", in the scenario's region or in a chosen one."""
         if asked.region is not None or asked.is_planar:
             return self._in_region(asked, ())
         self.on_event(Event("choose", "part", detail="the region"))
@@ -130,7 +131,7 @@ class _Stages:
         return search_region(asked, self.store, self._in_region, offline=offline)
 
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Made[RunResult]:
-        """Run all stages but the last for a scenario with a region, and notes on how it came by."""
+        """Run all stages except "write" in the scenario's region, with notes on its choice."""
         store, options = self.store, self.options
         with self._stage("fetch") as say:
             for note in region_notes[-1:]:
@@ -163,7 +164,7 @@ class _Stages:
             return compare(chosen, land, planned, store, say)
 
     def write(self, result: Made[RunResult], directory: Path) -> bool:
-        """Write all files, unless the folder holds just these; say whether they were written."""
+        """Write all files unless the folder has them already; return whether they were written."""
         with self._stage("write"):
             written = artefact_key(
                 "write",
@@ -180,7 +181,7 @@ class _Stages:
 
     @contextlib.contextmanager
     def _stage(self, stage: Stage) -> Iterator[Say]:
-        """Report a stage's begin and end, and time it; give what reports a note on it."""
+        """Report the begin and end of a stage, and measure its time; yield a function for notes."""
         started = time.perf_counter()
         self.on_event(Event(stage, "begun"))
         try:
@@ -199,11 +200,11 @@ class _Stages:
         self.on_event(Event("plan", ended, season=status.season, detail=status.failure))
 
     def _say_file(self, name: str) -> None:
-        """Report the file that is written."""
+        """Report the file that is being written."""
         self.on_event(Event("write", "part", detail=name))
 
     def _is_written(self, key: str, directory: Path) -> bool:
-        """Whether a folder already holds exactly the files that this run would write."""
+        """Whether a folder already has the unchanged files that this run would write."""
         hashes = self.store.load("write", key, dict)
         return hashes is not None and all(
             (directory / name).is_file() and file_hash(directory / name) == digest

@@ -1,4 +1,7 @@
-"""One night, from the newest currents to a new link `latest`; after an error the old one stays."""
+"""One night: plan all cases on the newest currents, and point `latest` at the results.
+
+After an error, the link `latest` still points at the earlier cycle.
+"""
 
 from __future__ import annotations
 
@@ -63,27 +66,27 @@ def run_night(
     config
         The request.
     only
-        A case's name, or its first parts: only matching cases are planned, below `OUTPUT/only/`.
+        A case's name, or its first parts: only matching cases are planned, in `OUTPUT/only/`.
     share
-        (i, n): this job plans the i-th of n shares; the last one to end publishes.
+        (i, n): this job plans the i-th of n shares; the job that ends last publishes.
     scheduler
-        Address of a Dask scheduler whose workers see the same files; else DASK_SCHEDULER_ADDRESS,
-        else a cluster of this machine.
+        Address of a Dask scheduler whose workers have access to the same files; default:
+        DASK_SCHEDULER_ADDRESS, or else a cluster on this machine.
     yes
-        Whether more than 100,000 cases are meant.
+        Allow more than 100,000 cases.
     on_event
-        Called for every stage.
+        Called with the events of every stage.
 
     Raises
     ------
     RequestError
         The request is wrong (exit code 2); nothing was written.
     BusyError
-        Another job is at work (4).
+        Another job is running (exit code 4).
     ComeAgainError
-        The currents are not there yet, or older than the last cycle's (5).
+        The currents are not available yet, or older than the last cycle's (exit code 5).
     StageError
-        Nothing could be published (1); what was done is kept for the next run.
+        Nothing could be published (exit code 1); finished parts are kept for the next run.
     """
     return _Night(
         config, expand(config, only=only, yes=yes), only, share, scheduler, on_event
@@ -109,7 +112,7 @@ class _Night:
     _current_stage: NightStage = "look"
 
     def __post_init__(self) -> None:
-        """Choose the folder."""
+        """Choose the folder of cycles, and compute the deadline."""
         output = self.config.output
         if self.only is not None:
             output = output / _ONLY / self.only.strip("/").replace("/", "_")
@@ -117,7 +120,7 @@ class _Night:
         self._deadline = time.monotonic() + self.config.table.limit_hours * _HOUR_S
 
     def run(self) -> NightOutcome:
-        """Run the night, unless its cycle is finished already."""
+        """Plan and publish the cycle, unless it is published already."""
         with self._stage("look"):
             last_night = finished_at(self.cycles.folder(self.cycles.latest or LATEST))
             self.newest = newest_currents(self.cases, self.started, last_night)
@@ -143,7 +146,7 @@ class _Night:
 
     @cached_property
     def request(self) -> str:
-        """Hash of the request."""
+        """Hash of the request; a cycle with another hash is planned again."""
         return request_hash(self.config, self.cases)
 
     # --- before there is anything to do ---
@@ -154,7 +157,7 @@ class _Night:
         Raises
         ------
         ComeAgainError
-            The currents are older than the last cycle's, or were planned on before and are stale.
+            The currents are older than the last cycle's, or are stale and were used before.
         """
         latest, newest = self.cycles.latest, self.newest
         if base_of(latest) == base_of(newest.cycle):
@@ -162,11 +165,11 @@ class _Night:
                 return None
             stale = newest.stale_reason(self.started, self.config.table.stale_hours)
             if newest.time is None and not newest.is_timeless:
-                stale = "the currents do not say of when they are"
+                stale = "the currents have no date"
             if stale:
                 raise ComeAgainError(
                     f"nothing new: the currents of {latest} have been planned on, and {stale}; "
-                    "come again later, and see whether newer ones still come"
+                    "come again later, and check that newer currents are still published"
                 )
             return self._outcome_of(latest, "nothing to do: these currents have been planned on")
         if self.cycles.is_older(latest, newest.time):
@@ -178,11 +181,11 @@ class _Night:
         return None
 
     def _reason_to_revise(self, cycle: str) -> str:
-        """Say why a finished cycle on these currents does not stand; empty where it does."""
+        """Return why a finished cycle on these currents must be planned again, or ""."""
         return reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
 
     def _named(self) -> NightOutcome | None:
-        """Point `latest` at this cycle if a killed job finished it without doing so; else None."""
+        """Publish this cycle if a killed job finished it without changing `latest`; else None."""
         for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
             if not self._reason_to_revise(cycle):
                 self.cycles.point_at(cycle)
@@ -192,7 +195,7 @@ class _Night:
 
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
-        """Hold the locks of the output folder and its store."""
+        """Hold the locks of the output folder and its store; if not `shared`, clean both up."""
         from pipeline.machine.storage.store import remove_unfinished
 
         output = self.cycles.output
@@ -205,14 +208,14 @@ class _Night:
                     file_lock(store / "store.lock", shared=True, wait_s=60.0)
                 )
             if not shares:
-                raise BusyError(f"another program cleans {store}: wait until it has ended")
+                raise BusyError(f"another program is cleaning {store}: wait until it has ended")
             if not shared:
                 self.cycles.remove_leftovers()
                 remove_unfinished(store, "nightly")
             yield
 
     def _planning(self, *, is_alone: bool) -> Planning:
-        """Open the cycle's folder, and gather what planning needs."""
+        """Open the cycle's folder, and return the planning of its cases."""
         from pipeline.machine.storage.store import Store
         from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
         from pipeline.nightly.cycle.look_back import look_back
@@ -256,7 +259,7 @@ class _Night:
     # --- the work ---
 
     def _plan(self, planning: Planning) -> None:
-        """Make charts and currents, and plan the cases that are in no part file yet."""
+        """Prepare charts and currents, and plan the cases that no part file contains yet."""
         from pipeline.nightly.cycle.part import gaps
         from pipeline.nightly.planning.night_workers import night_workers
         from pipeline.nightly.planning.planning import Share
@@ -276,7 +279,7 @@ class _Night:
                 planning.plan(workers, Share.of_night(total, *self.share))
 
     def _publish_if_last(self, planning: Planning) -> NightOutcome:
-        """Publish if all shares are done; else the job that ends last does it."""
+        """Publish if all shares are done; otherwise leave it to the job that ends last."""
         from pipeline.nightly.cycle.part import gaps
 
         i, n = self.share
@@ -291,7 +294,7 @@ class _Night:
         )
 
     def _publish(self, planning: Planning) -> NightOutcome:
-        """Make the files, check them, and put them in place."""
+        """Write the cycle's files, check them, and point `latest` at them."""
         from pipeline.nightly.publishing.publishing import RESULTS, Publishing
 
         partial = planning.partial
@@ -327,7 +330,7 @@ class _Night:
         return self._outcome_of(self.newest.cycle, "", fresh=True)
 
     def _prune_store(self, store: Store) -> None:
-        """Prune the store if it is too large; keep everything that this night used."""
+        """Prune the store if it is too large, except everything that this night used."""
         from pipeline.machine.storage.pruning import MAX_STORE_BYTES, prune
 
         with contextlib.suppress(OSError):
@@ -337,7 +340,7 @@ class _Night:
     # --- outcome and events ---
 
     def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
-        """Return the outcome by a finished cycle's record; exit code 0 if this run did nothing."""
+        """Return the outcome in a finished cycle's record; exit code 0 unless it is `fresh`."""
         record = record_of(self.cycles.folder(cycle))
         counts = {name: int(record["cases_by_outcome"][name]) for name in OUTCOMES}
         code = int(record["exit_code"]) if fresh else DONE
@@ -362,7 +365,7 @@ class _Night:
 
     @contextlib.contextmanager
     def _stage(self, stage: NightStage) -> Iterator[None]:
-        """Report a stage's begin and end, and time it."""
+        """Report the begin and end of a stage, and measure its time."""
         self._current_stage = stage
         begun = time.perf_counter()
         self._event(NightEvent(stage, "begun"))
@@ -377,7 +380,7 @@ class _Night:
         self._event(NightEvent(stage, "done", seconds=self.seconds[stage]))
 
     def _progress(self, done: int, total: int) -> None:
-        """Report how far a stage has got."""
+        """Report the progress of the current stage."""
         self._event(NightEvent(self._current_stage, "working", done=done, total=total))
 
     def _note(self, text: str) -> None:
@@ -389,7 +392,7 @@ class _Night:
         (self.handler or ignore)(event)
 
     def _check_time(self) -> None:
-        """End the night when its time is up."""
+        """Raise StageError after the night's time limit."""
         if time.monotonic() > self._deadline:
             raise StageError(
                 f"the limit of {self.config.table.limit_hours:g} h is reached; nothing is "

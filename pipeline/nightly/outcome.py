@@ -1,4 +1,4 @@
-"""The outcome of a night, and the events that it reports while it works."""
+"""The outcome of a night, and the events that it reports while it runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,11 +8,11 @@ from typing import Literal
 from pipeline.errors import StageError
 
 DONE, LOOK_CODE = 0, 10
-"""Exit codes: nothing to see; published, and somebody should look."""
+"""Exit codes: done; published, and an operator should look at some cases or notes."""
 
 SAME, LOOK, ACT = "same", "look", "act"
 OUTCOMES = (SAME, LOOK, ACT)
-"""How a case ends."""
+"""Outcomes of a case; an operator should look at the last two."""
 
 NightStage = Literal["look", "prepare", "plan", "publish", "check"]
 
@@ -23,13 +23,14 @@ class NightOutcome:
 
     Attributes
     ----------
-    cycle : name of the cycle that is in place now; "" where there is none.
-    started, finished : aware datetimes of this run of the program.
+    cycle : name of the cycle that `latest` points at; "" if there is none.
+    started, finished : start and end of this run of the program, with time zone.
     reference_time : reference time of the newest currents; None if they have no time.
-    exit_code : 0 done, or nothing to do; 10 published, and some case is "look" or "act".
-    cases_by_outcome : number of cases that ended as "same", "look" and "act".
+    exit_code : 0 if done or if there was nothing to do; 10 if published, but some case is "look" or
+        "act", or there are notes; other codes as the errors of `run_night`.
+    cases_by_outcome : number of cases with the outcomes "same", "look" and "act".
     seconds_by_stage : wall time of each stage of this run, s.
-    fresh : whether this run made the cycle; False where there was nothing to do.
+    fresh : whether this run made the cycle; False if there was nothing to do.
     message : one line for a reader.
     """
 
@@ -46,7 +47,7 @@ class NightOutcome:
 
 @dataclass(frozen=True, slots=True)
 class NightEvent:
-    """A stage began, got on, ended, or has a note; `done` of `total` tasks or cases are done."""
+    """The begin, progress (`done` of `total` tasks or cases), end or note of a stage."""
 
     stage: NightStage
     status: Literal["begun", "working", "done", "failed", "note"]
@@ -65,12 +66,12 @@ def ignore(event: NightEvent) -> None:
 
 
 class BusyError(StageError):
-    """Another job is at work on the same output: exit code 4."""
+    """Another job is running in the same output folder; exit code 4."""
 
     exit_code = 4
 
 
 class ComeAgainError(StageError):
-    """The currents are not there yet, or older than those of the last cycle: exit code 5."""
+    """The currents are not available yet, or older than those of the last cycle; exit code 5."""
 
     exit_code = 5

@@ -1,8 +1,8 @@
-"""Reports to a monitoring service that a night begins, succeeds or fails: `--ping URL`.
+"""Report to a monitoring service that a night begins, succeeds or fails: `--ping URL`.
 
-It requests URL/start, URL or URL/fail, as healthchecks.io and similar services expect. The service
-alerts somebody if no report comes, which no job can do for itself. An address is a credential:
-messages show no more of it than the host.
+URL/start, URL or URL/fail is requested, as healthchecks.io and similar services expect. The service
+sends an alert if no report arrives, which a job that did not run can't do. The address is a
+credential: messages show only its host.
 """
 
 import http.client
@@ -17,20 +17,20 @@ from pipeline.nightly.prometheus import SUCCESSES
 
 Ping = Literal["start", "success", "failure"]
 _ENDINGS: dict[Ping, str] = {"start": "/start", "success": "", "failure": "/fail"}
-# Exit codes that are not reported: another job is at work, and the currents are not there yet.
-# If no later try succeeds, the service misses the report of a success, and alerts somebody.
+# Exit codes that are not reported: another job is running, and the currents are not available yet.
+# If no later run succeeds, the service gets no report and sends an alert.
 _UNTOLD = frozenset({4, 5})
-# Time for each step of a connection, and for all of it, s: a name lookup has no limit of its own.
+# Time limits for each step of a connection, and for the whole, s: a name lookup has no own limit.
 _TIMEOUT_S, _DEADLINE_S = 5.0, 10.0
 
 
 def check_url(url: str) -> None:
-    """Refuse a text that can't be the address of a check at a monitoring service.
+    """Check that a text can be the address of a check at a monitoring service.
 
     Raises
     ------
     RequestError
-        Not http or https, no host, a port that is not a number, or a user name in it.
+        The address is not http or https, has no host, a bad port, a user name or bad characters.
     """
     try:
         parts = urlsplit(url)
@@ -61,9 +61,9 @@ def report_for(exit_code: int) -> Ping | None:
 
 
 def ping(url: str, what: Ping) -> str:
-    """Send a report to the service; return "" or, in one line, why that failed. It never raises.
+    """Send a report to the service; return "" or one line on why that failed, without raising.
 
-    `url` must be accepted by :func:`check_url`. The call takes at most `_DEADLINE_S`.
+    :func:`check_url` must accept `url`. The call takes at most `_DEADLINE_S`.
     """
     parts = urlsplit(url)
     address = urlunsplit(parts._replace(path=parts.path.rstrip("/") + _ENDINGS[what], fragment=""))
@@ -77,7 +77,7 @@ def ping(url: str, what: Ping) -> str:
 
 
 def _asked(address: str) -> str:
-    """Request an address; return "" or what went wrong, without the address."""
+    """Request an address; return "" or why that failed, without the address."""
     try:
         with urllib.request.urlopen(address, timeout=_TIMEOUT_S):  # noqa: S310 - http or https alone
             return ""

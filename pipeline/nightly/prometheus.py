@@ -1,8 +1,8 @@
-"""A night's figures for monitoring: a text file that Prometheus' node exporter reads.
+"""A night's metrics for monitoring, in a text file that Prometheus' node exporter reads.
 
 Format: https://prometheus.io/docs/instrumenting/exposition_formats/ (text, version 0.0.4). The file
-has points in time, not ages: the monitoring system computes an age as `time() - ...`, which stays
-right while nobody writes the file.
+has timestamps instead of ages: the monitoring system computes an age as `time() - ...`, which stays
+correct if the file is not updated.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _HELP = {
 
 
 def write_metrics(path: Path, outcome: NightOutcome) -> str:
-    """Replace the file by the figures of a night, in one step; return "" or why it failed.
+    """Replace the file atomically with the metrics of a night; return "" or why that failed.
 
-    After a night that failed, the times of the last success stay as they were. A job that ended
-    because another one is at work (exit code 4) has no figures: the other job writes them.
+    After a failed night the timestamps of the last success stay unchanged. The caller does not call
+    this for a job that ended because another one was running (exit code 4).
     """
     from prometheus_client import generate_latest
 
@@ -50,7 +50,7 @@ def write_metrics(path: Path, outcome: NightOutcome) -> str:
 
 
 def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> CollectorRegistry:
-    """Gather the figures of a night; `earlier` has the times of the last success before it."""
+    """Return the metrics of a night; `earlier` has the timestamps of the last success before it."""
     from prometheus_client import CollectorRegistry, Gauge
 
     times = dict(earlier)
@@ -74,7 +74,7 @@ def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> CollectorR
 
 
 def _last_success(path: Path) -> dict[str, float]:
-    """Times of the last success in an earlier file; empty if there is no such file."""
+    """Return the timestamps of the last success in an earlier file; {} if it can't be read."""
     from prometheus_client.parser import text_string_to_metric_families
 
     try:

@@ -49,7 +49,7 @@ _SHOWN = (
 
 
 def status_lines(output: Path) -> Iterator[str]:
-    """Yield lines on the latest cycle, the cycles under way, the job at work, and all cycles."""
+    """Yield lines on the latest cycle, unfinished cycles, the running job, and all cycles."""
     cycles = Cycles(output)
     latest = cycles.latest
     if latest:
@@ -65,7 +65,7 @@ def status_lines(output: Path) -> Iterator[str]:
 
 
 def _described(folder: Path) -> str:
-    """Summarise a cycle's record in a line."""
+    """Return a cycle's record in one line, or why it can't be read."""
     try:
         record = record_of(folder)
     except StageError as error:
@@ -77,12 +77,12 @@ def _described(folder: Path) -> str:
 
 
 def case_lines(output: Path, asked: str) -> Iterator[str]:
-    """Yield the last cycle's values of a case, or of all cases whose names begin with a text.
+    """Yield the last cycle's values of all cases whose names are or begin with `asked`.
 
     Raises
     ------
     RequestError
-        There is no cycle, or no such case in it.
+        There is no cycle, or it has no such case.
     """
     cycles = Cycles(output)
     if not cycles.latest:
@@ -105,7 +105,7 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
 
 
 def _spelled(value: object) -> str:
-    """Spell a value for a reader."""
+    """Return a value as text."""
     if isinstance(value, datetime):
         return value.strftime("%Y-%m-%d %H:%MZ")
     return f"{value:.6g}" if isinstance(value, float) else str(value)

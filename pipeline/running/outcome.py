@@ -1,4 +1,4 @@
-"""What a run reports while it works, and its outcome."""
+"""The events that a run reports, and its outcome."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ STAGES: tuple[Stage, ...] = get_args(Stage)
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A stage, a part or a season of it, began, ended, failed or has a note for the reader."""
+    """The begin, a part, the end, the failure or a note of a stage, or of one season in it."""
 
     stage: Stage
     status: Literal["begun", "part", "done", "failed", "note"]
@@ -41,7 +41,7 @@ def ignore(event: Event) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a run; `fresh` is False where the results existed already."""
+    """The outcome of a run; `fresh` is False if its files existed already."""
 
     result: RunResult
     directory: Path
@@ -50,22 +50,22 @@ class Outcome:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario as it was run: nothing is left out."""
+        """The complete scenario, with all values that were chosen."""
         return self.result.scenario
 
     @property
     def plans(self) -> tuple[SeasonPlan, ...]:
-        """The plans of all seasons, those that failed among them."""
+        """The plans of all seasons, also of failed ones."""
         return self.result.plans
 
     @property
     def evaluation(self) -> Evaluation:
-        """What was measured of the routes."""
+        """The measurements of the routes."""
         return self.result.evaluation
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """What was chosen where the scenario left something out, in sentences."""
+        """Sentences on the values that were chosen because the scenario leaves them out."""
         return tuple(note_texts(self.result.choices))
 
     @property
@@ -75,7 +75,7 @@ class Outcome:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed seasons and unsafe results, one line each."""
+        """One line for each failed season, and for each route that crosses the original land."""
         seasons = [f"{season_text(p.season)}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
             f"{season_text(row.season)}: route {row.rank} crosses {row.land_m:.0f} m of the "
@@ -88,7 +88,7 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """0 without failures, else 1."""
+        """Exit code: 0 without failures, else 1."""
         return 1 if self.failures else 0
 
     def _repr_html_(self) -> str:

@@ -1,8 +1,8 @@
-"""One scenario's exclusive use of an output folder: its locks, leftovers, origin and pruning.
+"""The use of an output folder by a run: its locks, leftovers, the scenario's origin, and pruning.
 
-All runs in an output folder share its store. A run holds the store's lock shared and its scenario's
-lock exclusively; a process that removes files that others may use holds the store's lock
-exclusively.
+All runs in an output folder share its store. A run holds a shared lock on the store and an
+exclusive lock on its scenario. A process that removes files that others may use holds an exclusive
+lock on the store.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pipeline.stages.write import output_directory
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
 _STORE_LOCK = "store.lock"
-# Time to wait while another process prunes the store, s: that only removes files.
+# Time to wait while another process prunes the store, s; pruning only removes files.
 _PRUNING_S = 60.0
 
 
@@ -41,20 +41,20 @@ class Origin:
 
     @classmethod
     def of(cls, path: Path) -> Origin:
-        """Describe a scenario's file."""
+        """Return the absolute path and the hash of a scenario's file."""
         return cls(path.resolve(), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """The folder of a scenario's results, and the store, while no other run writes there."""
+    """A scenario's result folder, to which no other run writes, with the store and the origin."""
 
     directory: Path
     store: Store
     origin: Origin | None
 
     def record_origin(self) -> None:
-        """Note which file made the results that were just written."""
+        """Record the scenario's file from which the results were made."""
         if self.origin is not None and not _is_own(self.directory, self.origin):
             note = {"path": str(self.origin.path), "sha256": self.origin.sha256}
             with contextlib.suppress(OSError):
@@ -63,17 +63,17 @@ class Session:
 
 @contextlib.contextmanager
 def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[Session]:
-    """Prepare a run that is the only one of the scenario `name` in an output folder.
+    """Hold the locks of the scenario `name` in an output folder during the `with` block.
 
-    What a killed run of the scenario left unfinished is removed before; afterwards the store is
-    pruned where it is too large and nobody else uses it.
+    Before, unfinished files of killed runs of the scenario are removed. Afterwards the store is
+    pruned if it is too large and no other run uses it.
 
     Raises
     ------
     RequestError
-        `output` can't be a folder, or holds results that another file of this name made.
+        `output` can't be a folder, or has results of another scenario file with this name.
     StageError
-        Another run of the scenario is at work, or nothing can be written.
+        Another run of the scenario is writing, or nothing can be written.
     """
     output = folder_to_write(output, "--output")
     root, is_new = output / _ARTEFACTS, not output.exists()
@@ -97,9 +97,9 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
     Raises
     ------
     RequestError
-        There is no such folder.
+        The folder has no store.
     StageError
-        A run is at work in it.
+        A run is using the folder.
     """
     output = folder_to_write(output, "--output")
     root = output / _ARTEFACTS
@@ -115,9 +115,9 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
 
 
 def _now_in(file: Path) -> float:
-    """Return the time by the clock of a file's file system, s since 1970.
+    """Return the time of the clock of a file's file system, s since 1970.
 
-    It may be some milliseconds behind `time.time()`, and another machine's.
+    It may differ from `time.time()`: by some milliseconds, or because a server has its own clock.
     """
     with _writing(file.parent):
         os.utime(file)
@@ -126,7 +126,7 @@ def _now_in(file: Path) -> float:
 
 @contextlib.contextmanager
 def _locks(root: Path, name: str) -> Iterator[None]:
-    """Hold the store's lock with other runs, and the scenario's alone."""
+    """Hold a shared lock on the store and an exclusive lock on the scenario."""
     with contextlib.ExitStack() as held:
         with _writing(root):
             shares = held.enter_context(
@@ -134,7 +134,7 @@ def _locks(root: Path, name: str) -> Iterator[None]:
             )
             is_alone = held.enter_context(file_lock(root / f"{name}.lock"))
         if not shares:
-            raise StageError(f"another program cleans {root}: wait until it has ended")
+            raise StageError(f"another program is cleaning {root}: wait until it has ended")
         if not is_alone:
             raise StageError(
                 f"another run of {name!r} is writing to {root.parent}: wait until it has ended, or "
@@ -145,7 +145,7 @@ def _locks(root: Path, name: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _writing(folder: Path) -> Iterator[None]:
-    """Turn errors of the file system into a StageError with a remedy."""
+    """Turn an OSError in the `with` block into a StageError with a remedy."""
     try:
         yield
     except OSError as error:
@@ -156,7 +156,7 @@ def _writing(folder: Path) -> Iterator[None]:
 
 
 def _remove_leftovers(directory: Path, store: Store) -> None:
-    """Remove what killed runs of this scenario left unfinished; others may be at work."""
+    """Remove unfinished files of killed runs of this scenario; files of other runs stay."""
     remove_unfinished(store.root, store.owner)
     remove_abandoned(store.root / DOWNLOADS)
     with _writing(directory):
@@ -164,17 +164,17 @@ def _remove_leftovers(directory: Path, store: Store) -> None:
 
 
 def _is_own(directory: Path, origin: Origin) -> bool:
-    """Whether a scenario's file is one that an earlier run wrote among its results."""
+    """Whether a scenario's file lies in its result folder, where an earlier run wrote it."""
     return origin.path.parent == directory.resolve()
 
 
 def _origin_note(store: Store) -> Path:
-    """Where a store notes which file made the results of its owner."""
+    """Return the path of the store's record of its owner's scenario file."""
     return store.root / f"{store.owner}.origin.json"
 
 
 def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -> None:
-    """Refuse to replace results that another scenario's file of the same name made."""
+    """Raise RequestError if the results were made from another scenario file with this name."""
     if origin is None or not directory.exists() or _is_own(directory, origin):
         return
     try:
@@ -182,7 +182,7 @@ def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -
         earlier = Origin(Path(note["path"]), str(note["sha256"]))
         there = Origin.of(earlier.path)
     except (OSError, ValueError, KeyError, TypeError):
-        return  # nobody knows, or that file is gone: this one may take its place
+        return  # the origin is unknown or gone: the results may be replaced
     if there.path != origin.path and origin.sha256 not in {earlier.sha256, there.sha256}:
         fault = (
             f"{origin.path} and {there.path} are both called {store.owner!r}, and {directory} has "
@@ -192,9 +192,9 @@ def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -
 
 
 def _remove_if_unused(root: Path, output: Path | None) -> None:
-    """Remove a store that holds nothing but locks, and an output folder that is empty then.
+    """Remove a store that contains only locks, and then the output folder if it is empty.
 
-    Only a process that holds the store's lock alone removes a lock; a folder goes only if empty.
+    Locks are removed only under an exclusive lock on the store, and folders only if empty.
     """
     with contextlib.suppress(OSError):
         if not root.is_dir():
@@ -213,7 +213,7 @@ def _remove_if_unused(root: Path, output: Path | None) -> None:
 
 
 def _prune_after_run(root: Path, started: float) -> None:
-    """Prune a store that is too large, unless another run uses it; keep what this run used."""
+    """Prune a store that is too large, unless another run uses it; keep files of this run."""
     with contextlib.suppress(OSError), file_lock(root / _STORE_LOCK) as is_held:
         if is_held:
             prune(root, max_bytes=MAX_STORE_BYTES, keep_since=started)

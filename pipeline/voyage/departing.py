@@ -1,4 +1,4 @@
-"""Times of a voyage: departure or window of departures, and latest arrival; and its speeds."""
+"""Departure or window of departures, latest arrival, and range of speeds of a voyage."""
 
 import math
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from pipeline.formats.shared.text import moment_text
 from pipeline.scenario.departures import departure_name
 from pipeline.voyage.quantities import speed_range_m_s
 
-# Largest number of departures in the first sample of a window, and the least time between two.
+# Largest number of departures in the first sample of a window, and minimum time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
-# More are added between them until the best is known to within this share of the window, or to
-# within an hour if that is less: each departure settles at least as much of the window.
+# The planner adds departures until the best is known to within this share of the window, or to
+# within an hour if that is less.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
 
@@ -22,7 +22,7 @@ _MINUTE = timedelta(minutes=1)
 class Departing:
     """Earliest departure, latest departure and latest arrival, UTC; the last two may be None.
 
-    With `speeds`, a range in m/s, the vessel arrives in time from every departure of the window.
+    `speeds` is the range of speeds to choose from, m/s; it needs a latest arrival.
     """
 
     begin: datetime
@@ -32,7 +32,7 @@ class Departing:
 
     @property
     def passage(self) -> dict[str, Any]:
-        """Departure, arrival and speeds as keys of a season."""
+        """The keys of a season for departure, latest arrival and speeds."""
         passage: dict[str, Any] = {"departure": self.begin}
         if self.arrive_by is not None:
             passage["arrive_by"] = self.arrive_by
@@ -41,7 +41,7 @@ class Departing:
         return passage
 
     def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
-        """Return the [[seasons]] table of a voyage in currents that change on the way."""
+        """Return the [[seasons]] table of a voyage in changing currents."""
         title, when = f"Departure {moment_text(self.begin)}", self.passage
         if self.arrive_by is not None:
             title = f"Arrival by {moment_text(self.arrive_by)}"
@@ -70,7 +70,7 @@ class Departing:
 
 
 def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Departing | None:
-    """Read --depart, --until, --arrive-by and a range of --speed; None if none is given.
+    """Read --depart, --until, --arrive-by and a range of --speed; None without --depart.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
 def _speeds(
     speeds: str, depart: str, arrive_by: str, faults: list[str]
 ) -> tuple[float, float] | None:
-    """Read a range of speeds, m/s; note in `faults` what is wrong, and which options it lacks."""
+    """Read a range of speeds, m/s; add errors, also for missing options, to `faults`."""
     if not speeds:
         return None
     if not arrive_by:
@@ -119,7 +119,7 @@ def _speeds(
 
 
 def _time(option: str, text: str, faults: list[str]) -> datetime | None:
-    """Read a time with a zone, and return it in UTC; note in `faults` what is wrong with it."""
+    """Read a time with a zone, and return it in UTC; add errors to `faults`."""
     if not text:
         return None
     try:

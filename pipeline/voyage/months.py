@@ -1,4 +1,4 @@
-"""The months of a voyage, each a season of its scenario."""
+"""Read the months of a voyage, each of which is a season of its scenario."""
 
 import re
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ def read_months(texts: Sequence[str]) -> dict[str, str]:
     Raises
     ------
     RequestError
-        One line for each text that is not a month, or that comes twice.
+        The message has a line for each text that is not a month or is given twice.
     """
     titles: dict[str, str] = {}
     faults = []

@@ -1,4 +1,4 @@
-"""From A to B in one line: makes a scenario of the arguments, and runs it."""
+"""Plan a voyage in one call: make a scenario from the arguments, and run it."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -48,44 +48,45 @@ def go(
     vessel
         A name of the catalogue, the path of a TOML file, a `VesselSpec`, or `VesselFigures`.
     months
-        Months as 'YYYY-MM', each a season of its own.
+        Months as 'YYYY-MM'; each is a season.
     depart
-        Departure, with its zone, in currents that change on the way; in place of months.
+        Departure with its time zone, in place of months; the currents then change on the way.
     until, arrive_by
-        Latest departure: the best one between `depart` and it is chosen. Or latest arrival: the
-        vessel leaves as late as possible, but not before `depart`.
+        `until` is the latest departure: the best one from `depart` until then is chosen.
+        `arrive_by` is the latest arrival: the vessel leaves as late as possible, but not before
+        `depart`.
     speeds_m_s
-        Lowest and highest speed through water, in place of the vessel's own: each leg gets a speed
-        between them, so that the vessel leaves at `depart` and arrives by `arrive_by` with least
-        fuel. The currents are those of `months` if given, else they change on the way.
+        Lowest and highest speed through water, in place of the vessel's speed: the planner chooses
+        a speed for each leg, so that the vessel leaves at `depart` and arrives by `arrive_by` with
+        the least fuel. The currents are those of `months` if given, else they change on the way.
     currents
         Sources of the catalogue in order of preference, and files that belong together; ("still",)
-        for none. Left out, they are chosen.
+        for no currents. By default they are chosen.
     via
-        Positions that the route passes in this order, written as `start`.
+        Positions that the route passes in this order, each like `start`.
     avoid
         Vector files of areas that no route may enter.
     clearance_m
-        Minimum distance from the charted coast and its margin, true metres; left out, an offing is
-        chosen.
+        Minimum distance from the charted coast and its margin, true metres; by default an offing
+        is chosen.
     charts
         A vector file or a folder of S-57 cells in place of OpenStreetMap's land.
     depths
-        A grid of depths in NetCDF, such as GEBCO's or EMODnet's: water too shallow for the vessel,
-        whose draught must be given, is no-go.
+        A grid of depths in NetCDF, such as GEBCO's or EMODnet's. Water that is too shallow for the
+        vessel, whose draught must be given, is no-go.
     name
-        Name of the scenario; left out, it is made of the positions.
+        Name of the scenario; by default it is made of the positions.
     explain_gap
         Report the parts of the optimality gap.
     output, offline, strict, on_event
-        As for `pipeline.run.run`.
+        As in `pipeline.run.run`.
 
     Raises
     ------
     RequestError
-        The request is wrong: one line for each fault; nothing was written.
+        The request is wrong; the message has a line for each fault; nothing was written.
     StageError
-        It can't be planned for another reason, or nothing can be written.
+        The voyage can't be planned for another reason, or the results can't be written.
     """
     request = VoyageRequest(
         positions=tuple(_text(place) for place in (start, goal)),
@@ -120,7 +121,7 @@ def run_voyage(
     strict: bool,
     on_event: EventHandler,
 ) -> Outcome:
-    """Run a voyage's scenario, after a quick look at its currents, and at start and goal."""
+    """Run a voyage's scenario, after a quick check of its currents and its stops."""
     if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
     return run(scenario, output, offline=offline, strict=strict, on_event=on_event)

@@ -1,4 +1,4 @@
-"""Positions as people write them: decimal, degrees and minutes, N/S/E/W before or after."""
+"""Read positions as people write them: decimals or degrees and minutes, N/S/E/W on either side."""
 
 import re
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from pipeline.errors import RequestError
 EXAMPLES = "'120.30,12.80' (longitude first), '12.80N 120.30E' or '12°48'N 120°18'E'"
 _NUMBER = r"[+-]?\d+(?:\.\d*)?|[+-]?\.\d+"
 _TOKENS = re.compile(rf"(?P<number>{_NUMBER})|(?P<letter>[NSEW])|(?P<comma>[,;])|(?P<unit>[°'\"])")
-# Spellings of minus, and of the signs of degrees, minutes and seconds.
+# Other characters for minus, and for the signs of degrees, minutes and seconds.
 _SPELLINGS = str.maketrans(
     dict.fromkeys("−–", "-")
     | dict.fromkeys("º˚", "°")
@@ -18,15 +18,15 @@ _SPELLINGS = str.maketrans(
 )
 # Two commas between digits, with other characters between: decimal commas, as in "120,30 12,80".
 _DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
-# Longitude west of which positions are given eastward, degrees: a scenario's longitudes begin at
-# -180, and the region must have room west of start and goal.
+# If start or goal lies west of this longitude, 360 degrees are added to both: longitudes in a
+# scenario begin at -180, and the region needs room west of start and goal.
 _WESTERNMOST = -160.0
 _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
 
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A place in degrees; `note` says how the text was understood if that is not obvious, or ""."""
+    """A position in degrees; `note` is "" or says how an ambiguous text was understood."""
 
     lon: float
     lat: float
@@ -35,26 +35,26 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class _Coordinate:
-    """One coordinate, degrees, and the hemisphere's letter or ""."""
+    """One coordinate, degrees, and the letter of its hemisphere or ""."""
 
     degrees: float
     letter: str
 
     @property
     def axis(self) -> str:
-        """`lon` or `lat` by the letter, or "" without one."""
+        """`lon` or `lat` according to the letter, or "" without one."""
         return _AXIS.get(self.letter, "")
 
 
 def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
-    """Read start and goal from the words of a command line, half of the words for each.
+    """Read start and goal from the arguments of a command line, half of them for each.
 
     The goal's longitude continues beyond 180 degrees if the way across 180 is shorter.
 
     Raises
     ------
     RequestError
-        A position can't be read (one line for each), or both positions are the same.
+        Positions can't be read, one line for each; or the number of arguments is odd or 0.
     """
     if len(words) < 2 or len(words) % 2:
         given = " ".join(word.strip() for word in words)
@@ -79,12 +79,12 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
 
 
 def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
-    """Read via points; their longitudes continue across 180 degrees to be close to `near`.
+    """Read via points; 360 degrees are added to bring their longitudes close to `near`.
 
     Raises
     ------
     RequestError
-        One line for each position that can't be read.
+        The message has a line for each position that can't be read.
     """
     found, faults = [], []
     for text in texts:
@@ -102,12 +102,12 @@ def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
 def read_position(text: str) -> Position:
     """Read one position.
 
-    Without hemispheres, longitude comes first, unless only the other order is possible.
+    Without letters of hemispheres, longitude comes first unless only the other order is possible.
 
     Raises
     ------
     ValueError
-        It can't be read; the message has the text, the reason and the remedy.
+        The text can't be read; the message has the text, the reason and the remedy.
     """
     shown = text.strip()
     try:
@@ -118,13 +118,13 @@ def read_position(text: str) -> Position:
 
 
 def _normalised(text: str) -> str:
-    """Return a text with one spelling of each sign, capital letters and decimal points."""
+    """Return a text with standard signs, capital letters and decimal points."""
     plain = text.strip().translate(_SPELLINGS).replace("''", '"').upper()
     return _DECIMAL_COMMAS.sub(r"\1.\2.\3", plain)
 
 
 def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
-    """Decide which coordinate is the longitude, by their hemispheres or by their size."""
+    """Return the position, after deciding by hemisphere or size which coordinate is longitude."""
     axes = (first.axis, second.axis)
     if any(axes) and set(axes) != {"lon", "lat"}:
         raise ValueError("needs one of N and S, and one of E and W, or none of them")

@@ -1,9 +1,9 @@
-"""Speeds and lengths with their units, as people write them: 12kn, 90m, 300 ft."""
+"""Read speeds and lengths with their units, as people write them: 12kn, 90m, 300 ft."""
 
 import re
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")
-# A knot, m/s: a nautical mile of 1852 m an hour.
+# A knot, m/s: a nautical mile of 1852 m per hour.
 _KNOT = 1852 / 3600
 _SPEEDS = {
     **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), _KNOT),
@@ -19,7 +19,7 @@ _LENGTHS = {
 
 
 def speed_m_s(text: str) -> float:
-    """Read a speed, m/s; the unit must be given. Raises ValueError with the remedy."""
+    """Read a speed, m/s, which must have a unit; raise ValueError with the remedy."""
     return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s or 22km/h")
 
 
@@ -28,7 +28,7 @@ RANGE = ".."
 
 
 def speed_range_m_s(text: str) -> tuple[float, float]:
-    """Read a range of speeds, m/s: 4kn..9kn or 4..9kn. Raises ValueError with the remedy."""
+    """Read a range of speeds, m/s: 4kn..9kn or 4..9kn; raise ValueError with the remedy."""
     least, _, most = text.partition(RANGE)
     unit = found[2] if (found := _QUANTITY.fullmatch(most)) else None
     if unit and (bare := _QUANTITY.fullmatch(least)) and not bare[2]:
@@ -42,12 +42,12 @@ def speed_range_m_s(text: str) -> tuple[float, float]:
 
 
 def length_m(text: str) -> float:
-    """Read a length, m; without a unit it is in metres. Raises ValueError with the remedy."""
+    """Read a length, m; without a unit it is in metres; raise ValueError with the remedy."""
     return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
 
 
 def _read(text: str, units: dict[str, float], remedy: str) -> float:
-    """Read a number and its unit."""
+    """Return a number times the factor of its unit."""
     found = _QUANTITY.fullmatch(text)
     factor = units.get((found[2] or "").lower()) if found is not None else None
     if found is None or factor is None:

@@ -1,4 +1,4 @@
-"""The scenario of a one-line request; all faults of the request are reported at once."""
+"""Make the scenario of a one-line request; all faults of the request are reported together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.quantities import RANGE, length_m
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 
-# Datasets of the service with monthly means, the best first: the first one with the month is used.
+# Datasets of the service with monthly means, the best first; the first that has the month is used.
 _SERVICE = (
     "copernicus-glorys-monthly",
     "copernicus-forecast-monthly",
@@ -35,13 +35,13 @@ _SERVICE_STEPS = "copernicus-total-hourly"
 
 @dataclass(frozen=True, slots=True)
 class VoyageRequest:
-    """A requested voyage; options that were left out are empty.
+    """A requested voyage; an option that was left out is empty.
 
     Attributes
     ----------
-    positions : start and goal as words: the first half is the start, the second the goal.
-    vessel : a name of the catalogue, the path of a file, or a whole specification.
-    figures : the vessel's figures, in place of `vessel`.
+    positions : start and goal as command-line arguments: the first half is the start.
+    vessel : a name of the catalogue, the path of a file, or a complete specification.
+    figures : the vessel's speed and dimensions, in place of `vessel`.
     months : 'YYYY-MM', each a season.
     currents : sources of the catalogue in order of preference, and files that belong together;
         'still' plans without currents.
@@ -49,12 +49,12 @@ class VoyageRequest:
     charts : a vector file or a folder of S-57 cells.
     depths : a grid of depths in NetCDF.
     name : name of the scenario, and of its folder of results.
-    depart : departure with its zone, in currents that change on the way; in place of months.
-    until : the latest departure: the best one between `depart` and it is chosen.
+    depart : departure with its time zone, in place of months; the currents change on the way.
+    until : the latest departure: the best one from `depart` until then is chosen.
     arrive_by : the latest arrival: the vessel departs as late as possible or, with a range of
         speeds, at `depart`.
-    speeds : lowest and highest speed through water, "4kn..9kn", to choose from; the currents are
-        the monthly ones if months are given, else they change on the way.
+    speeds : range of speeds through water to choose from, "4kn..9kn"; the currents are the monthly
+        ones if months are given, else they change on the way.
     via : positions that the route passes in this order.
     avoid : vector files of areas that no route may enter.
     """
@@ -77,16 +77,16 @@ class VoyageRequest:
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
-    """Return the scenario of a request, without a region, and notes on how it was understood.
+    """Return the scenario of a request, without a region, and notes on ambiguous positions.
 
     Raises
     ------
     RequestError
-        One line for each fault.
+        The message has a line for each fault.
     """
     faults: list[str] = []
 
-    def part(read: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever a part of the request is
+    def part(read: Callable[[], Any]) -> Any:  # noqa: ANN401 - each part has its own type
         try:
             return read()
         except RequestError as error:
@@ -148,12 +148,12 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
 
 
 def _has_steady_speeds(request: VoyageRequest) -> bool:
-    """Whether speeds are chosen in monthly currents, or without currents."""
+    """Whether speeds are chosen in steady currents: monthly means or still water."""
     return bool(request.speeds) and (bool(request.months) or request.currents == (STILL,))
 
 
 def _clearance_m(text: str) -> float | None:
-    """Read the clearance, true metres; None if it is left out."""
+    """Read the clearance, true metres; return None if it was left out."""
     if not text:
         return None
     try:
@@ -166,7 +166,7 @@ def _clearance_m(text: str) -> float | None:
 
 
 def _departing(request: VoyageRequest) -> Departing | None:
-    """Read the departure of a voyage in changing currents; None if it is left out."""
+    """Read the times and speeds of a voyage; return None if no departure was given."""
     faults: list[str] = []
     found = None
     try:
@@ -191,7 +191,7 @@ def _departing(request: VoyageRequest) -> Departing | None:
 
 
 def _months(request: VoyageRequest) -> list[tuple[str, str]]:
-    """Return the months with their titles; still water needs none."""
+    """Return the months with their titles; for still water without a month, [("", "")]."""
     titles = list(read_months(request.months).items())
     if titles or request.currents == (STILL,):
         return titles or [("", "")]
@@ -206,7 +206,7 @@ def _months(request: VoyageRequest) -> list[tuple[str, str]]:
 def _season(
     month: str, title: str, request: VoyageRequest, ends: tuple[Position, Position]
 ) -> dict[str, Any]:
-    """Return a month's [[seasons]] table."""
+    """Return the [[seasons]] table of a month, or of still water if the month is ""."""
     if not month:
         return {"name": STILL, "title": "Still water", "currents": [STILL]}
     return {
@@ -220,7 +220,7 @@ def _season(
 def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
     """Return the sources of the catalogue with currents of a month between start and goal.
 
-    The service comes first; without an account, a table that comes with the program replaces it.
+    The service comes first; without an account, a table that comes with RENEW replaces it.
     """
     start, goal = ends
     between = least_region((start.lon, start.lat), (goal.lon, goal.lat))

@@ -1,4 +1,4 @@
-"""The vessel of a voyage: an entry of the catalogue, a file, or figures with their units."""
+"""Read the vessel of a voyage: a catalogue entry, a file, or speed and dimensions with units."""
 
 import math
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from pipeline.scenario.strict import looks_like_path
 from pipeline.scenario.vessel import VesselSpec
 from pipeline.voyage.quantities import length_m, speed_m_s
 
-# Exponent of the fuel law of a vessel given by figures: the propeller law of displacement hulls, as
-# its engine is not known.
+# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
+# hulls, because its engine is not known.
 _FUEL_EXPONENT = 3.0
 _REMEDY = (
     "give --vessel NAME (`renew list`), --vessel FILE, or its figures: --speed 12kn --length 90m "
@@ -26,7 +26,7 @@ _REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class VesselFigures:
-    """A vessel's figures as typed; those not given are "".
+    """A vessel's speed and dimensions as typed; "" stands for a value that was not given.
 
     The turning circle is given by its diameter, as in a ship's trial manoeuvres.
     """
@@ -47,7 +47,7 @@ def vessel_spec(named: str, figures: VesselFigures) -> VesselSpec:
     Raises
     ------
     RequestError
-        None or several of these are given, or one has a fault: one line for each.
+        None or several of these are given, or one has faults; the message has a line for each.
     """
     if named and (given := figures.given()):
         raise RequestError(
@@ -80,7 +80,7 @@ def _from_file(path: str) -> VesselSpec:
 
 
 def _from_figures(figures: VesselFigures) -> VesselSpec:
-    """Return the vessel given by figures; its turn rate is speed over turning radius."""
+    """Return the vessel given by figures; its turn rate is speed divided by turning radius."""
     faults: list[str] = []
 
     def read(option: str, text: str, reader: Callable[[str], float]) -> float:
@@ -118,7 +118,7 @@ def _from_figures(figures: VesselFigures) -> VesselSpec:
 
 
 def _validated(data: dict[str, Any], prefix: str) -> VesselSpec:
-    """Check a vessel's table."""
+    """Return the validated vessel of a table, or raise RequestError with a line for each fault."""
     try:
         return VesselSpec.model_validate(data)
     except ValidationError as error:

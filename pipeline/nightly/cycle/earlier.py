@@ -1,4 +1,4 @@
-"""Yesterday's routes: the best of each case of the cycle that `latest` names."""
+"""Yesterday's routes: the best route of each case in the cycle that tonight is compared with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]
 
 @dataclass(frozen=True)
 class EarlierRoute:
-    """A case's best route of yesterday; its path (n, 2) is lon/lat."""
+    """Yesterday's best route of a case; its path (n, 2) is lon/lat, degrees."""
 
     cycle: str
     side: str
@@ -39,13 +39,13 @@ class EarlierRoute:
 
 @dataclass(frozen=True, slots=True)
 class EarlierRoutes:
-    """Yesterday's routes: the file of cases, and the name of its cycle."""
+    """Yesterday's routes: the name of their cycle, and the path of its table of cases."""
 
     cycle: str
     path: Path
 
     def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
-        """Read the routes of some rows; rows without a route, and row -1, are left out."""
+        """Read the routes of rows; rows without a route, and row -1, are left out."""
         wanted = sorted({row for row in rows if row >= 0})
         found: dict[int, EarlierRoute] = {}
         if not wanted:
@@ -76,12 +76,12 @@ class EarlierRoutes:
 
 
 class EarlierIndex:
-    """The rows of yesterday's cases by their names."""
+    """The row numbers of yesterday's cases by name."""
 
     def __init__(self, path: Path) -> None:
         names = pq.read_table(path, columns=["case"])["case"].to_pylist()
         self._row = {name: row for row, name in enumerate(names)}
 
     def rows(self, names: Sequence[str]) -> list[int]:
-        """Return the row of each name; -1 for a case that is new."""
+        """Return the row number of each name; -1 for a new case."""
         return [self._row.get(name, -1) for name in names]

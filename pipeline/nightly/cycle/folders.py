@@ -1,9 +1,9 @@
-"""The folders of a night: finished cycles, the one under way, and the link `latest`.
+"""The folders of a night: finished cycles, the unfinished cycle, and the link `latest`.
 
-`OUTPUT/<cycle>.partial/` is renamed to `OUTPUT/<cycle>/` once it is whole, and never touched again;
-then one rename moves the link. If a job is killed between the two, the finished cycle is not yet
-named by `latest`: the next job moves the link. Damaged files, and anything in the link's place, are
-moved to `OUTPUT/damaged/`, never removed.
+The folder `OUTPUT/<cycle>.partial/` is renamed to `OUTPUT/<cycle>/` when it is complete; after that
+it is not changed. A second rename then replaces the link. If a job is killed between the two
+renames, the next job replaces the link. Damaged files, and anything in the link's place, are moved
+to `OUTPUT/damaged/`, never removed.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ RECORD = "night.json"
 """The file of a cycle that records when and from which inputs it was made."""
 _LINK = ".latest.link"
 _REMOVED = ".removed"
-# Remedies for errors of the file system; for all other errors: free some space.
+# Remedies for errors of the file system; the remedy for all others is to free some space.
 _ALLOW = "allow it, or choose another folder with --output"
 _MOVE = "move away what is in its place, and run again"
 _REMEDIES = {
@@ -45,9 +45,9 @@ class Cycles:
 
     @property
     def latest(self) -> str:
-        """Name of the cycle that `latest` leads to or, if the link is broken, of the newest cycle.
+        """Name of the cycle that `latest` points at or, if the link is broken, of the newest.
 
-        Empty if there is no finished cycle.
+        It is "" if there is no finished cycle.
         """
         try:
             name = (self.output / LATEST).readlink().name
@@ -58,7 +58,7 @@ class Cycles:
         return next(reversed(self.finished()), "")
 
     def is_named(self, cycle: str) -> bool:
-        """Whether the link `latest` leads to a cycle."""
+        """Whether the link `latest` points at this cycle."""
         link = self.output / LATEST
         return link.is_symlink() and link.resolve() == self.folder(cycle).resolve()
 
@@ -72,11 +72,11 @@ class Cycles:
         return self.output / cycle
 
     def partial(self, cycle: str) -> Path:
-        """Return the folder of a cycle that is under way, whether it exists or not."""
+        """Return the folder of an unfinished cycle, whether it exists or not."""
         return self.output / f"{cycle}{PARTIAL}"
 
     def finished(self) -> list[str]:
-        """Return the names of finished cycles, oldest first: by time or, without one, by age."""
+        """Return the names of finished cycles, oldest first; see `_age`."""
         found = [path for path in self._folders() if is_cycle(path.name)]
         return [path.name for path in sorted(found, key=_age)]
 
@@ -85,7 +85,7 @@ class Cycles:
         return [name for name in self.finished() if base_of(name) == base_of(cycle)]
 
     def free_name(self, cycle: str) -> str:
-        """Return a cycle's name or, if a folder has that name already, its next revision's."""
+        """Return a cycle's name or, if its folder exists already, the name of the next revision."""
         name, number = base_of(cycle), 1
         while os.path.lexists(self.folder(name)):
             number += 1
@@ -93,7 +93,7 @@ class Cycles:
         return name
 
     def partials(self) -> list[str]:
-        """Return the names of cycles that are under way."""
+        """Return the names of unfinished cycles."""
         return sorted(
             path.name.removesuffix(PARTIAL)
             for path in self._folders()
@@ -101,12 +101,12 @@ class Cycles:
         )
 
     def is_older(self, cycle: str, time: datetime | None) -> bool:
-        """Whether a time is before a cycle's time."""
+        """Whether a time is before the time in a cycle's name."""
         that = cycle_time(cycle)
         return that is not None and time is not None and time < that
 
     def publish(self, cycle: str) -> None:
-        """Rename a whole cycle's folder to its final name, then point `latest` at it."""
+        """Rename a complete cycle's folder to its final name, and then point `latest` at it."""
         partial, folder = self.partial(cycle), self.folder(cycle)
         with writing(self.output):
             flush_tree(partial)
@@ -115,7 +115,7 @@ class Cycles:
         self.point_at(cycle)
 
     def point_at(self, cycle: str) -> None:
-        """Replace the link `latest` by one rename."""
+        """Point the link `latest` at a cycle, with a single rename."""
         with writing(self.output):
             link = self.output / _LINK
             if not (self.output / LATEST).is_symlink():
@@ -126,7 +126,7 @@ class Cycles:
             flush(self.output)
 
     def set_aside(self, path: Path) -> None:
-        """Move a damaged or obstructing path to `OUTPUT/damaged/`, if the disk allows it."""
+        """Move a damaged or obstructing path to `OUTPUT/damaged/`; ignore errors."""
         if not os.path.lexists(path):
             return
         name = "-".join(path.relative_to(self.output).parts)
@@ -136,7 +136,7 @@ class Cycles:
             path.rename(aside / f"{name}-{secrets.token_hex(4)}")
 
     def remove_leftovers(self) -> None:
-        """Remove leftovers of a killed job: its link, and cycles that were being removed."""
+        """Remove the leftovers of a killed job: its temporary link, and half-removed cycles."""
         with contextlib.suppress(OSError):
             (self.output / _LINK).unlink(missing_ok=True)
             for path in self._folders():
@@ -144,9 +144,10 @@ class Cycles:
                     shutil.rmtree(path, ignore_errors=True)
 
     def prune(self, keep: int) -> None:
-        """Remove the oldest cycles beyond `keep`, and all that were never finished.
+        """Remove the oldest cycles beyond `keep`, and all unfinished cycles.
 
-        The cycle that `latest` names stays. Each is renamed first, so that nobody sees half of one.
+        The cycle that `latest` points at stays. A folder is renamed before it is removed, so that
+        no incomplete cycle is visible.
         """
         latest = self.latest
         finished = [cycle for cycle in self.finished() if cycle != latest]
@@ -167,7 +168,7 @@ class Cycles:
 
 @contextlib.contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Turn errors of the file system into a StageError with a remedy."""
+    """Turn an OSError in the `with` block into a StageError with a remedy."""
     try:
         yield
     except OSError as error:
@@ -177,7 +178,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def _age(path: Path) -> tuple[float, int, str]:
-    """Return a cycle's sort key: its time or, without one, the time of its record."""
+    """Return a cycle's sort key: the time in its name or, if it has none, of its record."""
     time = cycle_time(path.name)
     if time is not None:
         return time.timestamp(), revision(path.name), path.name

@@ -1,4 +1,4 @@
-"""One job at a time in an output folder: a second job's error names the first and its start."""
+"""The lock of an output folder, which allows one job at a time; its file names the holder."""
 
 import contextlib
 import json
@@ -20,14 +20,14 @@ _WAIT_S = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """The holder of the lock: its process, its machine, and since when (UTC)."""
+    """The holder of the lock: its process, its machine, and the time when it got the lock (UTC)."""
 
     pid: int
     host: str
     since: str
 
     def __str__(self) -> str:
-        """Name the holder for a message."""
+        """Return the holder as text for a message."""
         return f"process {self.pid} on {self.host}, since {self.since}"
 
 
@@ -38,9 +38,9 @@ def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
     Raises
     ------
     BusyError
-        Another job holds it.
+        Another job holds the lock.
     StageError
-        Nothing can be written there.
+        Nothing can be written in the folder.
     """
     path = output / LOCK
     with contextlib.ExitStack() as held:
@@ -56,7 +56,7 @@ def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
 
 
 def holder_of(output: Path) -> str:
-    """Name the holder of a lock, as its file says."""
+    """Return the holder that the lock's file names, as text."""
     try:
         holder = json.loads((output / LOCK).read_text(encoding="utf-8"))
         return str(Holder(int(holder["pid"]), str(holder["host"]), str(holder["since"])))
@@ -65,7 +65,7 @@ def holder_of(output: Path) -> str:
 
 
 def is_busy(output: Path) -> bool:
-    """Whether a job is at work; writes nothing."""
+    """Whether a job holds the lock; writes nothing."""
     path = output / LOCK
     if not path.is_file():
         return False

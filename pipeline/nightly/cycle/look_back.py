@@ -1,6 +1,7 @@
-"""Finds the earlier results that a night needs: the newest readable cycle, and the history.
+"""Find the earlier results that a night needs: the newest readable cycle, and the history.
 
-Files that can't be read are set aside and noted; the night goes on without them.
+Files that can't be read are moved to the folder of damaged files, with a note; the night continues
+without them.
 """
 
 from dataclasses import dataclass
@@ -23,9 +24,9 @@ class LookBack:
 
     Attributes
     ----------
-    cycle : the newest cycle whose cases can be read, with which tonight is compared; or "".
-    history : the newest history that can be read, or None.
-    later : cycles since that history, oldest first, whose cases can be read: name and table.
+    cycle : the newest cycle with a readable table of cases, for the comparison with tonight; or "".
+    history : the newest readable history, or None.
+    later : cycles newer than that history, oldest first: name and readable table of cases.
     notes : one line for each file that could not be read.
     """
 
@@ -38,7 +39,7 @@ class LookBack:
 def look_back(cycles: Cycles) -> LookBack:
     """Find the readable results of earlier nights; set unreadable files aside.
 
-    It stops as soon as all is found: usually after two files of the last cycle.
+    The search goes backwards and usually ends after two files of the last cycle.
     """
     compared, history, notes = "", None, list[str]()
     later: list[tuple[str, Path]] = []

@@ -1,8 +1,8 @@
-"""Part files: rows of neighbouring cases and of their routes; a file is whole or missing.
+"""Part files, each with the rows of neighbouring cases and of their routes.
 
-A part holds the cases from `first` up to `end`: one row of rank 0 for each case, and one row for
-each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat. A file is a hash
-and a Parquet table: a damaged part counts as missing, and its cases are planned again.
+A part has the cases from `first` to `end` - 1: one row of rank 0 for each case, and one row for
+each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat. A file consists of
+a hash and a Parquet table. A damaged part is treated as missing, so its cases are planned again.
 """
 
 import re
@@ -19,7 +19,7 @@ from pipeline.machine.storage.store import read_checked, write_checked
 from pipeline.machine.storage.whole_files import UNFINISHED
 
 _TIME = pa.timestamp("ms", tz="UTC")
-# Columns of every row, of a case or of a route.
+# Columns of both kinds of rows, cases and routes.
 _SHARED = (
     ("index", pa.int64()),
     ("case", pa.string()),
@@ -79,7 +79,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part file, with the cases from `first` up to `end`."""
+    """A part file with the cases from `first` to `end` - 1."""
 
     path: Path
     first: int
@@ -87,18 +87,12 @@ class Part:
 
 
 def part_path(folder: Path, first: int, end: int) -> Path:
-    """Return the path of the part with the cases from `first` up to `end`."""
+    """Return the path of the part with the cases from `first` to `end` - 1."""
     return folder / f"{first:08}-{end:08}.part"
 
 
 def write_part(path: Path, rows: Sequence[Row]) -> None:
-    """Write a part, whole or not at all.
-
-    Raises
-    ------
-    StageError
-        The disk refuses.
-    """
+    """Write a part file atomically; raise StageError if it can't be written."""
     content = pa.BufferOutputStream()
     pq.write_table(pa.Table.from_pylist(list(rows), PART_SCHEMA), content)
     try:
@@ -111,7 +105,7 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
 
 
 def parts_in(folder: Path) -> list[Part]:
-    """Return the whole parts of a folder, sorted by first case; damaged files are left out."""
+    """Return the undamaged parts of a folder, sorted by first case."""
     found = []
     for path in folder.glob("*.part"):
         name = _PART_NAME.fullmatch(path.name)
@@ -127,13 +121,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def read_part(part: Part) -> pa.Table:
-    """Read a part's rows.
-
-    Raises
-    ------
-    pa.ArrowInvalid
-        The file is damaged or missing.
-    """
+    """Read a part's rows; raise pa.ArrowInvalid if the file is damaged or missing."""
     content = read_checked(part.path)
     if content is None:
         raise pa.ArrowInvalid(f"{part.path.name} is damaged")
@@ -141,9 +129,9 @@ def read_part(part: Part) -> pa.Table:
 
 
 def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
-    """Yield each part, sorted as by `parts_in`, with first and end of the cases to take from it.
+    """Yield each part with the range (first, end) of its cases that no earlier part has.
 
-    Parts overlap if a worker outlived the job that started it: each case is taken once.
+    The parts are in the order of `parts_in`. They overlap if a worker outlived its job.
     """
     covered = 0
     for part in parts:
@@ -154,7 +142,7 @@ def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
 
 
 def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
-    """Return the ranges of cases from `first` up to `end` that are in no part."""
+    """Return the ranges of cases from `first` to `end` - 1 that no part contains."""
     found, covered = [], first
     for part in parts:
         if part.end <= covered or part.first >= end:

@@ -1,4 +1,4 @@
-"""A cycle that is under way: its request, and the part files so far."""
+"""The folder of an unfinished cycle, with its request and its part files."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.part import Part, parts_in, remove_unfinished
 
 _REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
-# Time for another job of the same night to set the folder up, s.
+# Time to wait while another job of the night prepares the folder, s.
 _SETUP_S = 60.0
 
 
 @dataclass(frozen=True)
 class Partial:
-    """The folder of a cycle under way; `started` is when its first run began (UTC)."""
+    """The folder of an unfinished cycle; `started` is the start of its first run (UTC)."""
 
     folder: Path
     started: datetime
 
     @classmethod
     def opened(cls, folder: Path, request: str, *, is_alone: bool) -> Partial:
-        """Make the folder, or open it where an earlier run left it.
+        """Create the folder, or open the one of an earlier run.
 
         Parameters
         ----------
         request
-            Identifies everything that results depend on: part files of another request are removed.
+            Identifies all inputs of the results; part files of another request are removed.
         is_alone
-            Whether no other job is at work in the folder.
+            Whether no other job uses the folder.
 
         Raises
         ------
         StageError
-            Nothing can be written, or another request is at work here.
+            Nothing can be written, or the folder has another request and may be in use.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -77,20 +77,20 @@ class Partial:
 
     @property
     def marks_folder(self) -> Path:
-        """Folder of the markers of batches at work."""
+        """Folder of the marker files of batches that are being planned."""
         return self.folder / _MARKS
 
     def parts(self) -> list[Part]:
-        """Return the whole parts, sorted by first case."""
+        """Return the undamaged parts, sorted by first case."""
         return parts_in(self.parts_folder)
 
     def forget_parts(self) -> None:
-        """Remove all parts, so that the next run plans them anew."""
+        """Remove all parts, so that the next run plans all cases again."""
         with contextlib.suppress(OSError):
             shutil.rmtree(self.parts_folder)
 
     def clear(self) -> None:
-        """Remove everything but the results."""
+        """Remove everything except the results."""
         with writing(self.folder):
             for name in (_PARTS, _MARKS):
                 shutil.rmtree(self.folder / name, ignore_errors=True)
@@ -99,7 +99,7 @@ class Partial:
 
 
 def _request(path: Path) -> dict[str, str]:
-    """Read the file of the request; empty if it is missing or damaged."""
+    """Read the file of the request; return {} if it is missing or damaged."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         datetime.fromisoformat(found["started"])
@@ -109,7 +109,7 @@ def _request(path: Path) -> dict[str, str]:
 
 
 def _empty(folder: Path) -> None:
-    """Remove the files of another request."""
+    """Remove everything in the folder except the lock's file."""
     for path in folder.iterdir():
         if path.name == _LOCK:
             continue

@@ -1,7 +1,7 @@
-"""`night.json`: the time and inputs of a cycle, how its cases ended, and hashes of its files.
+"""`night.json`: the time and inputs of a cycle, the outcomes of its cases, and hashes of its files.
 
-It is written last, once all other files are on the disk: a cycle with a record is whole, and the
-hashes show what has changed since. No other file of a cycle has times of its making.
+It is written after all other files are on the disk. So a cycle with a record is complete, and the
+hashes show later changes. No other file of a cycle contains the time when it was made.
 """
 
 import json
@@ -27,18 +27,18 @@ def write_record(
     by_outcome: Mapping[str, int],
     notes: Sequence[str],
 ) -> None:
-    """Put a cycle's files on the disk, then write how it was made and how its cases ended.
+    """Flush a cycle's files to the disk, and then write its record.
 
     Parameters
     ----------
     files
-        Names of the cycle's files; anything else in the folder is removed before it is published.
+        Names of the cycle's files.
     made
         The time and the inputs of the cycle.
     by_outcome
         Number of cases by outcome.
     notes
-        Other things that somebody should look at.
+        Other matters that an operator should look at.
     """
     from pipeline.formats.tables.manifest import versions
 
@@ -63,7 +63,7 @@ def record_of(folder: Path) -> dict[str, Any]:
     Raises
     ------
     StageError
-        The record can't be read: the disk, or somebody, has changed the cycle.
+        The record can't be read.
     """
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
@@ -78,7 +78,7 @@ def record_of(folder: Path) -> dict[str, Any]:
 
 
 def finished_at(folder: Path) -> datetime | None:
-    """Return when a cycle was finished; None if its record does not say it."""
+    """Return the time when a cycle was finished; None if its record can't be read."""
     try:
         return datetime.fromisoformat(record_of(folder)["finished"])
     except StageError:
@@ -86,7 +86,7 @@ def finished_at(folder: Path) -> datetime | None:
 
 
 def reason_to_revise(folder: Path, request: str, currents: str) -> str:
-    """Say why a finished cycle must be planned again; empty if it is still good.
+    """Return why a finished cycle must be planned again, or "" if it need not be.
 
     Parameters
     ----------
@@ -105,10 +105,10 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 
 
 def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str]:
-    """Return what is wrong with a cycle's files, by their names: missing, damaged.
+    """Return the faults of a cycle's files by name: missing, unreadable or damaged.
 
-    By default all files are checked, and the record itself. If the record can't be read, a table is
-    read to its end instead.
+    By default the record and all files in it are checked. If the record can't be read, the given
+    files, which are tables, are read to the end instead.
     """
     try:
         hashes = record_of(folder)["sha256"]
@@ -127,7 +127,7 @@ def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str
 
 
 def _table_fault(path: Path) -> str:
-    """Return why a Parquet table can't be read to its end; empty if it can."""
+    """Return why a Parquet table can't be read to its end, or ""."""
     try:
         pq.read_table(path)
     except FileNotFoundError as error:
@@ -138,14 +138,14 @@ def _table_fault(path: Path) -> str:
 
 
 def _unreadable(error: OSError) -> str:
-    """Say that a file is missing, or can't be read."""
+    """Return as text that a file is missing, or why it can't be read."""
     if isinstance(error, FileNotFoundError):
         return "is missing"
     return f"can't be read ({error.strerror or type(error).__name__})"
 
 
 def summary(record: Mapping[str, Any]) -> str:
-    """Say in one line how a cycle ended."""
+    """Return one line with the outcomes of a cycle's cases."""
     outcomes = ", ".join(f"{record['cases_by_outcome'][name]:,} {name}" for name in OUTCOMES)
     others = ", ".join(
         f"{n:,} {name}"

@@ -1,7 +1,7 @@
-"""Cuts a night's cases into batches of 20 to 60 seconds; a batch that kills its worker is halved.
+"""Cut a night's cases into batches of about 40 seconds; a batch that kills its worker is halved.
 
-The first cases of a chart show how long a case takes. Results do not depend on how the cases were
-cut.
+The duration of a case is measured on the first batch of its chart. Results do not depend on how
+the cases are cut.
 """
 
 from collections import deque
@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
 
-# Work in a batch, s, and its limit as a share of the work that is left for each worker. Short
-# batches: a killed job loses only those under way, and at the end no worker waits long for another.
+# Target and minimum duration of a batch, s, and its largest share of the work that is left for each
+# worker. Batches are short because a killed job loses the unfinished ones, and because at the end
+# no worker should wait long for another.
 _TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
-# Number of cases in a batch until it is known how long one takes.
+# Number of cases in a batch until the duration of a case is known.
 _FIRST_CASES = 1
 # Number of workers that a single case may kill before it is recorded as broken.
 _DEATHS = 2
@@ -21,14 +22,14 @@ _DEATHS = 2
 
 @dataclass
 class _Waiting:
-    """Waiting cases of one chart as ranges, and the seconds that one takes (None: unknown)."""
+    """Waiting cases of one chart as ranges, and the seconds per case (None: not known yet)."""
 
     ranges: deque[tuple[int, int]]
     seconds: float | None = None
 
     @property
     def count(self) -> int:
-        """Number of cases that wait."""
+        """Number of waiting cases."""
         return sum(end - first for first, end in self.ranges)
 
 
@@ -39,11 +40,11 @@ class BatchWork:
     Parameters
     ----------
     charts
-        For each chart the ranges of cases to plan.
+        The ranges of cases to plan on each chart.
     batch
-        Makes the batch of a range of cases.
+        Returns the batch of a range of cases.
     on_broken
-        Called with the index of a case that kills its worker.
+        Called with the index of a case that has killed _DEATHS workers.
     on_done
         Called with each batch's report.
     """
@@ -58,11 +59,11 @@ class BatchWork:
     _suspects: deque[tuple[int, int]] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
-        """Queue everything."""
+        """Queue all cases."""
         self._waiting = [_Waiting(deque(ranges)) for ranges in self.charts]
 
     def next_task(self, workers: int) -> PlanBatch | None:
-        """Cut the next batch."""
+        """Return the next batch; halves of a batch that killed its worker come first."""
         if self._suspects:
             return self.batch(*self._suspects.popleft())
         for waiting in self._waiting:
@@ -71,7 +72,7 @@ class BatchWork:
         return None
 
     def done(self, task: PlanBatch, result: BatchReport) -> None:
-        """Update the time per case from a finished batch."""
+        """Update the seconds per case from a finished batch, and report the batch."""
         count = task.end - task.first
         if result.seconds > 0:
             for waiting, ranges in zip(self._waiting, self.charts, strict=True):
@@ -80,7 +81,7 @@ class BatchWork:
         self.on_done(result)
 
     def died(self, task: PlanBatch) -> None:
-        """Halve a batch; a single case is tried once more, and then given up."""
+        """Halve a batch; a single case is tried once more, and then recorded as broken."""
         if task.end - task.first > 1:
             middle = (task.first + task.end) // 2
             self._suspects.extend([(task.first, middle), (middle, task.end)])
@@ -92,13 +93,13 @@ class BatchWork:
             self.on_broken(task.first)
 
     def failed(self, task: PlanBatch, error: Exception) -> None:
-        """End the night: a batch fails for reasons such as a full disk, never because of a case."""
+        """End the night: a batch fails because of a full disk, for example, never of a case."""
         del task
         raise error
 
 
 def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
-    """Cut a range off the cases that wait."""
+    """Remove a range of cases for the next batch from the waiting ones."""
     count = _FIRST_CASES
     if waiting.seconds is not None:
         share_s = _SHARE * waiting.count * waiting.seconds / max(workers, 1)

@@ -1,4 +1,4 @@
-"""Charts and currents, which the cases of a night share: each is made once and stored."""
+"""Charts and currents that the cases of a night share; each is made once and stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,13 +30,13 @@ _Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
 
 
 _WIDTH = 480.0
-# Detail of a map, and least area of an island on it, in units of the map's frame.
+# Simplification tolerance of a map, and minimum area of an island on it, in units of its frame.
 _TOLERANCE, _LEAST_AREA = 0.4, 0.6
 
 
 @dataclass(frozen=True)
 class SmallMap:
-    """Land as an SVG path in a frame of `width` by `height`, and the map of planar x, y to it."""
+    """Land as an SVG path in a frame of `width` × `height`, and the planar origin and scale."""
 
     width: float
     height: float
@@ -47,7 +47,7 @@ class SmallMap:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
-        """Draw a scene's land, without details too small to see."""
+        """Draw a scene's land, without details that are too small to see."""
         xmin, ymin, xmax, ymax = scene.chart.bounds
         per_metre = _WIDTH / max(xmax - xmin, (ymax - ymin) / 1.4)
         empty = cls((xmax - xmin) * per_metre, (ymax - ymin) * per_metre, "", xmin, ymax, per_metre)
@@ -77,7 +77,7 @@ class SmallMap:
 class NightChart:
     """A scenario's chart for one vessel, in the planner's plane, without currents.
 
-    `scenario` is complete; `land_key` is the land's key in the store.
+    `scenario` has its region; `land_key` is the land's key in the store.
     """
 
     scenario: Scenario
@@ -89,7 +89,10 @@ class NightChart:
 
 @dataclass(frozen=True)
 class NightCurrent:
-    """A current in the planner's plane; `stand_in` says which current replaces the first choice."""
+    """A current in the planner's plane.
+
+    `stand_in` is "" or says which current replaces the first choice, and why.
+    """
 
     current: Current
     valid: str
@@ -99,7 +102,7 @@ class NightCurrent:
 
 @dataclass(frozen=True, slots=True)
 class ChartTask:
-    """Inputs of a chart; `ends` are the starts and goals of all pairs that are planned on it."""
+    """A task to make a chart; `ends` are the starts and goals of all pairs on it."""
 
     scenario: Scenario
     ends: tuple[Point, ...]
@@ -108,7 +111,7 @@ class ChartTask:
     identity: str
 
     def make(self) -> None:
-        """Make the chart and store it, unless it is there."""
+        """Make the chart and store it, unless it is stored already."""
         if load_artefact(self.path, NightChart) is None:
             store = Store(self.store_root, "nightly")
             save_artefact(self.path, _chart(self.scenario, self.ends, store))
@@ -116,7 +119,7 @@ class ChartTask:
 
 @dataclass(frozen=True, slots=True)
 class CurrentTask:
-    """Inputs of one current of a chart; `label` names it in messages."""
+    """A task to fetch one current of a chart; `label` names it in messages."""
 
     label: str
     season: Season
@@ -126,7 +129,7 @@ class CurrentTask:
     identity: str
 
     def make(self) -> None:
-        """Fetch the current, lay it on the chart's plane, and store it, unless it is there.
+        """Fetch the current, project it to the chart's plane, and store it, unless it is stored.
 
         Raises
         ------
@@ -141,24 +144,18 @@ class CurrentTask:
 
 @lru_cache(maxsize=2)
 def loaded_chart(path: Path) -> NightChart:
-    """Load a stored chart; a worker keeps the last two. Raises what `_loaded` does."""
+    """Load a stored chart, as `_loaded` does; a worker keeps the last two."""
     return _loaded(path, NightChart)
 
 
 @lru_cache(maxsize=4)
 def loaded_current(path: Path) -> NightCurrent:
-    """Load a stored current; a worker keeps the last four. Raises what `_loaded` does."""
+    """Load a stored current, as `_loaded` does; a worker keeps the last four."""
     return _loaded(path, NightCurrent)
 
 
 def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
-    """Load a chart or current that a task has stored.
-
-    Raises
-    ------
-    StageError
-        It can't be read.
-    """
+    """Load a chart or current that a task has stored; raise StageError if it can't be read."""
     found = load_artefact(path, kind)
     if found is None:
         raise StageError(f"can't read {path}; give all workers access to the same output folder")
@@ -166,7 +163,7 @@ def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
 
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
-    """Return the store's key of a scenario's chart that keeps the ends of some pairs in water."""
+    """Return the store's key of a scenario's chart on which `ends` stay in water."""
     names = {"region", "plane", "scale", "chart", "vessel", "start", "goal"}
     inputs = scenario.model_dump(mode="json", include=names)
     if scenario.is_planar:
@@ -177,7 +174,7 @@ def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
 
 
 def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
-    """Return the clearance for a pair of places (2,) in the plane, planar metres."""
+    """Return the clearance for a start and a goal (2,), planar metres; by default the offing."""
     chosen = chart.scenario.planner.clearance
     if chosen is not None or chart.scenario.is_planar:
         return chosen or 0.0
@@ -186,7 +183,7 @@ def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
 
 
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
-    """Fetch, simplify and project a scenario's chart; keep the ends of pairs in water."""
+    """Fetch, simplify and project a scenario's chart, on which `ends` stay in water."""
     if scenario.is_planar:
         scene = replace(planar.plane_scene(scenario), currents={})
         return NightChart(scenario, scene, "", 0.0, SmallMap.of(scene))
@@ -210,12 +207,12 @@ def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
 
 @lru_cache(maxsize=1)
 def _chart_fetcher(chart_path: Path, store_root: Path) -> Fetcher:
-    """Return a chart's fetcher; cached, as it holds the land."""
+    """Return a chart's fetcher; cached, because it contains the land."""
     return _fetcher(loaded_chart(chart_path).scenario, Store(store_root, "nightly"))
 
 
 def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
-    """Fetch a current and lay it on the chart's plane."""
+    """Fetch a current and project it to the chart's plane."""
     season = task.season
     if chart.scenario.is_planar:
         alone = chart.scenario.model_copy(update={"seasons": (season,)})
@@ -234,6 +231,6 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
 
 
 def _stand_in(grid: CurrentGrid) -> str:
-    """Say which current replaces the first choice, and why; empty if it is the first choice."""
+    """Return which current replaces the first choice, and why; "" if it is the first choice."""
     reasons = [passed.reason for passed in grid.passed_over]
     return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""

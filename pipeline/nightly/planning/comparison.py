@@ -1,4 +1,4 @@
-"""Compares yesterday's route, sailed in tonight's current, with tonight's best route."""
+"""Compare yesterday's route, sailed in tonight's current, with tonight's best route."""
 
 import math
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.scenario.model import PlannerOptions
 
-# Two routes have the same start and goal if these differ by less than this share of the length: a
-# pair whose places were moved is not compared with yesterday.
+# If start or goal moved by more than this share of the route's length, the routes of a pair are not
+# compared.
 _SAME_END = 1e-6
-# Percentage by which yesterday's route must be cheaper to be reported: above the planner's own
-# tolerance.
+# If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
+# tolerance is smaller.
 _CHEAPER_PERCENT = 0.1
-# Longest leg, as a share of a line, when the distance between two lines is measured: it is measured
-# from points, so that points are added to longer legs.
+# Largest spacing of the points from which the distance between two lines is measured, as a share of
+# a leg.
 _DENSIFY = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """When somebody should look: the saving, percent; and why currents are too old, or ""."""
+    """Rules for the outcome "look": the smallest saving, percent; why currents are stale, or ""."""
 
     look_percent: float
     stale: str = ""
@@ -42,11 +42,11 @@ def compared(
     scale: float,
     leaves: datetime | None,
 ) -> Row:
-    """Return the columns that set tonight's best route beside yesterday's.
+    """Return the columns that compare tonight's best route with yesterday's.
 
-    `keep_fuel` is the fuel of yesterday's route in tonight's current; null where the vessel can't
-    make way along the route, or it now meets land. The arrival follows from the fuel: at constant
-    thrust duration and fuel are proportional.
+    `keep_fuel` is the fuel of yesterday's route in tonight's current. It is missing if the current
+    overpowers the vessel or the route now meets land. The arrival is computed from it, because
+    duration and fuel are proportional at constant thrust.
     """
     path = scene.projection.to_plane(earlier.path)
     route = planned.ranked_routes[0]
@@ -55,7 +55,7 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    # A route planned without padding may touch land, and rounding may move it onto the land.
+    # A tolerance, because a route without padding may touch land, and rounding may move it onto it.
     if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()
@@ -71,7 +71,7 @@ def compared(
 
 
 def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
-    """Return a planned case's outcome, and the reasons where it is not "same"."""
+    """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
     if row.get("earlier_class") is not None:
         rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
@@ -83,7 +83,7 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
             look.append(f"{row['earlier_side']} yesterday, {row['side']} now")
         saving = row.get("saving_percent")
         if saving is not None and saving < -_CHEAPER_PERCENT:
-            # Tonight's best is the least of all routes that are safe tonight.
+            # Tonight's best route has the least fuel of all routes that are safe tonight.
             look.append(
                 f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
                 "clearance that tonight's current asks for"
@@ -99,5 +99,5 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
 
 
 def _has_flipped(earlier: str, now: str) -> bool:
-    """Say whether the main island is passed on another side, not which island is."""
+    """Whether the same main island is passed on another side."""
     return earlier != now and earlier.partition(" of ")[2] == now.partition(" of ")[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.stages.workers.fleet import Fleet, fleet
 from pipeline.stages.workers.local_cluster import local_cluster
 
-# Number of times that local workers are checked: they run this very code, but may die at first.
+# Number of times that local workers are checked, because a worker may die while it starts.
 _ATTEMPTS = 3
 
 
@@ -15,24 +15,24 @@ _ATTEMPTS = 3
 def night_workers(
     scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
 ) -> Iterator[Fleet]:
-    """Provide workers.
+    """Yield the workers of a scheduler or of a local cluster.
 
     Parameters
     ----------
     scheduler
-        Address of a Dask scheduler; else the one in DASK_SCHEDULER_ADDRESS, else a cluster of this
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else a cluster on this
         machine.
     workers
-        Number of local workers; None for one per core.
+        Number of local workers; default: one per core.
     memory_gb
-        Memory of a local worker, GB.
+        Memory limit of a local worker, GB.
     shared
         A file in the output folder that all workers must be able to read.
 
     Raises
     ------
     StageError
-        There are no workers, or some of them can't do the work.
+        There are no workers, or a worker can't plan.
     """
     import dask
 

@@ -1,4 +1,4 @@
-"""The planning of a night: charts and currents are prepared, then batches of cases are planned."""
+"""Prepare the charts and currents of a night, and then plan its cases in batches."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.workers.fleet import Fleet
 
-# Largest number of cases in a slice: neighbours stay together, as they share a current.
+# Largest number of cases in a slice; neighbours stay together, because they share a current.
 _LARGEST_SLICE = 64
 _DIED = (
-    "its worker died of it (out of memory, which memory_gb limits where workers are local, or a "
-    "crash of the interpreter)"
+    "its worker died (out of memory, which memory_gb limits for local workers, or a crash of the "
+    "interpreter)"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """One job's share of a night: slices of `slice` cases, every `of`-th one from `number` on."""
+    """One job's share of a night: every `of`-th slice of `slice` cases, from `number` on."""
 
     number: int
     of: int
@@ -45,7 +45,7 @@ class Share:
 
     @classmethod
     def of_night(cls, count: int, number: int = 1, of: int = 1) -> Share:
-        """Return a share of `count` cases, in slices small enough that all shares are alike."""
+        """Return a share of `count` cases; slices are so small that all shares have equal size."""
         return cls(number, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
 
     def has(self, index: int) -> bool:
@@ -62,7 +62,7 @@ class Preparation:
     failures: dict[Path, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Queue everything."""
+        """Queue all tasks."""
         self._waiting = deque(self.tasks)
 
     def next_task(self, workers: int) -> ChartTask | CurrentTask | None:
@@ -71,18 +71,18 @@ class Preparation:
         return self._waiting.popleft() if self._waiting else None
 
     def done(self, task: ChartTask | CurrentTask, result: None) -> None:
-        """Report one more that is done."""
+        """Report a finished task."""
         del task, result
         self.on_done()
 
     def died(self, task: ChartTask | CurrentTask) -> None:
-        """Note the failure of a task that killed its worker."""
+        """Record the failure of a task that killed its worker."""
         kind = "chart" if isinstance(task, ChartTask) else "current"
         self.failures[task.path] = f"preparing its {kind} failed: {_DIED}"
         self.on_done()
 
     def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
-        """Note why a chart or current can't be made."""
+        """Record why a chart or current can't be made."""
         kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
         self.failures[task.path] = kind + " ".join(str(error).split())
         self.on_done()
@@ -90,7 +90,7 @@ class Preparation:
 
 @dataclass
 class Planning:
-    """Plans a night's cases: makes the charts and currents, and runs the batches."""
+    """Prepares the charts and currents of a night's cases, and plans the cases in batches."""
 
     cases: Cases
     newest: Newest
@@ -108,7 +108,7 @@ class Planning:
     _current_paths: dict[tuple[Path, object], Path] = field(default_factory=dict)
 
     def prepare(self, workers: Fleet) -> None:
-        """Make all charts and currents that are not there yet.
+        """Make all charts and currents that are not stored yet.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Planning:
             raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")
 
     def plan(self, workers: Fleet, share: Share) -> None:
-        """Plan the cases of a share that are in no part file yet."""
+        """Plan the cases of a share that no part file contains yet."""
         parts = self.partial.parts()
         charts = [
             [piece for gap in gaps(parts, first, end) for piece in _pieces(*gap, share)]
@@ -183,7 +183,7 @@ class Planning:
         return self._chart_paths[case.chart]
 
     def current_path(self, case: Case) -> Path:
-        """Return the path of a case's current, which all runs of a cycle use."""
+        """Return the path of a case's current; all runs of a cycle use the same file."""
         chart = self.chart_path(case)
         key = (chart, case.current)
         if key not in self._current_paths:
@@ -194,7 +194,7 @@ class Planning:
         return self._current_paths[key]
 
     def season(self, case: Case) -> Season:
-        """Return a case's season, with its own time and its own currents."""
+        """Return a case's season, with the case's departure and usable currents."""
         update: dict[str, object] = {}
         if case.member is not None or self.newest.ahead:
             update["currents"] = self._usable_currents(case)
@@ -207,7 +207,7 @@ class Planning:
         return case.season.model_copy(update=update)
 
     def leaves(self, case: Case) -> datetime | None:
-        """Return a case's departure; None where neither the night nor the season gives one."""
+        """Return a case's departure; None if neither the night nor the season gives one."""
         if case.departure is None:
             return case.season.departure
         start = self.newest.departures_from
@@ -219,7 +219,7 @@ class Planning:
         return tuple(one for one in named if one not in self.newest.ahead)
 
     def _dated_ahead(self) -> dict[Path, str]:
-        """Return, by path, why a current can't be used: all its sources are dated in the future."""
+        """Return, by path, the reasons for currents whose sources are all dated in the future."""
         return {
             self.current_path(case): "; ".join(
                 self.newest.ahead[one] for one in named_currents(case.season, case.member)
@@ -229,7 +229,7 @@ class Planning:
         }
 
     def _current_examples(self) -> list[Case]:
-        """Return one case of each current of each chart."""
+        """Return one case for each current of each chart."""
         found: dict[Path, Case] = {}
         for first, end in self.cases.chart_ranges():
             pairs = len(self.cases[first].block.pairs)
@@ -239,7 +239,7 @@ class Planning:
 
     @cached_property
     def _earlier_index(self) -> EarlierIndex | None:
-        """Yesterday's cases by their names."""
+        """Index of yesterday's cases by name, or None."""
         return None if self.earlier is None else EarlierIndex(self.earlier.path)
 
     def _batch(self, first: int, end: int) -> PlanBatch:
@@ -274,7 +274,7 @@ class Planning:
         )
 
     def _write_broken(self, index: int) -> None:
-        """Write the part file of a case that kills its worker."""
+        """Write the part file of a case that killed its workers."""
         batch = self._batch(index, index + 1)
         earlier = {} if self.earlier is None else self.earlier.read([batch.cases[0].earlier_row])
         row = failed_row(
@@ -295,13 +295,13 @@ def _scenario(case: Case) -> Scenario:
 
 
 def _ends(case: Case) -> tuple[Point, ...]:
-    """Return start and goal of all pairs on a case's chart, which keeps them in water."""
+    """Return start and goal of all pairs on a case's chart; the chart keeps them in water."""
     pairs = (pair for pair in case.block.pairs if pair is not None)
     return tuple(end for pair in pairs for end in (pair.start, pair.goal))
 
 
 def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:
-    """Return the parts of a range that belong to a share; adjoining slices are joined."""
+    """Yield the parts of a range that belong to a share; adjoining slices are joined."""
     begin: int | None = None
     at = first
     while at < end:

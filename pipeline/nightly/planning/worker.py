@@ -1,7 +1,8 @@
-"""A batch of cases on one chart: a worker plans them and writes one part file.
+"""A batch of cases on one chart, which a worker plans and writes to one part file.
 
-Chart and current are loaded once, by their paths. Before it begins, a batch writes a marker file. A
-batch that finds its own marker has killed a worker before, and is not tried again as it is.
+Chart and currents are loaded from their paths and cached. A batch writes a marker file before it
+begins and removes it at the end. A batch that finds its own marker has killed a worker before; it
+is not planned again in this form.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
 class CaseTask:
     """One case for a worker.
 
-    `parts` are the six parts of its name, `leaves` is its departure; start and goal are None where
-    the scenario's own are used; `earlier_row` is its row among yesterday's cases, or -1; `failure`
-    says why the case can't be planned at all.
+    `parts` are the six parts of its name; `leaves` is its departure. Start and goal are None if the
+    case uses those of the scenario. `earlier_row` is its row in yesterday's cases, or -1. `failure`
+    is the reason why the case can't be planned, or "".
     """
 
     index: int
@@ -64,7 +65,7 @@ class CaseTask:
 
 @dataclass(frozen=True, slots=True)
 class PlanBatch:
-    """Neighbouring cases on one chart, and the folder of the part file."""
+    """Neighbouring cases on one chart, with the paths of the part file and of the marker file."""
 
     cases: tuple[CaseTask, ...]
     chart_path: Path
@@ -81,16 +82,16 @@ class PlanBatch:
 
     @property
     def end(self) -> int:
-        """Index beyond the last case."""
+        """Index after the last case."""
         return self.cases[-1].index + 1
 
     def make(self) -> BatchReport:
-        """Plan the cases, write their part file, and return how long that took.
+        """Plan the cases, write their part file, and return the time that this took.
 
         Raises
         ------
         DiedBeforeError
-            This batch has killed a worker.
+            This batch has killed a worker before.
         StageError
             The part can't be written, or the chart can't be read.
         """
@@ -99,7 +100,7 @@ class PlanBatch:
 
 @dataclass(frozen=True, slots=True)
 class BatchReport:
-    """How long a batch took, s: planning alone, and in all with reading and writing."""
+    """Duration of a batch, s: of planning alone, and in total with reading and writing."""
 
     first: int
     end: int
@@ -112,7 +113,7 @@ def plan_batch(batch: PlanBatch) -> BatchReport:
     begun = time.perf_counter()
     if (
         read_checked(batch.part_path) is not None
-    ):  # done before, and its report was lost with the worker
+    ):  # planned before, but the worker died before it could report
         return BatchReport(batch.first, batch.end, 0.0, 0.0)
     _mark(batch.mark_path)
     try:
@@ -135,7 +136,7 @@ def plan_batch(batch: PlanBatch) -> BatchReport:
 
 
 def _mark(path: Path) -> None:
-    """Write a batch's marker file; refuse a batch whose marker is there, as it never ended."""
+    """Write a batch's marker file; raise DiedBeforeError if it exists, as the batch never ended."""
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
     except FileExistsError:
@@ -165,7 +166,7 @@ def plan_case(
         figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
     except PipelineError as error:
         return [failed_row(case, " ".join(str(error).split()), rules, earlier)]
-    except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
+    except Exception as error:  # noqa: BLE001 - the other cases continue
         frames = traceback.extract_tb(error.__traceback__)
         where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}{where}"
@@ -236,7 +237,7 @@ def _row_of(case: CaseTask, rank: int) -> Row:
 
 
 def _described(current: NightCurrent) -> Row:
-    """Return the columns that say which current was used."""
+    """Return the columns that describe the current."""
     return {"currents": current.valid, "source": current.source, "stand_in": current.stand_in}
 
 
@@ -260,12 +261,12 @@ def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics)
 
 
 def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
-    """Return when a vessel arrives, to the second; None without a departure."""
+    """Return the arrival, to the second; None without a departure."""
     return None if leaves is None else leaves + timedelta(seconds=round(duration_s))
 
 
 def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
-    """Return the scene of one case: the shared chart with its own ends and current."""
+    """Return the scene of one case: the shared chart with the case's ends and current."""
     start, goal = (
         chart.scene.start if case.start is None else _placed(chart, case.start),
         chart.scene.goal if case.goal is None else _placed(chart, case.goal),
@@ -283,7 +284,7 @@ def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.d
 
 @lru_cache(maxsize=4096)
 def _clearance(chart_path: Path, start: Point | None, goal: Point | None) -> float:
-    """Return a pair's clearance; cached, as it takes as long as a small plan."""
+    """Return a pair's clearance; cached, because computing it takes as long as a small plan."""
     chart = loaded_chart(chart_path)
     return clearance(
         chart,

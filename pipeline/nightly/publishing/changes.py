@@ -1,4 +1,4 @@
-"""`changes.csv`: yesterday's and tonight's route of each case that had one yesterday."""
+"""`changes.csv`: yesterday's and tonight's route of each case that had a route yesterday."""
 
 import csv
 from collections.abc import Iterator
@@ -29,11 +29,11 @@ COLUMNS = (
     "status",
     "reason",
 )
-"""Columns: yesterday's route, tonight's, and `keep`: yesterday's sailed in tonight's current."""
+"""Columns; `earlier_` is yesterday's route, `keep_` yesterday's route in tonight's current."""
 
 
 def write_changes(cases_path: Path, path: Path) -> None:
-    """Write the changes of a cycle; only the header if there is no earlier cycle."""
+    """Write the changes of a cycle; without an earlier cycle, only the header."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -43,14 +43,14 @@ def write_changes(cases_path: Path, path: Path) -> None:
 
 
 def rows_of(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
-    """Yield the rows of a table one by one, without reading it whole."""
+    """Yield the rows of a table; only one row group is in memory at a time."""
     file = pq.ParquetFile(path)
     for group in range(file.num_row_groups):
         yield from file.read_row_group(group, list(columns)).to_pylist()
 
 
 def _spelled(value: object) -> object:
-    """Spell a value: times by ISO 8601, numbers to nine digits, None as an empty text."""
+    """Return a CSV value: times in ISO 8601, floats with nine digits, None as ""."""
     if isinstance(value, datetime):
         return value.strftime("%Y-%m-%dT%H:%M:%SZ")
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""`routes.gpkg` of a cycle: each case's best route, and its best on each other side."""
+"""`routes.gpkg` of a cycle: each case's best route, and its best route on each other side."""
 
 from collections.abc import Iterator
 from datetime import datetime
@@ -23,7 +23,7 @@ _FIGURES = (
     "optimality_gap",
 )
 _CHUNK = 4096
-# Date of the layer where the currents have none.
+# Date of the layer if the currents have none.
 _NO_DATE = "1970-01-01T00:00:00.000Z"
 
 
@@ -57,7 +57,7 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
-    """Yield the routes that the layer shows, some thousands at a time."""
+    """Yield the routes of the layer in chunks: the best route of each case on each side."""
     chunk: list[Row] = []
     shown, case = set[str](), -1
     columns = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")
@@ -75,10 +75,10 @@ def _chunks(routes_path: Path) -> Iterator[list[Row]]:
 
 
 def _frame(chunk: list[Row]) -> GeoDataFrame:
-    """Make a frame of some rows."""
+    """Return rows as a GeoDataFrame in lon/lat."""
     import geopandas
 
-    # A GIS shows a time with its zone as its own time, and one without as the file has it: UTC.
+    # Without a zone: a GIS converts times with a zone to local time, and shows others unchanged.
     arrivals = [row["arrival"] and row["arrival"].replace(tzinfo=None) for row in chunk]
     return (
         geopandas.GeoDataFrame(

@@ -1,4 +1,4 @@
-"""`history.parquet`: one row per case and cycle; each cycle copies it and adds its own rows."""
+"""`history.parquet`: one row per case and cycle; each cycle copies the file and adds its rows."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -31,7 +31,7 @@ SCHEMA = pa.schema(
 def write_history(
     earlier: LookBack, cases_path: Path, path: Path, cycle: str, reference: datetime | None
 ) -> None:
-    """Write the history so far, the cases of cycles missing in it, and tonight's cases."""
+    """Write the earlier history, the cases of cycles that it lacks, and tonight's cases."""
     with table_writer(path, SCHEMA) as write:
         if earlier.history is not None:
             before = pq.ParquetFile(earlier.history)

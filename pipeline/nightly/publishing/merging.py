@@ -1,7 +1,7 @@
-"""Merges part files into a cycle's tables: `cases.parquet`, one row per case, and `routes.parquet`.
+"""Merge part files into a cycle's tables: `cases.parquet`, one row per case, and `routes.parquet`.
 
-Rows are in the order of the cases, whatever the order of the work, and are written as they are
-read: a million rows need little memory. Both are GeoParquet.
+Rows are in the order of the cases, whatever the order of planning. Parts are read and written one
+by one, so that a million rows need little memory. Both tables are GeoParquet.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, Part, covering, read_part
 
 ROUTES_FILE = "routes.parquet"
-# Rows of a group: small, as a whole group is read to look up one case.
+# Rows per row group: few, because a whole group is read to look up one case.
 _GROUP_ROWS = 4096
 # https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
 _GEO = {
@@ -27,7 +27,7 @@ _GEO = {
 
 
 def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
-    """Write both tables from parts that hold every case; return their planning time, s."""
+    """Write both tables from parts that contain every case; return the planning time, s."""
     seconds = 0.0
     with (
         table_writer(cases_path, _geographic(CASE_SCHEMA)) as write_cases,
@@ -46,7 +46,7 @@ def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
 
 @contextlib.contextmanager
 def table_writer(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table], None]]:
-    """Give a function that adds rows to a new file, in groups of some thousands."""
+    """Yield a function that adds rows to a new file, in groups of at least _GROUP_ROWS."""
     waiting: list[pa.Table] = []
     with path.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
 

@@ -1,4 +1,4 @@
-"""`index.html` of a cycle: the cases to look at, in one file that works offline."""
+"""`index.html` of a cycle: maps and the cases to look at, in one file that works offline."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -47,7 +47,7 @@ _COLUMNS = (
 
 @dataclass(frozen=True)
 class Line:
-    """A route on a map: its path in SVG, the case, and whether it is yesterday's."""
+    """A route on a map: its SVG path, its case and outcome, and whether it is yesterday's."""
 
     path: str
     case: str
@@ -57,7 +57,7 @@ class Line:
 
 @dataclass
 class ChartMap:
-    """One chart with its routes."""
+    """A map of one chart with its routes, and the counts and currents of its cases."""
 
     title: str
     width: float
@@ -69,7 +69,7 @@ class ChartMap:
 
     @property
     def drawn(self) -> list[Line]:
-        """The lines in the order of drawing: cases to look at come last, on top."""
+        """The lines in the order of drawing; cases to look at are drawn last, on top."""
         return sorted(self.lines, key=lambda line: (OUTCOMES.index(line.outcome), line.is_earlier))
 
 
@@ -104,7 +104,7 @@ def write_page(
     cases_path
         The cycle's table of cases.
     reference
-        Reference time of its currents.
+        Reference time of the cycle's currents.
     notes
         Sentences at the top of the page.
     chart_of
@@ -125,7 +125,7 @@ def _gathered(
     chart_of: Callable[[int], NightChart | None],
     earlier_of: Callable[[Row], EarlierRoute | None],
 ) -> NightPage:
-    """Gather the page's content from the table of cases."""
+    """Read the page's content from the table of cases."""
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
     rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
@@ -174,7 +174,7 @@ def _map(row: Row, chart: NightChart | None) -> ChartMap:
 def _add_lines(
     chart_map: ChartMap, row: Row, chart: NightChart, earlier: EarlierRoute | None
 ) -> None:
-    """Add a case's best route and, where it changed, yesterday's."""
+    """Add a case's best route and, if given, yesterday's."""
     if row["geometry"] is not None:
         lonlat = shapely.get_coordinates(shapely.from_wkb(row["geometry"]))
         path = chart.small_map.path(chart.scene.projection.to_plane(lonlat))
@@ -185,7 +185,7 @@ def _add_lines(
 
 
 def _rendered(page: NightPage) -> str:
-    """Fill in the template; everything but our own styles is escaped."""
+    """Render the template; all values except our own styles are escaped."""
     from pipeline.formats.shared.templates import environment
 
     loaded = environment("pipeline.nightly.publishing", "pipeline.formats.report")

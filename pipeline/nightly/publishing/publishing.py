@@ -1,4 +1,4 @@
-"""The files of a cycle, made from its parts, and the check that they are whole."""
+"""Write the files of a cycle from its parts, and check that they are complete."""
 
 import json
 import sqlite3
@@ -38,7 +38,7 @@ RESULTS = (
     PAGE_FILE,
     ITEM_FILE,
 )
-"""The files of a cycle, except `night.json`, which is written once the others are checked."""
+"""The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Published:
 
 @dataclass(frozen=True)
 class Publishing:
-    """Makes the files of a cycle in the folder where it is under way.
+    """Writes and checks the files of a cycle in its unfinished folder.
 
-    `revises` says why these currents are planned again; empty if they are not.
+    `revises` is the reason why these currents are planned again, or "".
     """
 
     planning: Planning
@@ -63,12 +63,12 @@ class Publishing:
     revises: str = ""
 
     def write(self) -> Published:
-        """Write all files, and check them.
+        """Write all files, and return the numbers of cases.
 
         Raises
         ------
         StageError
-            No case could be planned, the disk refuses, or the check failed.
+            No case could be planned, a part can't be read, or a file can't be written.
         """
         newest = self.planning.newest
         cases, routes = self.folder / CASES_FILE, self.folder / ROUTES_FILE
@@ -101,19 +101,19 @@ class Publishing:
         return published
 
     def check(self) -> None:
-        """Check that every case has a row, every file opens, and counts agree.
+        """Check that every case has a row, every file can be opened, and counts agree.
 
         Raises
         ------
         StageError
-            The files are not whole: one line for each fault.
+            A check failed; the message lists all faults.
         """
         faults = list(self._faults())
         if faults:
             raise StageError(f"{self.folder.name} is not whole: {'; '.join(faults)}; run again")
 
     def _faults(self) -> list[str]:
-        """Find files that are not whole."""
+        """Return the faults of incomplete or damaged files."""
         faults, count = [], len(self.planning.cases)
         try:
             index = pq.read_table(self.folder / CASES_FILE, columns=["index", "routes"])
@@ -141,7 +141,7 @@ class Publishing:
         return faults
 
     def _counted(self, cases: Path, seconds: float) -> Published:
-        """Count the cases; refuse a night in which none could be planned."""
+        """Count the cases; raise StageError if none could be planned."""
         table = pq.read_table(cases, columns=["status", "outcome", "reason"])
         status = Counter(table["status"].to_pylist())
         if not status[PLANNED]:
@@ -153,7 +153,7 @@ class Publishing:
         return Published({name: outcome[name] for name in OUTCOMES}, dict(status), seconds)
 
     def _chart(self, index: int) -> NightChart | None:
-        """Return the chart of a case; None where it could not be made."""
+        """Return the chart of a case; None if it could not be made."""
         path = self.planning.chart_path(self.planning.cases[index])
         if path not in self._charts:
             self._charts[path] = load_artefact(path, NightChart)
@@ -161,17 +161,17 @@ class Publishing:
 
     @cached_property
     def _charts(self) -> dict[Path, NightChart | None]:
-        """Charts that were loaded, by path."""
+        """Cache of the loaded charts, by path."""
         return {}
 
     @cached_property
     def _earlier_index(self) -> EarlierIndex | None:
-        """Yesterday's cases by their names."""
+        """Index of yesterday's cases by name, or None."""
         earlier = self.planning.earlier
         return None if earlier is None else EarlierIndex(earlier.path)
 
     def _earlier(self, row: Row) -> EarlierRoute | None:
-        """Return the route that a case had yesterday."""
+        """Return yesterday's route of a case, or None."""
         if self.planning.earlier is None or self._earlier_index is None:
             return None
         place = self._earlier_index.rows([row["case"]])[0]

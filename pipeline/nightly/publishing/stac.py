@@ -1,7 +1,7 @@
 """`item.json`: a cycle as a static STAC item, for catalogues (https://stacspec.org, 1.1.0).
 
-Written without pystac: it is no shorter with it, and pystac's `Link` would turn the relative `self`
-into an absolute path of this machine. The tests read the item with pystac and check the schemas.
+It is written without pystac, which would not make the code shorter, and whose `Link` would turn the
+relative `self` into an absolute path. The tests read the item with pystac and check the schemas.
 """
 
 import json
@@ -38,7 +38,7 @@ _ASSETS = {
 
 
 def item_text(cycle: str, moment: datetime, routes_path: Path, counts: Mapping[str, int]) -> str:
-    """Return a cycle's item as JSON; `moment` is the currents' reference time, or the night's."""
+    """Return a cycle's item as JSON; `moment` is the time of the currents or else of the night."""
     box = _bounds(routes_path)
     item = {
         "type": "Feature",

@@ -1,7 +1,7 @@
-"""All cases of a night: products of scenario, season, pair, departure, vessel and member.
+"""All cases of a night: the products of scenario, season, pair, departure, vessel and member.
 
-There may be a million: each is made only when it is asked for by its index. They are in the order
-of the work, so that neighbours share chart and current: vessel, season, departure, member, pair.
+There may be a million cases, so each is created only when its index is accessed. Their order is
+that of planning: vessel, season, departure, member, pair. So neighbours share chart and current.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pipeline.nightly.request.departures import Departure
 
 NONE = "-"
-"""Stands for a part of a case's name that is left out; dropped at the end of the name."""
+"""Replaces a part of a case's name that is left out; removed at the end of the name."""
 # Dimensions of a block, in the order of a case's name after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 # Keys that do not affect results.
@@ -43,7 +43,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Block:
-    """The cases of one [[cases]] table; a dimension that was left out holds None."""
+    """The cases of one [[cases]] table; a dimension that was left out contains only None."""
 
     number: int
     scenario: Scenario
@@ -70,7 +70,7 @@ class Block:
         return math.prod(self.shape)
 
     def case(self, index: int, offset: int) -> Case:
-        """Return a case by its index in the block, whose first case is number `offset` of all."""
+        """Return the case at an index in the block; `offset` is the number of cases before it."""
         rest, place = index, list[int]()
         for length in reversed(self.shape):
             rest, at = divmod(rest, length)
@@ -88,16 +88,16 @@ class Block:
 
     @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
-        """Names in each dimension, to see whether two blocks have a case in common."""
+        """Names in each dimension, to find whether two blocks have a case in common."""
         return (
             frozenset({self.scenario.name}),
             *(frozenset(map(_name_of, getattr(self, dimension))) for dimension in _DIMENSIONS),
         )
 
     def named(self, asked: str) -> Block | None:
-        """Return the cases with a given name, or whose names begin with it; None for no case.
+        """Return the block of the cases whose names are or begin with `asked`, or None.
 
-        Each dimension is searched by itself: together they may have billions of cases.
+        Each dimension is searched separately, because the product may have billions of cases.
         """
         scenario, *wanted = asked.strip("/").split("/")
         kept: dict[str, Any] = {
@@ -111,13 +111,13 @@ class Block:
 
 
 def _name_of(part: Season | Pair | Departure | VesselSpec | Member | None) -> str:
-    """Name of a part of a case."""
+    """Return the name of a part of a case."""
     return NONE if part is None else part.name
 
 
 @dataclass(frozen=True, slots=True)
 class CurrentKey:
-    """The properties of a case that its current depends on."""
+    """The properties of a case that determine its current."""
 
     block: int
     season: str
@@ -154,7 +154,7 @@ class Case:
 
     @property
     def chart(self) -> tuple[int, str]:
-        """Key of its chart: the block, and the vessel for which the chart is drawn."""
+        """Key of its chart: the block's number, and the vessel for which the chart is made."""
         return self.block.number, self.parts[4]
 
     @property
@@ -172,7 +172,7 @@ class Cases:
 
     @cached_property
     def _offsets(self) -> list[int]:
-        """Index of each block's first case, and at the end the number of all cases."""
+        """Index of each block's first case, followed by the number of all cases."""
         return [0, *itertools.accumulate(block.size for block in self.blocks)]
 
     def __len__(self) -> int:
@@ -180,7 +180,7 @@ class Cases:
         return self._offsets[-1]
 
     def __getitem__(self, index: int) -> Case:
-        """Return a case."""
+        """Return the case at an index; raise IndexError outside 0 to n - 1."""
         if not 0 <= index < len(self):
             raise IndexError(index)
         block = bisect.bisect_right(self._offsets, index) - 1
@@ -202,7 +202,7 @@ class Cases:
 
 
 def matches(name: str, asked: str) -> bool:
-    """Whether a case's name, or its first parts, are the asked name."""
+    """Whether a case's name is `asked`, or begins with its parts."""
     wanted = asked.strip("/").split("/")
     parts = name.split("/")
     parts += [NONE] * (len(wanted) - len(parts))
@@ -210,7 +210,7 @@ def matches(name: str, asked: str) -> bool:
 
 
 def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
-    """Find pairs of blocks that have cases of the same name."""
+    """Return pairs of blocks that have cases with the same name."""
     return [
         (one, other)
         for one, other in itertools.combinations(blocks, 2)
@@ -219,9 +219,9 @@ def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
 
 
 def request_hash(config: NightConfig, cases: Cases) -> str:
-    """Return a hash of everything that results depend on, except the currents' data and the code.
+    """Return a hash of all inputs of the results except the currents' data and the code.
 
-    Charts, depths and pairs are hashed by their content.
+    Charts, depths and pairs are represented by their content.
     """
     described = [
         config.table.model_dump_json(exclude=_NO_RESULT),
@@ -231,7 +231,7 @@ def request_hash(config: NightConfig, cases: Cases) -> str:
 
 
 def _described(block: Block) -> Iterator[str]:
-    """Yield the texts that describe a block of cases."""
+    """Yield texts that identify a block of cases."""
     scenario = block.scenario
     yield scenario.model_dump_json()
     yield str([block.vessels, block.members, block.pairs, [one.name for one in block.seasons]])

@@ -1,4 +1,4 @@
-"""The request of a night: one strict TOML file; every fault is given with file and line."""
+"""The request of a night: one strict TOML file; every fault is reported with file and line."""
 
 import re
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.messages import model_faults
 from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel
 
-# Folder of results, from the working directory, if neither the file nor --output names one.
+# Folder of results, relative to the working directory, if neither the file nor --output names one.
 _DEFAULT_OUTPUT = "outputs/nightly"
 _MEMBERS = Annotated[
     tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
@@ -23,7 +23,7 @@ _MEMBERS = Annotated[
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\-]+)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"^\s*([\w\-]+)\s*=")
-# The path that a fault of `pipeline.scenario.messages` begins with: `cases[0].departures.every`.
+# The path at the beginning of a fault of `pipeline.scenario.messages`: `cases[0].departures.every`.
 _PATH = re.compile(r"(?:unknown key )?([A-Za-z_][\w\-]*(?:\[\d+\])?(?:\.[\w\-]+(?:\[\d+\])?)*)")
 
 
@@ -35,7 +35,7 @@ class TomlLines:
     _lines: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Read the tables' headers and the keys at the beginning of lines."""
+        """Parse the tables' headers and the keys at the beginning of lines."""
         table, counts = "", dict[str, int]()
         for number, line in enumerate(self.text.splitlines(), start=1):
             if header := _HEADER.match(line):
@@ -58,13 +58,13 @@ class TomlLines:
         return 1
 
     def located(self, fault: str, file: str) -> str:
-        """Put file and line before a fault that begins with a key's path."""
+        """Prepend file and line to a fault that begins with a key's path."""
         found = _PATH.match(fault)
         return f"{file}, line {self.line(found[1]) if found else 1}: {fault}"
 
 
 class CaseTable(StrictModel):
-    """One [[cases]] table: a scenario, and the lists whose combinations with it are the cases."""
+    """One [[cases]] table: a scenario, and the lists whose combinations are its cases."""
 
     scenario: str = Field(
         description="The scenario: its chart, currents and planner. Give a name of the catalogue "
@@ -85,7 +85,7 @@ class CaseTable(StrictModel):
     )
     departures: DepartureSpec | None = Field(
         default=None,
-        description="Departures, each of which takes the currents at that time; left out, each "
+        description="Departures, each planned with the currents at its time; left out, each "
         "season's own time. Give a table as { first = '06:00Z', every = '6h', count = 4 }.",
     )
     members: Annotated[_MEMBERS, Field(min_length=1)] | None = Field(
@@ -101,7 +101,7 @@ class CaseTable(StrictModel):
 
 
 class NightTable(StrictModel):
-    """The whole file."""
+    """The keys of a night's file."""
 
     schema_version: Literal[1] = Field(
         default=1, description="Version of this format. Write schema_version = 1."
@@ -118,31 +118,31 @@ class NightTable(StrictModel):
     limit_hours: Positive = Field(
         default=6.0,
         le=1000,
-        description="Time that a night may take, hours; past it nothing is published, and the "
-        "next run continues. Give hours above 0.",
+        description="Time limit of a night, hours; after it nothing is published, and the next "
+        "run continues. Give hours above 0.",
     )
     look_percent: NonNegative = Field(
         default=3.0,
-        description="Saving over yesterday's route from which on somebody should look, percent. "
-        "Give a percentage, 0 or more.",
+        description="A case that saves more than this over yesterday's route should be looked at, "
+        "percent. Give a percentage, 0 or more.",
     )
     stale_hours: Positive = Field(
         default=36.0,
-        description="Age of the currents from which on somebody should look, hours. Give hours "
-        "above 0.",
+        description="All cases should be looked at if the currents are older than this, hours. "
+        "Give hours above 0.",
     )
     workers: Integer | None = Field(
         default=None,
         ge=1,
         le=1024,
-        description="Number of worker processes of a local cluster; left out, one a core. Give a "
-        "whole number, 1 or more.",
+        description="Number of worker processes of a local cluster; left out, one per core. Give "
+        "a whole number, 1 or more.",
     )
-    # The least with which a worker can load its libraries and plan in a plane; a chart takes more.
+    # With 0.5 GB a worker can load its libraries and plan in a plane; a chart needs more.
     memory_gb: Annotated[Number, Field(ge=0.5)] = Field(
         default=2.0,
-        description="Memory of a local worker, GB; one that takes more is ended. Give GB, 0.5 or "
-        "more.",
+        description="Memory limit of a local worker, GB; a worker that exceeds it is ended. Give "
+        "GB, 0.5 or more.",
     )
     cases: tuple[CaseTable, ...] = Field(
         min_length=1, description="What to plan. Add a [[cases]] table for each scenario."
@@ -159,12 +159,12 @@ class NightConfig:
     output: Path
 
     def located(self, fault: str) -> str:
-        """Put file and line before a fault that begins with a key's path."""
+        """Prepend file and line to a fault that begins with a key's path."""
         return self.lines.located(fault, self.path.name)
 
 
 def shipped_config() -> Path:
-    """Return the path of the file that runs offline, with two scenarios of the catalogue."""
+    """Return the path of the file that comes with RENEW: two scenarios, which run offline."""
     return catalogue.root() / "nightly.toml"
 
 
@@ -174,9 +174,9 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     Parameters
     ----------
     file
-        Left out, the file that comes with the program.
+        The file; default: `shipped_config`.
     output
-        Folder of all cycles, in place of the file's.
+        Folder of all cycles, in place of the one in the file.
 
     Raises
     ------

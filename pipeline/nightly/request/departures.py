@@ -18,14 +18,14 @@ _DAY = timedelta(days=1)
 
 
 def _time_of_day(text: str) -> str:
-    """Refuse a text that is not a time of day in UTC."""
+    """Return the text, or raise ValueError if it is not a time of day in UTC."""
     if not _TIME.fullmatch(text):
         raise ValueError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
     return text
 
 
 class DepartureSpec(StrictModel):
-    """When the vessels leave: `count` departures, the first at `first`, one `every` interval."""
+    """`count` departures, the first at `first`, with the interval `every` between them."""
 
     first: Annotated[str, AfterValidator(_time_of_day)] = Field(
         description="First departure: the first such time at or after the reference time of the "
@@ -46,14 +46,14 @@ class DepartureSpec(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """A first time of day, and the time between it and this departure."""
+    """A departure: the time of day of the first one, and the time between that and this one."""
 
     time_of_day: timedelta
     later: timedelta
 
     @property
     def name(self) -> str:
-        """Name, the same every night: 0600Z, or 0000Z+1 on the day after the first departure."""
+        """Name, equal every night: 0600Z, or 0000Z+1 on the day after the first departure."""
         days, rest = divmod(self.time_of_day + self.later, _DAY)
         minutes = rest // timedelta(minutes=1)
         return f"{minutes // 60:02}{minutes % 60:02}Z" + (f"+{days}" if days else "")

@@ -1,4 +1,4 @@
-"""Expands a night's file into its cases; all faults of the file are reported at once."""
+"""Expand a night's file into its cases; all faults of the file are reported together."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
     only
         A case's name, or its first parts: only matching cases are planned.
     yes
-        Whether more than 100,000 cases are meant.
+        Allow more than 100,000 cases.
 
     Raises
     ------
     RequestError
-        Unknown scenarios, vessels, seasons or cases; faulty pairs: one line for each fault.
+        The file has unknown scenarios, vessels, seasons or cases, or faulty pairs; one line each.
     """
     faults: list[str] = []
     blocks = []
@@ -81,7 +81,7 @@ class _Expansion:
         self._faults: list[str] = []
 
     def block(self) -> tuple[Block | None, list[str]]:
-        """Return the block, or None if there are faults; and the faults."""
+        """Return the block and no faults, or None and the faults."""
         table = self._table
         vessels = self._vessels()
         members = self._members()
@@ -112,7 +112,7 @@ class _Expansion:
         return path if path.startswith(("~", "/")) else str(self._config.path.parent / path)
 
     def _scenario(self) -> Scenario | None:
-        """Load the scenario; its currents need not be there yet."""
+        """Load the scenario; files of its currents may not exist yet."""
         asked = self._table.scenario
         try:
             is_named = asked in catalogue.names("scenarios")
@@ -129,13 +129,13 @@ class _Expansion:
             return None
 
     def _named_or_path(self, asked: str) -> str:
-        """Return the path in the file's folder if it exists, else the text itself."""
+        """Return the path relative to the file's folder, unless the text is a catalogue name."""
         path = self._here(asked)
-        # Path.exists raises where a name is too long.
+        # Path.exists raises an error if a name is too long.
         return path if looks_like_path(asked) or os.path.exists(path) else asked  # noqa: PTH110
 
     def _with_own_currents(self, scenario: Scenario) -> Scenario:
-        """Replace the scenario's currents by the table's."""
+        """Replace the scenario's currents with those of the table, if it has any."""
         if not self._table.currents or scenario.is_planar:
             return scenario
         named = tuple(
@@ -152,7 +152,7 @@ class _Expansion:
         return scenario.model_copy(update={"seasons": seasons})
 
     def _vessels(self) -> tuple[VesselSpec | None, ...]:
-        """Return the vessels."""
+        """Return the vessels of the table, or None for the scenario's own."""
         if self._table.vessels is None:
             return (None,)
         found = []
@@ -179,9 +179,9 @@ class _Expansion:
             if name in known and known[name].is_changing:
                 self._fault(
                     "scenario" if self._table.seasons is None else "seasons",
-                    f"season {name!r} of {scenario.name} changes on the way from a departure of "
-                    "its own; a night plans each case in one field: leave the season out, or give "
-                    "it time_method = 'nearest' and 'valid'",
+                    f"season {name!r} of {scenario.name} has changing currents and a departure of "
+                    "its own; a night plans each case in a steady current: leave the season out, "
+                    "or give it time_method = 'nearest' and 'valid'",
                 )
             if name in known and known[name].speed is not None:
                 self._fault(
@@ -202,7 +202,7 @@ class _Expansion:
         return tuple(known[name] for name in self._table.seasons if name in known)
 
     def _members(self) -> tuple[Member | None, ...]:
-        """Return a member for each file; no file yet is no fault: the forecast may come later."""
+        """Return a member for each file; a missing file is no fault, as it may arrive later."""
         if self._table.members is None:
             return (None,)
         paths: list[str] = []
@@ -213,7 +213,7 @@ class _Expansion:
         return tuple(members)
 
     def _pairs(self, scenario: Scenario) -> tuple[Pair | None, ...]:
-        """Read the pairs; refuse pairs outside the region."""
+        """Read the pairs; pairs outside the region are faults."""
         if self._table.pairs is None:
             return (None,)
         pairs, faults = read_pairs(
@@ -230,13 +230,13 @@ class _Expansion:
         return pairs
 
     def _refuse_repeated(self, key: str, names: Sequence[str]) -> None:
-        """Find names that come twice."""
+        """Add a fault for each name that occurs twice."""
         for name in dict.fromkeys(name for name in names if names.count(name) > 1):
             self._fault(key, f"{name!r} comes twice; leave one out")
 
 
 def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
-    """Find pairs that do not lie in a scenario's area."""
+    """Return a message for each start or goal outside a scenario's area."""
     import shapely
 
     area = scenario.area
@@ -253,7 +253,7 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
 
 
 def _with_times(data: dict[str, Any]) -> dict[str, Any]:
-    """Give seasons with files but without a time one: each case uses the time of its departure."""
+    """Add a time to seasons with files but without one; each case then uses its departure."""
     given = data.get("seasons")
     seasons = [
         {"valid": "1970-01", **season}
@@ -267,13 +267,13 @@ def _with_times(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _listed(season: dict[str, Any]) -> list[Any]:
-    """Return the currents of a season's table; an empty list if they are not a list."""
+    """Return the currents of a season's table, or [] if they are not a list."""
     currents = season.get("currents")
     return currents if isinstance(currents, list) else []
 
 
 def _without_files(scenario: Scenario) -> Scenario:
-    """Remove files of currents from a scenario: a forecast may come later."""
+    """Remove files of currents from a scenario, because a forecast may arrive later."""
     seasons = []
     for season in scenario.seasons:
         named = tuple(one for one in season.currents if isinstance(one, str))
@@ -282,12 +282,12 @@ def _without_files(scenario: Scenario) -> Scenario:
 
 
 def _name(stem: str) -> str:
-    """Return a member's name: the file's name in lower-case letters, digits and '-'."""
+    """Return a member's name: the file's name reduced to lower-case letters, digits and '-'."""
     return _NO_NAME.sub("-", stem.lower()).strip("-")[:64] or "member"
 
 
 def _only(cases: Cases, asked: str) -> Cases:
-    """Keep the cases with a given name, or whose names begin with it."""
+    """Return the cases whose names are or begin with `asked`; raise RequestError for none."""
     blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name

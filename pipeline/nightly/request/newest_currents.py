@@ -1,9 +1,9 @@
-"""Finds the newest currents: they name the cycle, and departures are counted from their time.
+"""Find the newest currents, which determine the cycle's name and the time of departures.
 
-A cycle is called `2026-11-21T00Z` by the reference time of its currents; if their source gives
-none, by their last time step and a hash: `2026-11-24T18Z-1f0c5a7e`. A cycle that is planned again,
-because the request or the data have changed, is called `2026-11-21T00Z-r2`. The clock is used for
-one thing only: currents dated in its future are left out.
+A cycle's name is the reference time of its currents, `2026-11-21T00Z`. If the source has no
+reference time, the name is the last time step and a hash, `2026-11-24T18Z-1f0c5a7e`. A cycle that
+is planned again, because the request or the data have changed, is called `2026-11-21T00Z-r2`. The
+machine's clock is only used to leave out currents that are dated in the future.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ _NAME = re.compile(
 )
 _FORMATS = ("%Y-%m-%dT%HZ", "%Y-%m-%dT%H%MZ")
 _UNDATED = "undated"
-# How far a forecast's reference time may lie ahead of the clock, as for other time zones.
+# Largest time by which a forecast's reference time may be ahead of the clock, as with time zones.
 _AHEAD = timedelta(days=1)
-# How far the last step of currents without a reference time may lie ahead: some last a season.
+# Largest time by which the last step of currents without a reference time may be ahead of the
+# clock: some currents last a season.
 _STEPS_AHEAD = timedelta(days=366)
 
 
@@ -47,12 +48,12 @@ class Newest:
     Attributes
     ----------
     cycle : the cycle's name.
-    time : their reference time, or their last step if the source gives none, or None if they have
-        no time at all.
-    departures_from : the moment from which departures count.
+    time : the currents' reference time; their last step if the source gives none; None if they
+        have no time.
+    departures_from : the time at or after which the first departure lies.
     digest : hash of all currents' data, or of the numbers that define a plane's current.
-    is_timeless : whether they are numbers in a plane, which no forecast renews.
-    ahead : the reason, by source, why currents dated in the clock's future are not used.
+    is_timeless : whether all currents are numbers in a plane, which no forecast renews.
+    ahead : for each source that is dated in the future, the reason why it is not used.
     """
 
     cycle: str
@@ -63,7 +64,7 @@ class Newest:
     ahead: Mapping[str | tuple[str, ...], str] = field(default_factory=dict)
 
     def stale_reason(self, now: datetime, limit_hours: float) -> str:
-        """Say that the currents are too old; empty if not, or if the clock is behind them."""
+        """Return that the currents are older than the limit, as text, or ""."""
         if self.time is None or now - self.time <= timedelta(hours=limit_hours):
             return ""
         hours = (now - self.time) / timedelta(hours=1)
@@ -71,19 +72,19 @@ class Newest:
 
 
 def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = None) -> Newest:
-    """Find the available currents, and name the cycle by the newest.
+    """Find the available currents, and name the cycle after the newest.
 
     Parameters
     ----------
     now
-        The time by this machine's clock.
+        The time of this machine's clock.
     last_night
-        When the last night ended, by the same clock; None if unknown.
+        End of the last night according to this clock; None if unknown.
 
     Raises
     ------
     ComeAgainError
-        There are no currents yet; or all are dated in the future and the clock was set back.
+        There are no currents yet; or some are dated in the future and the clock was set back.
     """
     _open_all(cases)
     issues: list[Issue | str] = []
@@ -116,12 +117,12 @@ def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = N
 
 
 def named_currents(season: Season, member: Member | None) -> tuple[str | tuple[str, ...], ...]:
-    """Return the sources of a season's currents, in order of preference, for a member."""
+    """Return the sources of currents in order of preference: the season's, or the member's file."""
     return season.currents if member is None else ((member.path,),)
 
 
 def cycle_time(cycle: str) -> datetime | None:
-    """Return the time in a cycle's name; None if there is none, or it is not a cycle's name."""
+    """Return the time in a cycle's name, or None if the name has none."""
     found = _NAME.fullmatch(cycle)
     if found is None or found[2] == _UNDATED:
         return None
@@ -132,7 +133,7 @@ def cycle_time(cycle: str) -> datetime | None:
 
 
 def base_of(cycle: str) -> str:
-    """Return a cycle's name without the number of its revision."""
+    """Return a cycle's name without the number of its revision, `-r2`."""
     found = _NAME.fullmatch(cycle)
     return cycle if found is None else found[1]
 
@@ -149,7 +150,7 @@ def is_cycle(name: str) -> bool:
 
 
 def _open_all(cases: Cases) -> None:
-    """Probe all members' files in one process, and cache the results: one process each is slow."""
+    """Probe all members' files in one process, which is faster, and cache the results."""
     members = (member for block in cases.blocks for member in block.members)
     files = {Path(member.path) for member in members if member is not None}
     fatal_files(sorted(files))
@@ -162,7 +163,7 @@ def _issue(
     reasons: dict[str, None],
     ahead: dict[str | tuple[str, ...], str],
 ) -> Issue | None:
-    """Return the issue of the first source that has one and is not ahead; else add the reasons."""
+    """Return the issue of the first usable source; add why the earlier sources can't be used."""
     for named in named_currents(season, member):
         try:
             source = current_source(named)
@@ -180,7 +181,7 @@ def _issue(
 
 
 def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> str:
-    """Say that currents are dated in the clock's future; empty where they are not."""
+    """Return that currents are dated in the future according to the clock, as text, or ""."""
     what, time, limit = "reference time", issue.reference, _AHEAD
     if time is None:
         what, time, limit = "last step", issue.last_step, _STEPS_AHEAD
@@ -195,12 +196,12 @@ def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> 
 
 
 def _spelled(time: datetime) -> str:
-    """Spell a moment for a message."""
+    """Return a time as text for a message."""
     return f"{time:%Y-%m-%d %H:%M} UTC"
 
 
 def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:
-    """Name the cycle by the newest issue; by all issues if none has a time."""
+    """Name the cycle after the newest issue, or after a hash of all issues if none has a time."""
     timed = [(one.reference or one.last_step, one) for one in dated]
     known = [(time, one) for time, one in timed if time is not None]
     if not known:
@@ -217,5 +218,5 @@ def _named(dated: list[Issue], issues: Iterable[Issue | str]) -> Newest:
 
 
 def _hash(texts: Iterable[str], digits: int = _DIGITS) -> str:
-    """Return a hash of some texts, or its first digits."""
+    """Return the first hexadecimal digits of a hash of texts."""
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:digits]

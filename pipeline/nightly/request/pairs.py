@@ -1,4 +1,4 @@
-"""Start–goal pairs of a night, read from a CSV file; every fault is given with its row."""
+"""Read the start–goal pairs of a night from a CSV file; every fault is reported with its row."""
 
 import csv
 import math
@@ -12,14 +12,14 @@ from pipeline.scenario.strict import Name, Point
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")
-# Largest size of a file, bytes: a million pairs take 50 MB of it, and 1 GB of memory.
+# Largest size of a file, bytes: a million pairs are a file of 50 MB, and take 1 GB of memory.
 _MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Start and goal of a voyage (lon/lat degrees, or metres in a plane), and the file's row."""
+    """Start and goal of a voyage (lon/lat degrees, or metres in a plane), with the file's row."""
 
     name: str
     start: Point
@@ -28,7 +28,7 @@ class Pair:
 
 
 def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[str]]:
-    """Read a file of pairs; return them, and its faults."""
+    """Read a file of pairs; return the valid pairs and the faults."""
     if reason := unreadable_reason(path) or _size_reason(path):
         return (), [
             f"{shown(path)} {reason}; give a CSV file with the columns {_columns(is_planar)}"
@@ -53,7 +53,7 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         where = f"{path.name}, row {number}"
         if len(cells) != len(head):
             faults.append(
-                f"{where}: has {len(cells)} cells, the head has {len(head)}; mend the row"
+                f"{where}: has {len(cells)} cells, the head has {len(head)}; correct the row"
             )
             continue
         pair, found = _pair(dict(zip(head, cells, strict=True)), number, keys, is_planar=is_planar)
@@ -67,7 +67,7 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
 
 
 def _size_reason(path: Path) -> str:
-    """Say that a file of pairs is too large; empty if it is not."""
+    """Return that a file of pairs is too large, as text, or ""."""
     size = path.stat().st_size
     large = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
     return large if size > _MAX_BYTES else ""
@@ -109,7 +109,7 @@ def _pair(
 
 
 def _repeated(path: Path, pairs: list[Pair]) -> list[str]:
-    """Find names that come twice."""
+    """Return a message for each name that an earlier row has, too."""
     first: dict[str, int] = {}
     faults = []
     for pair in pairs:

@@ -1,4 +1,4 @@
-"""Refuses start–goal pairs on land before anything is written; each fault names its row."""
+"""Find start–goal pairs on land before anything is written; each fault names its row."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ _NEAR_M = 2_000.0
 
 
 def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
-    """Return a fault for each start and goal on land."""
+    """Return a message for each start and goal on land."""
     faults = []
     for block in cases.blocks:
         if block.scenario.is_planar:
@@ -41,9 +41,9 @@ def _voyages(block: Block) -> list[tuple[Scenario, int]]:
 
 
 def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
-    """Return which of the voyages on one chart have an end on land.
+    """Return the indices of the voyages on one chart that have an end on land.
 
-    A quick test of all at once; it takes longer to find the nearest water, for messages.
+    All are tested together, which is quick; finding the nearest water for messages takes longer.
     """
     ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
     around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
