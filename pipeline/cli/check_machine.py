@@ -22,7 +22,7 @@ _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)
 # Time limit for reading the land, s.
 LAND_S = 15.0
-# Free disk, bytes: a run of the largest scenario writes some 100 MB, and its figures as much.
+# Free disk, bytes: the largest scenario's results are about 100 MB, and its figures another 100 MB.
 _MIN_DISK, _GOOD_DISK = 50e6, 1e9
 # Free memory, bytes: a run on a region of 1,000 km takes about 1 GB.
 _GOOD_MEMORY = 1.5e9

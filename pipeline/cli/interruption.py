@@ -67,7 +67,7 @@ def ending_promptly() -> Iterator[None]:
         nonlocal number, is_raised
         number = number or asked
         if not is_raised and not _is_in_compiler(frame):
-            is_raised = True  # once: `timeout` signals the process and its group
+            is_raised = True  # only once: `timeout` signals the process and its group
             raise Stopped(number)
 
     def raise_again(unraisable: "sys.UnraisableHookArgs") -> None:

@@ -15,8 +15,8 @@ from pipeline.stages.write import season_stem
 def outcome_json(outcome: Outcome) -> str:
     """Return an outcome as JSON on one line; numbers that are not finite are null.
 
-    Lengths are in true metres, durations in seconds. A route's `files` may also contain the other
-    routes of its season; only the best route has device files of its own, such as RTZ.
+    Lengths are in true metres, durations in seconds. `files` of the best route are all files of its
+    season. `files` of another route are those with all routes of the season: a GPX and a GeoJSON.
     """
     files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
     fields = {

@@ -112,7 +112,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
-    """Return one route's cells; the last is the number of hard-over turns that met land, of all."""
+    """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns."""
     kept = clearance(row.clearance_m) if row.has_land else "-"
     return (
         season_name(row.season),

@@ -195,7 +195,7 @@ class _Night:
 
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
-        """Hold the locks of the output folder and its store; if not `shared`, clean both up."""
+        """Hold the locks of the output folder and its store; if not `shared`, remove leftovers."""
         from pipeline.machine.storage.store import remove_unfinished
 
         output = self.cycles.output

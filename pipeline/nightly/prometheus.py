@@ -23,9 +23,9 @@ SUCCESSES = frozenset({0, 10})
 _LAST_SUCCESS = "renew_nightly_last_success_timestamp_seconds"
 _FORECAST = "renew_nightly_forecast_reference_timestamp_seconds"
 _HELP = {
-    _LAST_SUCCESS: "When a night last ended with all its cases published or nothing to do.",
+    _LAST_SUCCESS: "End of the last night that published its cases or had nothing to do.",
     _FORECAST: "Reference time of the currents of the last successful night.",
-    "renew_nightly_last_run_timestamp_seconds": "When the last night ended, however it did.",
+    "renew_nightly_last_run_timestamp_seconds": "End of the last night, successful or not.",
     "renew_nightly_last_exit_code": "Exit code of the last night; 0 and 10 are successes.",
     "renew_nightly_stage_seconds": "Wall time of each stage of the last night.",
     "renew_nightly_cases": "Cases of the last night, by how they ended.",

@@ -28,7 +28,7 @@ from pipeline.stages.write import output_directory
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
 _STORE_LOCK = "store.lock"
-# Time to wait while another process prunes the store, s; pruning only removes files.
+# Time to wait while another process prunes the store, s; that is quick, as it only removes files.
 _PRUNING_S = 60.0
 
 

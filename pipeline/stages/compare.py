@@ -80,7 +80,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def safety_notes(result: RunResult) -> tuple[Note, ...]:
-    """Note each season on whose best route a hard-over turn meets no-go, with the first place."""
+    """Return a note for each season whose best route has a hard-over turn that meets no-go."""
     return tuple(
         Note.of(
             "not-safe-everywhere",

@@ -66,7 +66,7 @@ def fetch(
 
 
 def _refuse_stand_ins(parts: FetchedParts) -> None:
-    """Raise StageError if a season would use another source than the first that it names."""
+    """Raise StageError if a season has no source, or would use another than its first."""
     faults = [
         f"{season_text(grid.season)} would be {note_text(grid.stand_in_notes[0])}, which is not "
         "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)

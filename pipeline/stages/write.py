@@ -125,7 +125,7 @@ def safe_name(name: str) -> str:
     """Return a file name that every system accepts; different texts give different names.
 
     Letters and digits of any script, `.`, `_` and `-` stay. If the text had to be changed, or is a
-    device name in Windows, the name gets a short hash. It has at most 240 bytes.
+    device name in Windows, the name gets a short hash. At most 80 characters and 240 bytes.
     """
     normal = unicodedata.normalize("NFC", name)
     plain = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_MAX_NAME]
@@ -234,7 +234,7 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
 
 
 def _check_target(directory: Path, names: Sequence[str]) -> None:
-    """Raise if the target can't be replaced: it is a file, has a folder as output, or is in use.
+    """Raise an error if the target is a file, has a folder in a file's place, or is in use.
 
     QGIS writes changes of an open GeoPackage to a journal beside it; SQLite would apply this
     journal to the new file.

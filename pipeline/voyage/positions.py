@@ -1,4 +1,4 @@
-"""Read positions as people write them: decimals or degrees and minutes, N/S/E/W on either side."""
+"""Read positions as people write them: decimals or minutes, with N, S, E or W before or after."""
 
 import re
 from collections.abc import Sequence

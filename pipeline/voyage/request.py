@@ -177,8 +177,8 @@ def _departing(request: VoyageRequest) -> Departing | None:
         faults.append("--depart and --month both say when; leave one out")
     if request.until and _has_steady_speeds(request):
         faults.append(
-            "--until looks for the best departure in currents that change; leave it out, or give a "
-            "file of time steps with --currents alone"
+            "--until looks for the best departure in currents that change; leave it out, or leave "
+            "--month out and give a file with time steps: --currents FILE"
         )
     if request.depart and request.currents == (STILL,) and not request.speeds:
         faults.append(

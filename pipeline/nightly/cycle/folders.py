@@ -81,7 +81,7 @@ class Cycles:
         return [path.name for path in sorted(found, key=_age)]
 
     def revisions(self, cycle: str) -> list[str]:
-        """Return the finished cycles on the same currents, oldest first."""
+        """Return the finished cycles on the currents of `cycle`, oldest first."""
         return [name for name in self.finished() if base_of(name) == base_of(cycle)]
 
     def free_name(self, cycle: str) -> str:

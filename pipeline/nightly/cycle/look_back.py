@@ -13,7 +13,7 @@ from pipeline.nightly.cycle.record import faults_of
 
 HISTORY_FILE = "history.parquet"
 _CONSEQUENCES = {
-    CASES_FILE: "tonight is compared with the night before it, if there is one",
+    CASES_FILE: "tonight is compared with an earlier night, if there is one",
     HISTORY_FILE: "the history is made again from the cycles that are kept",
 }
 

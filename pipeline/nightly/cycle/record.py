@@ -72,7 +72,7 @@ def record_of(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = getattr(error, "strerror", None) or "damaged"
         raise StageError(
-            f"{folder / RECORD} can't be read ({reason}); run a night, which plans it anew"
+            f"{folder / RECORD} can't be read ({reason}); run a night, which plans it again"
         ) from error
     return record
 
@@ -120,7 +120,7 @@ def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str
     for name in hashes if files is None else files:
         try:
             if file_hash(folder / name) != hashes.get(name):
-                found[name] = "is damaged: its content is not what the night wrote"
+                found[name] = "is damaged: its content has changed since it was written"
         except OSError as error:
             found[name] = _unreadable(error)
     return found
@@ -138,7 +138,7 @@ def _table_fault(path: Path) -> str:
 
 
 def _unreadable(error: OSError) -> str:
-    """Return as text that a file is missing, or why it can't be read."""
+    """Return a message that a file is missing, or why it can't be read."""
     if isinstance(error, FileNotFoundError):
         return "is missing"
     return f"can't be read ({error.strerror or type(error).__name__})"

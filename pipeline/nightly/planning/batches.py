@@ -93,7 +93,7 @@ class BatchWork:
             self.on_broken(task.first)
 
     def failed(self, task: PlanBatch, error: Exception) -> None:
-        """End the night: a batch fails because of a full disk, for example, never of a case."""
+        """End the night: a batch fails for reasons such as a full disk, not because of a case."""
         del task
         raise error
 

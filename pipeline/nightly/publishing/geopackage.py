@@ -45,8 +45,8 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
                 LAYER,
                 "LineString",
                 title="Routes of the night",
-                description="Of each case the best route (rank 1) and the best on each other side; "
-                "routes.parquet has all",
+                description="The best route of each case (rank 1), and its best route on each "
+                "other side; routes.parquet has all routes",
                 append=count > 0,
             )
             count += len(chunk)

@@ -46,7 +46,7 @@ def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
 
 @contextlib.contextmanager
 def table_writer(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table], None]]:
-    """Yield a function that adds rows to a new file, in groups of at least _GROUP_ROWS."""
+    """Yield a function that adds rows to a new file, in groups of at most _GROUP_ROWS."""
     waiting: list[pa.Table] = []
     with path.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
 

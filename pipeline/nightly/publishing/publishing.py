@@ -96,7 +96,7 @@ class Publishing:
             except pa.ArrowException as error:
                 raise StageError(
                     f"a file in {self.folder} can't be read ({' '.join(str(error).split())}); run "
-                    "again: what is damaged is planned anew"
+                    "again: damaged parts are planned again"
                 ) from error
         return published
 
@@ -110,7 +110,7 @@ class Publishing:
         """
         faults = list(self._faults())
         if faults:
-            raise StageError(f"{self.folder.name} is not whole: {'; '.join(faults)}; run again")
+            raise StageError(f"{self.folder.name} is incomplete: {'; '.join(faults)}; run again")
 
     def _faults(self) -> list[str]:
         """Return the faults of incomplete or damaged files."""
@@ -125,7 +125,7 @@ class Publishing:
                 for group in range(routes.num_row_groups)
             )
             if rows != (pc.sum(index["routes"]).as_py() or 0):
-                faults.append(f"{ROUTES_FILE} has {rows:,} rows, not those that the cases count")
+                faults.append(f"{ROUTES_FILE} has {rows:,} rows, not as many as routes of cases")
             pq.read_table(self.folder / HISTORY_FILE, columns=["cycle"])
             uri = f"{(self.folder / GEOPACKAGE_FILE).as_uri()}?mode=ro"
             with closing(sqlite3.connect(uri, uri=True)) as database:

@@ -172,7 +172,7 @@ class _Expansion:
             if getattr(scenario, key):
                 self._fault(
                     "scenario",
-                    f"{scenario.name} has '{key}', which a night does not plan with; leave it out",
+                    f"{scenario.name} has '{key}', which a night can't plan with; leave it out",
                 )
         asked = known if self._table.seasons is None else self._table.seasons
         for name in asked:
@@ -186,9 +186,9 @@ class _Expansion:
             if name in known and known[name].speed is not None:
                 self._fault(
                     "scenario" if self._table.seasons is None else "seasons",
-                    f"season {name!r} of {scenario.name} has 'speed', and times of its own; a "
-                    "night plans each case at the vessel's own speed: leave the season out, or "
-                    "its 'speed' and 'arrive_by'",
+                    f"season {name!r} of {scenario.name} has 'speed' and its own times; a night "
+                    "plans each case at the vessel's speed: leave out the season, or its 'speed' "
+                    "and 'arrive_by'",
                 )
         if self._table.seasons is None:
             return scenario.seasons
@@ -221,7 +221,7 @@ class _Expansion:
         )
         if not scenario.is_planar and scenario.region is None:
             self._fault(
-                "pairs", f"need a region that holds them all; add a [region] to {scenario.name}"
+                "pairs", f"need a region that contains them; add a [region] to {scenario.name}"
             )
         elif pairs:
             faults = [*faults, *_outside(scenario, pairs, Path(self._table.pairs).name)]
@@ -291,5 +291,5 @@ def _only(cases: Cases, asked: str) -> Cases:
     blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name
-        raise RequestError([f"--only: no case is called {asked!r}; names are such as {example!r}"])
+        raise RequestError([f"--only: no case is called {asked!r}; a name is such as {example!r}"])
     return Cases(tuple(blocks))

@@ -64,7 +64,7 @@ class Newest:
     ahead: Mapping[str | tuple[str, ...], str] = field(default_factory=dict)
 
     def stale_reason(self, now: datetime, limit_hours: float) -> str:
-        """Return that the currents are older than the limit, as text, or ""."""
+        """Return a message if the currents are older than the limit, or ""."""
         if self.time is None or now - self.time <= timedelta(hours=limit_hours):
             return ""
         hours = (now - self.time) / timedelta(hours=1)
@@ -181,7 +181,7 @@ def _issue(
 
 
 def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> str:
-    """Return that currents are dated in the future according to the clock, as text, or ""."""
+    """Return a message if currents are dated in the future according to the clock, or ""."""
     what, time, limit = "reference time", issue.reference, _AHEAD
     if time is None:
         what, time, limit = "last step", issue.last_step, _STEPS_AHEAD
@@ -191,7 +191,7 @@ def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> 
     return (
         f"{name}: its {what}, {_spelled(time)}, is more than {limit.days} day"
         f"{'s' if limit.days > 1 else ''} ahead of this machine's clock, {_spelled(now)}: "
-        "correct whichever is wrong"
+        "correct the one that is wrong"
     )
 
 

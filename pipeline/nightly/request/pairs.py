@@ -19,7 +19,7 @@ _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Start and goal of a voyage (lon/lat degrees, or metres in a plane), with the file's row."""
+    """Start and goal (lon/lat degrees, or metres in a plane), and the pair's row in the file."""
 
     name: str
     start: Point
@@ -53,7 +53,7 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         where = f"{path.name}, row {number}"
         if len(cells) != len(head):
             faults.append(
-                f"{where}: has {len(cells)} cells, the head has {len(head)}; correct the row"
+                f"{where}: has {len(cells)} cells, the header has {len(head)}; correct the row"
             )
             continue
         pair, found = _pair(dict(zip(head, cells, strict=True)), number, keys, is_planar=is_planar)
@@ -62,12 +62,12 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
             pairs.append(pair)
     faults += _repeated(path, pairs)
     if not pairs and not faults:
-        faults.append(f"{path.name} has no pairs; add a row for each below the head")
+        faults.append(f"{path.name} has no pairs; add a row for each below the header")
     return tuple(pairs), faults
 
 
 def _size_reason(path: Path) -> str:
-    """Return that a file of pairs is too large, as text, or ""."""
+    """Return a message if a file of pairs is too large, or ""."""
     size = path.stat().st_size
     large = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
     return large if size > _MAX_BYTES else ""
@@ -92,7 +92,7 @@ def _pair(
         lowest = -180.0 if key.endswith("lon") else -limit
         if not (math.isfinite(figure) and lowest <= figure <= limit):
             what = "metres" if is_planar else "degrees on earth"
-            faults.append(f"{key} = {row[key]} is no figure in {what}; correct it")
+            faults.append(f"{key} = {row[key]} is not a valid number of {what}; correct it")
         figures.append(figure)
     name = row["name"].strip()
     try:
@@ -115,8 +115,8 @@ def _repeated(path: Path, pairs: list[Pair]) -> list[str]:
     for pair in pairs:
         if pair.name in first:
             faults.append(
-                f"{path.name}, row {pair.row}: name = {pair.name!r} is that of row "
-                f"{first[pair.name]}, too; rename one"
+                f"{path.name}, row {pair.row}: name = {pair.name!r} is also the name of row "
+                f"{first[pair.name]}; rename one"
             )
         first.setdefault(pair.name, pair.row)
     return faults

@@ -30,7 +30,7 @@ _MIN_MARGIN_M = 2_000.0
 # further search reaches further.
 _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
-# A longer way round an island is ignored; in lengths of the shortest way.
+# Length up to which a way round an island is considered, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
 # Number of the largest islands on the direct line for which ways on both sides are searched, at
 # 0.1 s each. Smaller islands lie almost completely inside the region anyway.

@@ -99,7 +99,7 @@ def _worst(grid: CurrentGrid, among: BoolArray) -> tuple[tuple[int, int], float]
 def _spells(
     grid: CurrentGrid, where: tuple[int, int], speed_m_s: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield begin and end, s since departure, of each time when the current is too fast there."""
+    """Yield begin and end, s since departure, of periods when the node's current is too fast."""
     times = np.arange(max(0.0, grid.times_s[0]), grid.times_s[-1] + _STEP_S / 2, _STEP_S)
     row, column = where
     u, v = (np.interp(times, grid.times_s, part[:, row, column]) for part in (grid.u, grid.v))

@@ -74,7 +74,7 @@ class _StraitFinder:
 
     @property
     def needed_m(self) -> float:
-        """The width above which a strait is open, true metres, unless its padding is unusual."""
+        """The width above which a strait is open, true metres, unless its padding is very wide."""
         return self.margins_m + 2 * self.padding * self.scene.projection.scale
 
     def shut(self, longest: float) -> Iterator[ShutStrait]:

@@ -56,7 +56,7 @@ def not_in_water(
         obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
         f"{name} = {list(endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
-        f"nearest water at {place}; move it there or, where the vessel needs room to turn, beyond"
+        f"nearest water at {place}; move it there, or further out if the vessel needs room to turn"
     )
 
 

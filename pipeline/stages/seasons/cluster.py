@@ -78,7 +78,7 @@ class _Seasons:
 
     def died(self, task: _OnWorker) -> None:
         """Report a season as crashed because several workers died while planning it."""
-        reason = "its workers died of it (out of memory, or a crash of the interpreter)"
+        reason = "its workers died (out of memory, or a crash of the interpreter)"
         self._end(Status(task.season.season, reason, crashed=True))
 
     def failed(self, task: _OnWorker, error: Exception) -> None:

@@ -164,7 +164,7 @@ class _RouteEvaluator:
         """Return true metres from a route to the nearest original land; inf if there is no land.
 
         The nearest land in the plane may not be the nearest on earth, because the plane's scale
-        varies along the route. So all land within nearly the smallest distance is measured.
+        varies along the route. So all land within _NEARLY times the smallest distance is measured.
         """
         if not len(self._land):
             return math.inf

@@ -46,10 +46,10 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         if any(are_late):
             failure += (
                 f"; {season_text(season)}: its currents end too early: give currents that reach "
-                "further, raise its max_hours where they do, or depart earlier"
+                "further, raise its max_hours if they do, or depart earlier"
             )
         if not all(are_late):
-            failure += "; all are keys of [planner], and renew go has --clearance"
+            failure += "; these are keys of [planner]; renew go has the option --clearance"
         is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
             scene, [strait.gap for strait in error.straits]
         )

@@ -104,7 +104,7 @@ def worker_fault(identity: str, path: str) -> str:
 
 
 def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
-    """Raise StageError, with their names, if workers can't plan, read a path, or answer."""
+    """Raise a StageError that names the workers that can't plan, read a path or answer."""
     ask = partial(client.run, worker_fault, own_identity(), str(path), on_error="return")
     try:
         answers = within(_ANSWER_S, ask)

@@ -50,7 +50,7 @@ class Task(Protocol):
 
 
 class Work(Protocol):
-    """Tasks to hand out one at a time; it receives their results and failures."""
+    """A queue of tasks that are handed out one at a time; it receives results and failures."""
 
     def next_task(self, workers: int) -> Task | None:
         """Return the next task, or None if none is ready; one may be ready later."""
@@ -77,7 +77,7 @@ def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
 
 @contextlib.contextmanager
 def fleet(address: str, shared: Path, *, attempts: int = 1) -> Iterator[Fleet]:
-    """Provide the workers of a scheduler.
+    """Connect to a scheduler, and yield its workers.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ currents = ["./tide.nc"]
     result = renew("check", "--config", file, "--output", tmp_path / "out")
     assert result.exit_code == 2
     (line,) = faults(result)
-    assert f"cases[0].{key}: season 'tide' of tide changes on the way" in line
+    assert f"cases[0].{key}: season 'tide' of tide has changing currents" in line
 
 
 def test_a_season_with_a_choice_of_speeds_is_refused(tmp_path: Path) -> None:

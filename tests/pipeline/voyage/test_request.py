@@ -186,7 +186,7 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
         ({"arrive_by": ""}, ["add --arrive-by, or give one speed"]),
         ({"depart": "", "arrive_by": ""}, ["add --depart and --arrive-by, or give one speed"]),
         ({"speeds": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
-        ({"speeds": "0..4kn"}, ["--speed '0..4kn' begins at no speed"]),
+        ({"speeds": "0..4kn"}, ["--speed '0..4kn' begins at a speed of 0"]),
         ({"speeds": "4..9"}, ["--speed '4' is not understood"]),
         (
             {"until": "2026-11-23T06:00Z", "arrive_by": "", "speeds": "9..4kn"},
