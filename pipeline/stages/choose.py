@@ -17,7 +17,7 @@ def choose(given: Chosen, store: Store, say: Say) -> Chosen:
     Raises
     ------
     RequestError
-        No season is left, because no departure arrives in time.
+        No season has a departure that can be planned.
     """
     chosen = choose_departures(_with_offing(given, store), store, say)
     for note in chosen.notes[len(given.notes) :]:

@@ -28,7 +28,7 @@ def compare(
     store: Store,
     say: Say,
 ) -> Made[RunResult]:
-    """Name each route's way, bound the fuel of other ways, and find the straits that are closed.
+    """Name each route's way, bound the fuel of other ways, and find the straits that are shut.
 
     Returns the result with its notes on choices, data, land and routes.
     """

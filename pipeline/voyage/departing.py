@@ -22,7 +22,7 @@ _MINUTE = timedelta(minutes=1)
 class Departing:
     """Earliest departure, latest departure and latest arrival, UTC; the last two may be None.
 
-    `speeds` is the range of speeds to choose from, m/s; it needs a latest arrival.
+    With a range of `speeds`, m/s, the vessel arrives in time from every departure of the window.
     """
 
     begin: datetime

@@ -38,7 +38,7 @@ def least_region(*stops: Point) -> shapely.Polygon:
 
 
 def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
-    """Yield a message on the seasons that no source covers in time and space.
+    """Yield a message for each reason why no source covers some seasons in time and space.
 
     The area is the region or, without one, the stops. Each caller that plans calls this first,
     because loading a scenario file does not check the sources.

@@ -49,7 +49,7 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
     Raises
     ------
     RequestError
-        No season is left, because no departure arrives in time.
+        No season has a departure that can be planned.
     """
     departed, scenario, scene = given, given.scenario, given.scene
     for season in scenario.seasons:

@@ -55,7 +55,7 @@ def overpowering_notes(
 
 
 def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
-    """Yield notes on the hours when the current shuts the ways of routes or rejected classes."""
+    """Yield notes on the hours when the current blocks ways of routes or of rejected classes."""
     for plan in plans:
         routes = {f"route {rank}": one for rank, one in enumerate(plan.ranked_routes, start=1)}
         rejected = plan.plan.rejected if plan.plan else ()
@@ -71,7 +71,7 @@ def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
 
 
 def _places(hours: Iterable[renew.OverpoweredHours], scene: Scene, season: str) -> tuple[Note, ...]:
-    """Return the places where the current shuts a way, each with its hours."""
+    """Return the places where the current blocks a way, each with its hours."""
     return tuple(
         Note.of(
             "place-shut",

@@ -1,4 +1,4 @@
-"""Find important straits of the original land that margin, tolerance or padding shut.
+"""Find important straits of the original land that are shut by margin, tolerance or padding.
 
 A strait is important on two conditions. The land on both sides is larger than a hundredth of the
 distance between start and goal, so that a detour is longer by about as much. And the straight lines

@@ -1,7 +1,7 @@
 """Compute a lower bound on the fuel of ways on the other side of the main island.
 
 The best route crosses a line from the main island to the chart's edge; no route on the island's
-other side crosses it. A strip along that line is shut. The lower bound on fuel
+other side crosses it. A strip along that line is treated as land. The lower bound on fuel
 (:mod:`renew.bounds.fuel_lower_bound`) then holds for every way that avoids the strip, however close
 to land. If the bound is above the best route's fuel, no such way is better.
 """

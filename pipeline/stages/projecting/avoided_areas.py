@@ -1,4 +1,4 @@
-"""The user's shut areas, read from files: as zones of the chart and as each season's shut areas."""
+"""Read the areas to avoid from files, as zones of the chart and as shut areas of each season."""
 
 import math
 from collections.abc import Iterable, Mapping

@@ -24,7 +24,7 @@ _EDGE_POINTS, _LATTICE = 400, 40
 
 
 def speed_choices(scenario: Scenario) -> Mapping[str, SpeedChoice]:
-    """Return the choice of speeds of each season that has one; times start at first departure."""
+    """Return each season's choice of speeds, if any; its times count from the first departure."""
     found = {season.name: _speed_choice(season) for season in scenario.seasons}
     return {name: choice for name, choice in found.items() if choice is not None}
 
