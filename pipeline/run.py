@@ -9,8 +9,8 @@ from typing import Literal
 
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.result import RunResult
-from pipeline.machine.storage.store import Made, Store, artefact_key, file_hash
-from pipeline.model.notes import Note, Say
+from pipeline.machine.store import Made, Store, artefact_key, file_hash
+from pipeline.model import Note, Say
 from pipeline.running.first_compilation import first_compilation
 from pipeline.running.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.running.session import Origin, session

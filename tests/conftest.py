@@ -21,7 +21,7 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
-from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.files import file_lock
 
 ROOT = Path(__file__).resolve().parent.parent
 # Longest time that a process of the tests waits for what another one makes for both, s.

@@ -14,9 +14,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from pipeline.scenario.messages import limit_text, model_in
+from pipeline.scenario.loading import inline
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.toml_text import inline
+from pipeline.scenario.strict import limit_text, model_in
 
 KEYS_FILE, SCHEMA_FILE = "scenario-keys.md", "scenario.schema.json"
 # Units by the ending of a key; other units are given with the field.

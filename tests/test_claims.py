@@ -18,7 +18,7 @@ import renew
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.nightly.request.config import CaseTable, NightTable
 from pipeline.nightly.request.departures import DepartureSpec
-from pipeline.scenario.vessel import VesselSpec
+from pipeline.scenario.catalogue import VesselSpec
 from renew.inputs.options import Changes
 from tests import claims, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES

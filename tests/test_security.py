@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.machine.storage.store import load_artefact, save_artefact
+from pipeline.machine.store import load_artefact, save_artefact
 from renew._compiled import cache_folder
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast
 from tests.pipeline.small_plane import small_plane

@@ -13,13 +13,12 @@ from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.errors import RequestError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
-from pipeline.machine.storage.store import Store
-from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified
-from pipeline.model.for_planner import planner_vessel
+from pipeline.machine.store import Store
+from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified, planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import parse_scenario
-from pipeline.scenario.messages import model_faults, near_miss
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.strict import model_faults, near_miss
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.projecting import planar

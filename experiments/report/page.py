@@ -15,7 +15,7 @@ from experiments.tables.summary import Cell, Row, Table
 from experiments.tables.tables import Findings
 from pipeline.errors import StageError
 from pipeline.formats.figures.palette import COLOURS, DARK
-from pipeline.machine.storage.result_folder import replacing
+from pipeline.machine.files import replacing
 
 REPORT = "report.html"
 _DPI = 110

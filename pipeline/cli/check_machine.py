@@ -16,7 +16,7 @@ from pathlib import Path
 from pipeline.cli.finding import Finding
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.paths import folder_to_write
-from pipeline.sources.land.world import cache_file
+from pipeline.sources.land.osm import cache_file
 
 _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)

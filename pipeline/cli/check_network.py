@@ -7,8 +7,7 @@ from pathlib import Path
 
 from pipeline.cli.finding import Finding
 from pipeline.machine.paths import folder_to_write
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME, has_account
-from pipeline.sources.currents.copernicus.login import login_fault
+from pipeline.sources.copernicus.account import PASSWORD, USERNAME, has_account, login_fault
 
 # Time limit for answers of the service and the scheduler, s.
 NETWORK_S = 8.0
@@ -83,7 +82,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
 
 def worker_state(folder: str) -> dict[str, str]:
     """Return the versions and settings that must be the same here and on a worker."""
-    from pipeline.machine.storage.code_identity import code_hash
+    from pipeline.machine.store import code_hash
 
     return {
         "Python": platform.python_version(),

@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 from pipeline.errors import RequestError
-from pipeline.machine.storage.pruning import MAX_STORE_BYTES, seconds_ago
+from pipeline.machine.store import MAX_STORE_BYTES, seconds_ago
 from pipeline.running.session import clean as clean_store
-from pipeline.sources.land.world import remove_cached
+from pipeline.sources.land.osm import remove_cached
 
 _DAYS = {"h": 1 / 24, "d": 1.0, "w": 7.0}
 _MB = 1e6

@@ -3,7 +3,7 @@
 from collections.abc import MutableMapping
 from typing import Any, TextIO
 
-from pipeline.sources.currents.copernicus.account import without_secrets
+from pipeline.sources.copernicus.account import without_secrets
 
 
 def json_lines(stream: TextIO) -> Any:  # noqa: ANN401 - a structlog logger, typed as it is bound

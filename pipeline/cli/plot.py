@@ -17,7 +17,7 @@ from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
 from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.formats.shared.text import season_text
-from pipeline.machine.storage.whole_files import whole_file
+from pipeline.machine.files import whole_file
 from pipeline.run import planned_scenario
 from pipeline.running.outcome import EventHandler
 from pipeline.running.session import Origin

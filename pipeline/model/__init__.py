@@ -1,11 +1,5 @@
 """The frozen dataclasses that stages take and return: nothing else passes between them."""
 
-from pipeline.model.currents import (
-    CurrentGrid,
-    Fetched,
-    PassedOver,
-    current_notes,
-)
 from pipeline.model.evaluation import (
     ClockWorth,
     Evaluation,
@@ -19,25 +13,36 @@ from pipeline.model.evaluation import (
     Side,
     SideBound,
 )
-from pipeline.model.land import (
+from pipeline.model.inputs import (
     Credit,
+    CurrentGrid,
     DepthArea,
+    Fetched,
     Land,
+    Note,
+    PassedOver,
+    Place,
     PlaceName,
+    Say,
     Zone,
+    current_notes,
+    of_seasons,
 )
-from pipeline.model.planning import Current as Current
 from pipeline.model.planning import (
+    Current,
     DepartureChoice,
     Scene,
     SeasonPlan,
     Simplified,
     SpeedChoice,
+    plan_options,
+    planner_vessel,
 )
 
 __all__ = [
     "ClockWorth",
     "Credit",
+    "Current",
     "CurrentGrid",
     "DepartureChoice",
     "DepthArea",
@@ -45,12 +50,15 @@ __all__ = [
     "Fetched",
     "GapShares",
     "Land",
+    "Note",
     "NumberedIsland",
     "Passage",
     "PassedOver",
+    "Place",
     "PlaceName",
     "RouteKey",
     "RouteMetrics",
+    "Say",
     "Scene",
     "SeasonPlan",
     "ShoreCrossing",
@@ -61,4 +69,7 @@ __all__ = [
     "SpeedChoice",
     "Zone",
     "current_notes",
+    "of_seasons",
+    "plan_options",
+    "planner_vessel",
 ]

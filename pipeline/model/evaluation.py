@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Literal
 
 import renew
-from pipeline.model.land import no_go_name
+from pipeline.model.inputs import no_go_name
 
 Side = Literal["north", "east", "south", "west", "between"]
 

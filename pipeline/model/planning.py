@@ -1,4 +1,4 @@
-"""The planner's input and its results."""
+"""The planner's input, made of a scenario's vessel and options too, and its results."""
 
 import math
 from collections.abc import Mapping
@@ -13,7 +13,9 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
-from pipeline.model.notes import Place
+from pipeline.model.inputs import Place
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -219,3 +221,23 @@ class DepartureChoice:
         begin = bad[bad < at].max(initial=-1) + 1
         end = bad[bad > at].min(initial=len(is_good)) - 1
         return float(self.departures_s[begin]), float(self.departures_s[end])
+
+
+def planner_vessel(spec: VesselSpec) -> renew.Vessel:
+    """Return the planner's vessel, in m, m/s and radians/s."""
+    return renew.Vessel(
+        speed=spec.speed_m_s,
+        turn_rate=math.radians(spec.turn_rate_deg_s),
+        length=spec.length_m,
+        fuel_coefficient=spec.fuel_coefficient,
+        fuel_exponent=spec.fuel_exponent,
+    )
+
+
+def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew.PlanOptions:
+    """Return the planner's options; the vessel is early or late by `min_lateness` (s) at least.
+
+    A run has chosen the clearance for a chart before; a plane's is 0 where it is left out.
+    """
+    given = {**options.model_dump(), "clearance": options.clearance or 0.0}
+    return renew.PlanOptions(**given, min_lateness=min_lateness)

@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
-from pipeline.machine.storage.locks import file_lock
-from pipeline.machine.storage.store import Store
+from pipeline.machine.files import file_lock
+from pipeline.machine.store import Store
 from pipeline.nightly.cycle.folders import LATEST, Cycles, writing
 from pipeline.nightly.cycle.lock import night_lock
 from pipeline.nightly.cycle.record import (
@@ -196,7 +196,7 @@ class _Night:
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
         """Hold the locks of the output folder and its store; if not `shared`, remove leftovers."""
-        from pipeline.machine.storage.store import remove_unfinished
+        from pipeline.machine.store import remove_unfinished
 
         output = self.cycles.output
         with writing(output):
@@ -216,7 +216,7 @@ class _Night:
 
     def _planning(self, *, is_alone: bool) -> Planning:
         """Open the cycle's folder, and return the planning of its cases."""
-        from pipeline.machine.storage.store import Store
+        from pipeline.machine.store import Store
         from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
         from pipeline.nightly.cycle.look_back import look_back
         from pipeline.nightly.cycle.partial import Partial
@@ -331,7 +331,7 @@ class _Night:
 
     def _prune_store(self, store: Store) -> None:
         """Prune the store if it is too large, except everything that this night used."""
-        from pipeline.machine.storage.pruning import MAX_STORE_BYTES, prune
+        from pipeline.machine.store import MAX_STORE_BYTES, prune
 
         with contextlib.suppress(OSError):
             since = self.started.timestamp()

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.machine.storage.whole_files import whole_file
+from pipeline.machine.files import whole_file
 from pipeline.nightly.outcome import NightOutcome
 
 if TYPE_CHECKING:

@@ -16,13 +16,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
+from pipeline.machine.files import file_lock, remove_leftovers, write_whole
 from pipeline.machine.paths import folder_to_write
-from pipeline.machine.storage.locks import file_lock
-from pipeline.machine.storage.pruning import MAX_STORE_BYTES, Freed, prune
-from pipeline.machine.storage.result_folder import remove_leftovers
-from pipeline.machine.storage.store import DOWNLOADS, Store, remove_unfinished
-from pipeline.machine.storage.whole_files import write_whole
-from pipeline.sources.currents.copernicus.cache import remove_abandoned
+from pipeline.machine.store import (
+    DOWNLOADS,
+    MAX_STORE_BYTES,
+    Freed,
+    Store,
+    prune,
+    remove_unfinished,
+)
+from pipeline.sources.copernicus.download import remove_abandoned
 from pipeline.stages.write import output_directory
 
 # Folder of the store, inside the output folder.
@@ -92,7 +96,7 @@ def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[S
 
 
 def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -> Freed:
-    """Prune the store of an output folder; see `pipeline.machine.storage.pruning.prune`.
+    """Prune the store of an output folder; see `pipeline.machine.store.prune`.
 
     Raises
     ------

@@ -1,9 +1,10 @@
-"""Load a scenario's file: its keys are checked first, all at once, then what lies between tables.
+"""Load a scenario's file, with the currents that `--currents` names; write a scenario as TOML.
 
-Nothing is asked of the sources here: what their data cover, `pipeline.stages.choosing.coverage`
-says.
+The keys of a file are checked first, all at once, then what lies between tables. Nothing is asked
+of the sources here: what their data cover, `pipeline.stages.choosing.coverage` says.
 """
 
+import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -15,11 +16,11 @@ from pydantic import ValidationError
 from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
-from pipeline.scenario.asked_currents import with_currents
 from pipeline.scenario.catalogue import EXAMPLE
-from pipeline.scenario.messages import model_faults
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.season import Season
+from pipeline.scenario.strict import model_faults
 
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
@@ -198,3 +199,104 @@ def _outside_region(region: Region, name: str, lon: float, lat: float) -> Iterat
         f"{name} = {[lon, lat]} lies {distance_km:.0f} km outside the region (its bounds: "
         f"{bounds}); {remedy}"
     )
+
+
+def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
+    """Return the sources that --currents names, in their order of preference.
+
+    Names of the catalogue stay as they are; files are one source, in the place of the first.
+    """
+    known = catalogue.names("sources")
+    found: list[str | list[str]] = []
+    files: list[str] = []
+    for one in map(str, asked):
+        if one in known:
+            found.append(one)
+            continue
+        if not files:
+            found.append(files)
+        files.append(str(resolved(one, "--currents")))
+    return found
+
+
+def with_currents(
+    data: dict[str, Any], asked: Sequence[str | Path]
+) -> tuple[dict[str, Any], list[str]]:
+    """Replace the currents of a scenario's seasons by the sources that --currents names.
+
+    Tables hold some seasons only: the others are left out, each with a note, unless that is all.
+    """
+    if "plane" in data:
+        raise RequestError(
+            ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
+        )
+    currents = asked_currents(asked)
+    given = data.get("seasons")
+    seasons = [
+        {**season, "currents": currents} if isinstance(season, dict) else season
+        for season in (given if isinstance(given, list) else [])
+    ]
+    held = [season for season in seasons if not _is_in_no_table(season, currents)]
+    if not held:
+        return {**data, "seasons": seasons}, []
+    notes = [
+        f"season {season['name']!r} is left out: {', '.join(map(str, currents))} has no such season"
+        for season in seasons
+        if season not in held
+    ]
+    return {**data, "seasons": held}, notes
+
+
+def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool:
+    """Whether all sources are embedded tables, and none of them has a (valid) season."""
+    tables = [catalogue.source(one) for one in currents if isinstance(one, str)]
+    try:
+        valid = Season.model_validate(season)
+    except ValidationError:
+        return False
+    return len(tables) == len(currents) and all(
+        isinstance(table, catalogue.EmbeddedTableSpec) and table.part(valid) is None
+        for table in tables
+    )
+
+
+def inline(value: object) -> str:
+    """Spell a value as in TOML, on one line; empty entries of tables are left out."""
+    if isinstance(value, dict):
+        given = {key: one for key, one in value.items() if one not in (None, "")}
+        return f"{{ {', '.join(f'{key} = {inline(one)}' for key, one in given.items())} }}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(inline(one) for one in value)}]"
+    # As in JSON, but for the one control character that JSON leaves as it is.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def scenario_text(scenario: Scenario) -> str:
+    """Spell a scenario as TOML, without what has its default; a known vessel by its name."""
+    table = scenario.model_dump(mode="json", exclude_defaults=True)
+    table = {"schema_version": scenario.schema_version, **table}
+    name = scenario.vessel.name
+    if name in catalogue.names("vessels") and catalogue.vessel(name) == scenario.vessel:
+        table["vessel"] = name
+    return "\n".join(_lines(table, "")) + "\n"
+
+
+def _lines(table: dict[str, Any], path: str) -> Iterator[str]:
+    """Yield the lines of a table: its values first, then the tables in it."""
+    inner = {
+        key: value for key, value in table.items() if isinstance(value, dict) or _is_list(value)
+    }
+    for key, value in table.items():
+        if key not in inner:
+            yield f"{key} = {inline(value)}"
+    for key, value in inner.items():
+        name = f"{path}.{key}".strip(".")
+        for one in value if _is_list(value) else (value,):
+            yield ""
+            yield f"[[{name}]]" if _is_list(value) else f"[{name}]"
+            yield from _lines(one, name)
+
+
+def _is_list(value: object) -> bool:
+    """Whether a value is a list of tables."""
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)

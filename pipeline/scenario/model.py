@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scenario import catalogue
-from pipeline.scenario.avoided import AvoidedArea
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.published import Published
-from pipeline.scenario.region import MAX_PLANE_M, ChartSpec, Plane, Region
+from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import (
     FAULT_SEPARATOR,
@@ -28,7 +28,6 @@ from pipeline.scenario.strict import (
     Point,
     StrictModel,
 )
-from pipeline.scenario.vessel import VesselSpec
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon

@@ -1,10 +1,17 @@
-"""Where a scenario takes place: its region or plane, and the chart that says what is land."""
+"""Where a scenario takes place: its region or plane, the chart of its land, and areas to avoid."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import (
+    AwareDatetime,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_serializer,
+    model_validator,
+)
 
 from pipeline.scenario.strict import (
     Corners,
@@ -21,6 +28,7 @@ from pipeline.scenario.strict import (
 )
 
 if TYPE_CHECKING:
+    from pydantic import SerializerFunctionWrapHandler
     from shapely.geometry import Polygon
 
 
@@ -246,3 +254,47 @@ class ChartSpec(StrictModel):
         "turning radius and the size of the region. Give metres, 0 or more.",
         examples=[100],
     )
+
+
+class AvoidedArea(StrictModel):
+    """Polygons of a file that no route may enter: between two times, or ever."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    path: PathText = Field(
+        description="File with the polygons, in lon/lat or the CRS that it states; relative paths "
+        "start at the scenario's folder. Give a GeoJSON file, or another vector file.",
+        examples=["./firing-range.geojson"],
+    )
+    begin: AwareDatetime | None = Field(
+        default=None,
+        alias="from",
+        description="Time from which the area is shut; left out, it always was. Give a time with "
+        "its zone, as 2026-07-01T09:00:00Z, or leave it out.",
+        examples=["2026-07-01T09:00:00Z"],
+    )
+    until: AwareDatetime | None = Field(
+        default=None,
+        description="Time until which the area is shut; left out, it stays so. Give a time with "
+        "its zone, as 2026-07-01T12:40:00Z, or leave it out.",
+        examples=["2026-07-01T12:40:00Z"],
+    )
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        if self.begin is not None and self.until is not None and self.until <= self.begin:
+            raise ValueError(
+                f"is shut from {self.begin.isoformat()} until {self.until.isoformat()}, which is "
+                "not later; give a later time"
+            )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _by_its_keys(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Spell the keys as a scenario does: `from` is no name in Python."""
+        return {("from" if key == "begin" else key): value for key, value in dump(self).items()}
+
+    @property
+    def has_hours(self) -> bool:
+        """Whether it is open at some time."""
+        return self.begin is not None or self.until is not None

@@ -1,4 +1,4 @@
-"""A season of a scenario: the current to plan in, and the period it is valid for."""
+"""A season of a scenario: the current to plan in, its period, and speeds to choose from."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -13,10 +13,6 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.scenario.departures import DepartureTimes
-from pipeline.scenario.interval import Interval
-from pipeline.scenario.period import Period, period
-from pipeline.scenario.speeds import SpeedRange
 from pipeline.scenario.strict import (
     Integer,
     Name,
@@ -26,6 +22,27 @@ from pipeline.scenario.strict import (
     looks_like_path,
     usable_path,
 )
+from pipeline.scenario.times import DepartureTimes, Interval, Period, period
+
+# As of a vessel's own speed.
+_Speed = Annotated[Positive, Field(le=1e6)]
+
+
+class SpeedRange(StrictModel):
+    """Lowest and highest speed through water, in place of the vessel's own speed."""
+
+    least: _Speed = Field(
+        description="Lowest speed through water, m/s. Give a speed in m/s, above 0.",
+        examples=[2.5],
+        json_schema_extra={"unit": "m/s"},
+    )
+    most: _Speed = Field(
+        description="Highest speed through water, m/s, for which land is padded. Give a speed in "
+        "m/s, not below 'least'.",
+        examples=[6.0],
+        json_schema_extra={"unit": "m/s"},
+    )
+
 
 TimeMethod = Literal["mean", "nearest", "linear"]
 """How a season's field is made of time steps: the mean of those in its period, the step nearest to

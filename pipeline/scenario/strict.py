@@ -1,13 +1,26 @@
-"""Types of the catalogue's entries: strict tables, and numbers with limits.
+"""Types of the catalogue's entries: strict tables, and numbers with limits; their error messages.
 
 The last sentence of a key's description is the remedy: an error message about the key ends in it.
+Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
 """
 
-from typing import Annotated
+from __future__ import annotations
+
+import difflib
+import itertools
+import json
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
 
-from pipeline.machine.paths import resolved, shown, unusable_reason
+from pipeline.machine.paths import resolved, unusable_reason
+from pipeline.machine.paths import shown as shown_path
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+    from pydantic.fields import FieldInfo
+    from pydantic_core import ErrorDetails
 
 # Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"
@@ -68,7 +81,7 @@ def looks_like_path(text: str) -> bool:
 def usable_path(text: str, info: ValidationInfo) -> str:
     """Refuse a text that can't be a path; make it absolute where the context names a `folder`."""
     if reason := unusable_reason(text):
-        raise ValueError(f"= '{shown(text)}' {reason}")
+        raise ValueError(f"= '{shown_path(text)}' {reason}")
     if not (text and info.context):
         return text
     is_relative = not text.startswith(("~", "/"))
@@ -78,3 +91,168 @@ def usable_path(text: str, info: ValidationInfo) -> str:
 PathText = Annotated[str, AfterValidator(usable_path)]
 SimpleRing = AfterValidator(_simple_polygon)
 Corners = Annotated[tuple[Point, ...], Field(min_length=3), SimpleRing]
+
+
+# Maximum length of a value in a message, in characters.
+_MAX_VALUE = 60
+# Largest length, in characters, of a list of known names, given where none of them is similar.
+_MAX_NAMES = 250
+# Limits of at least this size are written with thousands separators.
+_LARGE = 10_000
+_LIMITS = {
+    "greater_than": ("gt", "is not above"),
+    "greater_than_equal": ("ge", "is below"),
+    "less_than": ("lt", "is not below"),
+    "less_than_equal": ("le", "is above"),
+}
+_KINDS = {
+    "float_type": "is not a number",
+    "int_type": "is not a whole number",
+    "int_from_float": "is not a whole number",
+    "string_type": "is not text",
+    "bool_type": "is neither true nor false",
+    "tuple_type": "is not a list",
+    "list_type": "is not a list",
+    "finite_number": "is not finite",
+    "model_type": "is not a table",
+    "model_attributes_type": "is not a table",
+    "dict_type": "is not a table",
+    "string_pattern_mismatch": "does not have the required form",
+    "literal_error": "is not one of the possible values",
+}
+
+
+def near_miss(name: str, known: Iterable[str]) -> str:
+    """Suggest the known name that was probably meant, or list the known names."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.55)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    ends = itertools.accumulate(len(name) + 2 for name in names)
+    listed = [name for name, end in zip(names, ends, strict=True) if end <= _MAX_NAMES] or names[:1]
+    more = f" and {len(names) - len(listed)} more" if len(names) > len(listed) else ""
+    return f"choose from {', '.join(listed)}{more}" if names else "there are none"
+
+
+def shown(value: object) -> str:
+    """Spell a value as in TOML, shortened where it is long."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= _MAX_VALUE else text[: _MAX_VALUE - 1] + "…"
+
+
+def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
+    """Return one line per fault, in the order found; of the faults of a union, only the first."""
+    lines: dict[str, str] = {}
+    found = error.errors(include_url=False)
+    for details in found:
+        # pydantic counts only valid items: a list that has invalid ones need not be too short.
+        depth = len(details["loc"])
+        if details["type"] == "too_short" and any(
+            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
+        ):
+            continue
+        path = _path_in(data, details)
+        for line in _lines(details, model, path):
+            # A value that fits no member of a union has an error for each: keep the first.
+            key = line if details["type"] == "value_error" else _spelled(path)
+            lines.setdefault(key, line)
+    return list(lines.values())
+
+
+def _lines(
+    details: ErrorDetails,
+    model: type[BaseModel],
+    path: Sequence[str | int],
+) -> list[str]:
+    """Return the lines for one of pydantic's errors."""
+    key, kind, given = _spelled(path), details["type"], details["input"]
+    context = details.get("ctx", {})
+    field = _field(model, path)
+    remedy = f"; {remedy_of(field.description)}" if field is not None and field.description else ""
+    if kind == "extra_forbidden":
+        owner = _model(model, path[:-1])
+        known = _keys(owner) if owner is not None else ()
+        return [f"unknown key {key}: {near_miss(str(path[-1]), known)}"]
+    if kind == "missing":
+        return [f"{key} is missing{remedy}"]
+    if kind == "value_error":
+        return [
+            f"{key} {reason}{remedy if ';' not in reason else ''}".strip()
+            for reason in str(context["error"]).split(FAULT_SEPARATOR)
+        ]
+    if kind in _LIMITS:
+        bound, relation = _LIMITS[kind]
+        fault = f"{relation} {limit_text(context[bound])}"
+    elif kind in {"too_short", "too_long"}:
+        limit = context.get("min_length", context.get("max_length"))
+        fault = f"has {context['actual_length'] or len(given):,} items, not {limit:,}"
+    else:
+        fault = _KINDS.get(kind, details["msg"].lower())
+    return [f"{key} = {shown(given)} {fault}{remedy}"]
+
+
+def limit_text(limit: float) -> str:
+    """Spell a limit; a large one with all its digits and with thousands separators."""
+    return f"{int(limit):,}" if abs(limit) >= _LARGE else f"{limit:g}"
+
+
+def remedy_of(description: str) -> str:
+    """Return the last sentence of a key's description, for the end of a message."""
+    sentence = description.removesuffix(".").rpartition(". ")[2]
+    return sentence[:1].lower() + sentence[1:]
+
+
+def _path_in(data: object, details: ErrorDetails) -> list[str | int]:
+    """Return the path through the data: pydantic's location without names of union members."""
+    path: list[str | int] = []
+    here: Any = data
+    for step in details["loc"]:
+        in_list = isinstance(here, list) and isinstance(step, int) and step < len(here)
+        if in_list or (isinstance(here, dict) and step in here):
+            here = here[step]
+        elif details["type"] != "missing" or step != details["loc"][-1]:
+            continue
+        path.append(step)
+    return path
+
+
+def _spelled(path: Sequence[str | int]) -> str:
+    """Spell a path as `seasons[0].name`."""
+    text = ""
+    for step in path:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | None:
+    """Return the last field on a path, or None."""
+    names = [step for step in path if isinstance(step, str)]
+    owner = _model(model, names[:-1])
+    return _keys(owner).get(names[-1]) if names and owner is not None else None
+
+
+def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return a model's fields by the keys that a scenario has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def _model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:
+    """Return the model that a path leads to, or None."""
+    here: type[BaseModel] | None = model
+    for step in path:
+        if isinstance(step, int):
+            continue
+        field = here.model_fields.get(step) if here is not None else None
+        here = model_in(field.annotation) if field is not None else None
+    return here
+
+
+def model_in(annotation: object) -> type[BaseModel] | None:
+    """Return the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (model_in(part) for part in get_args(annotation))
+    return next((model for model in found if model is not None), None)

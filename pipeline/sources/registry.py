@@ -1,6 +1,6 @@
 """The one place that chooses an adapter for a source.
 
-A new source is an adapter in `land` or `currents`, a spec in `pipeline.scenario.catalogue`, a
+A new source is an adapter in this package, a spec in `pipeline.scenario.catalogue`, a
 branch below, and an entry in `catalog/sources`.
 """
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
     """Return all of a scenario's land sources as one; charts with depths need the draught."""
-    from pipeline.sources.land.overlay import Overlay
+    from pipeline.sources.combined_charts import Overlay
 
     overlay = Overlay(tuple(_single_source(source, chart, draught_m) for source in chart.source))
     if not chart.depths:
         return overlay
-    from pipeline.sources.depths.depth_file import DepthFile
-    from pipeline.sources.depths.sounded_chart import SoundedChart
+    from pipeline.sources.combined_charts import SoundedChart
+    from pipeline.sources.depth_file import DepthFile
 
     safety_depth_m = _safety_depth_m(chart, draught_m)
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
@@ -54,7 +54,7 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
             [f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"]
         )
     if is_s57:
-        from pipeline.sources.land.s57_adapter import S57Chart, find_cells
+        from pipeline.sources.land.s57 import S57Chart, find_cells
 
         find_cells(path)  # what is no chart with depths needs no draught
         return S57Chart(path, _safety_depth_m(chart, draught_m))
@@ -77,20 +77,20 @@ def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
 def current_source(named: str | tuple[str, ...]) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together."""
     if not isinstance(named, str):
-        from pipeline.sources.currents.cf.adapter import CfFiles
+        from pipeline.sources.cf.adapter import CfFiles
 
         return CfFiles(named)
     spec = catalogue.source(named)
     if spec.adapter == "embedded-table":
-        from pipeline.sources.currents.embedded import EmbeddedTable
+        from pipeline.sources.embedded import EmbeddedTable
 
         return EmbeddedTable(spec)
     if spec.adapter == "copernicus":
-        from pipeline.sources.currents.copernicus.adapter import Copernicus
+        from pipeline.sources.copernicus.adapter import Copernicus
 
         return Copernicus(spec)
     if spec.adapter == "still":
-        from pipeline.sources.currents.still import StillWater
+        from pipeline.sources.embedded import StillWater
 
         return StillWater(spec)
     if isinstance(spec, catalogue.ChartEntry):

@@ -5,8 +5,8 @@
 
 from dataclasses import replace
 
-from pipeline.machine.storage.store import Store
-from pipeline.model.notes import Say
+from pipeline.machine.store import Store
+from pipeline.model import Say
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.choosing.offing import Offing
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.trade_offs import speed_notes
-from pipeline.machine.storage.store import Made, Store, artefact_key
-from pipeline.model.notes import Note, Place, Say
+from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.model import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.comparing.overpowering_current import waiting_notes
 from pipeline.stages.comparing.second_shoreline import crossing_notes

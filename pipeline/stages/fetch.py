@@ -13,14 +13,14 @@ from functools import cached_property
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
-from pipeline.machine.storage.store import DOWNLOADS, Made, Store, artefact_key
+from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.scenario.season import MAX_HOURS, Season
+from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.land.overlay import Overlay
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.overpowering_current import overpowering_notes
 from pipeline.stages.projecting import planar

@@ -8,7 +8,7 @@ from functools import partial
 
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
-from pipeline.machine.storage.store import Made, Store, artefact_key
+from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs

@@ -4,8 +4,8 @@ The steps, in true metres in the plane that is centred on the region:
 
 1. Project and repair the land, and clip it to the region and a little beyond.
 2. Cover it and its margin with polygons of fewer vertices
-   (:mod:`pipeline.geo.coast.covering_land`); only covers that overlap are joined.
-3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.coast.open_water`).
+   (:mod:`pipeline.geo.covering_land`); only covers that overlap are joined.
+3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.open_water`).
 4. Simplify the land inwards, without a margin. A route that avoids only this inner land gives a
    lower bound on the cost of every route that avoids the land.
 5. Check that the results are valid, the cover contains all land, and inner land is all land.
@@ -25,14 +25,12 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
-from pipeline.geo.coast.covering_land import covering_land, inner_land
-from pipeline.geo.coast.open_water import OpenWater, opened
-from pipeline.geo.position import position_text
+from pipeline.geo.covering_land import covering_land, inner_land
+from pipeline.geo.earth import position_text
+from pipeline.geo.open_water import OpenWater, opened
 from pipeline.geo.projection import Projection
-from pipeline.machine.storage.store import Made, Store
-from pipeline.model import Land, Simplified
-from pipeline.model.for_planner import planner_vessel
-from pipeline.model.notes import Note, Place
+from pipeline.machine.store import Made, Store
+from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar

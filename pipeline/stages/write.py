@@ -1,7 +1,7 @@
 """Last stage: write all files of a run, or leave the earlier files unchanged.
 
 The files are written to a temporary folder, which then replaces the earlier one in a single step
-(:mod:`pipeline.machine.storage.result_folder`).
+(:mod:`pipeline.machine.files`).
 """
 
 import errno
@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.formats.shared.result import RunResult
-from pipeline.machine.storage.result_folder import replacing
+from pipeline.machine.files import replacing
 from pipeline.model import CurrentGrid
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season

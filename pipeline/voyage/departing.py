@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import moment_text
-from pipeline.scenario.departures import departure_name
+from pipeline.scenario.times import departure_name
 from pipeline.voyage.quantities import speed_range_m_s
 
 # Largest number of departures in the first sample of a window, and minimum time between two.

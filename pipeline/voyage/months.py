@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from pipeline.errors import RequestError
-from pipeline.scenario.period import period
+from pipeline.scenario.times import period
 
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
 

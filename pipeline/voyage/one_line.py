@@ -7,8 +7,8 @@ from pathlib import Path
 from pipeline.errors import RequestError
 from pipeline.run import run
 from pipeline.running.outcome import Event, EventHandler, Outcome, ignore
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.vessel import VesselSpec
 from pipeline.stages.choosing.coverage import uncovered_seasons
 from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 from pipeline.voyage.quantities import RANGE

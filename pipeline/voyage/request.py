@@ -8,11 +8,10 @@ from typing import Any
 from pipeline.errors import RequestError
 from pipeline.machine.paths import resolved
 from pipeline.scenario import catalogue
-from pipeline.scenario.asked_currents import asked_currents
-from pipeline.scenario.loading import parse_scenario
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
-from pipeline.scenario.vessel import VesselSpec
 from pipeline.sources.registry import current_source
 from pipeline.stages.choosing.coverage import least_region
 from pipeline.voyage.departing import Departing, departing

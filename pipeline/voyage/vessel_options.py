@@ -10,9 +10,8 @@ from pydantic import ValidationError
 from pipeline.errors import RequestError
 from pipeline.machine.paths import expanded, unreadable_reason
 from pipeline.scenario import catalogue
-from pipeline.scenario.messages import model_faults, near_miss
-from pipeline.scenario.strict import looks_like_path
-from pipeline.scenario.vessel import VesselSpec
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.strict import looks_like_path, model_faults, near_miss
 from pipeline.voyage.quantities import length_m, speed_m_s
 
 # Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement

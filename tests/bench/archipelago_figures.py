@@ -12,7 +12,7 @@ from shapely import Polygon
 
 import renew
 from pipeline.geo.projection import Projection
-from pipeline.model.for_planner import planner_vessel
+from pipeline.model import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.sources.land.osm import land_polygons
 from pipeline.stages.project import extent_polygon

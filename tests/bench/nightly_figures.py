@@ -44,7 +44,7 @@ from pipeline.nightly.request.newest_currents import newest_currents
 from pipeline.nightly.cycle.partial import Partial
 from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import plan_case
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from datetime import UTC, datetime
 config = load_config(Path(sys.argv[1]), Path(sys.argv[2]))
 cases = expand(config)

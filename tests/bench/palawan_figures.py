@@ -12,7 +12,7 @@ import shapely
 
 import renew
 from pipeline.geo.projection import Projection
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from pipeline.model import Fetched, Scene
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario

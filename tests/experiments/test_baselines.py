@@ -19,7 +19,7 @@ from experiments.environments.loading import Environment, load_environment
 from experiments.environments.model import Case, EnvironmentSpec
 from experiments.jobs import Job, Result, run_job
 from experiments.workers import results_of
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from renew.classes.h_signature import Rays
 from tests.experiments.scenes import VESSEL, islands_voyage
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import StageError
-from pipeline.sources.currents.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.adapter import Copernicus
 from tests.loopback_store import world
 from tests.loopback_store.rows import Row
 from tests.loopback_store.server import LoopbackStore

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.currents.copernicus.account import PASSWORD, USERNAME
-from pipeline.sources.currents.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.account import PASSWORD, USERNAME
+from pipeline.sources.copernicus.adapter import Copernicus
 from tests.loopback_store import world
 from tests.loopback_store.server import LOGIN, Fault
 
 DAILY, TOTAL = "copernicus-forecast-daily", "copernicus-total-hourly"
 # Largest error of a single cell that can't be detected, m/s: see `_SPIKE_M_S` in
-# `pipeline.sources.currents.copernicus.acceptance`.
+# `pipeline.sources.copernicus.acceptance`.
 _UNDETECTED_M_S = 0.4
 
 

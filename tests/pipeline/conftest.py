@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 
 from pipeline.errors import RequestError, StageError
-from pipeline.scenario.messages import near_miss
+from pipeline.scenario.strict import near_miss
 
 
 def test_faults_that_are_alike_are_said_once_with_their_places() -> None:

@@ -21,8 +21,8 @@ from pipeline.formats.shared.palette import SEASON_COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
 from pipeline.model import Credit, Simplified
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
-from pipeline.scenario.vessel import VesselSpec
 
 _FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
 

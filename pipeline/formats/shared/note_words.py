@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.trade_offs import trade_off_text
-from pipeline.model.notes import Note, Place
+from pipeline.model import Note, Place
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None

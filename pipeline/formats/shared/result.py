@@ -18,6 +18,7 @@ from pipeline.model import (
     DepartureChoice,
     Evaluation,
     Fetched,
+    Note,
     RouteMetrics,
     Scene,
     SeasonPlan,
@@ -25,7 +26,6 @@ from pipeline.model import (
     Simplified,
     Zone,
 )
-from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 
-from pipeline.geo.position import position_text
+from pipeline.geo.earth import position_text
 from pipeline.model import GapShares, RouteMetrics, Scene, Zone
-from pipeline.scenario.departures import named_departure
+from pipeline.scenario.times import named_departure
 from renew.errors import Moment, Text, in_seconds
 
 ABSENT = "–"

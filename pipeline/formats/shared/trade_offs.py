@@ -9,8 +9,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import hours, moment_text, percent, speed_over_ground
-from pipeline.model import RouteMetrics, SpeedChoice
-from pipeline.model.notes import Note
+from pipeline.model import Note, RouteMetrics, SpeedChoice
 
 # Share of the time under way that is added or taken off to say what time is worth.
 _MORE_OR_LESS = 0.1

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from pipeline.model import Evaluation, Fetched, RouteMetrics, ShutStrait
-from pipeline.model.notes import Note, Place, of_seasons
+from pipeline.model import Evaluation, Fetched, Note, Place, RouteMetrics, ShutStrait, of_seasons
 from pipeline.scenario.model import Scenario
 
 MAX_STRAITS = 10

@@ -22,8 +22,7 @@ from pipeline.formats.shared.note_words import note_json, note_texts
 from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.unknowns import MAX_STRAITS
-from pipeline.machine.storage.code_identity import code_commit, code_hash
-from pipeline.machine.storage.store import file_hash
+from pipeline.machine.store import code_commit, code_hash, file_hash
 
 SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.

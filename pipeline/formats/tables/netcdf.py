@@ -16,7 +16,7 @@ from pipeline.formats.shared.os_errors import os_error
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables.manifest import versions
 from pipeline.model import CurrentGrid
-from pipeline.scenario.period import Period, period
+from pipeline.scenario.times import Period, period
 from renew._types import FloatArray
 
 Dataset = Any  # netCDF4 has no types

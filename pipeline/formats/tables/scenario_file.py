@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pipeline.formats.shared.result import RunResult
-from pipeline.scenario.toml_text import scenario_text
+from pipeline.scenario.loading import scenario_text
 
 _HEAD = """\
 # As it was asked for, with region and offing as they were chosen: `renew run` with this file gives

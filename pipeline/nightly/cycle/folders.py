@@ -17,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.whole_files import flush, flush_tree
+from pipeline.machine.files import flush, flush_tree
 from pipeline.nightly.request.newest_currents import base_of, cycle_time, is_cycle, revision
 
 LATEST = "latest"

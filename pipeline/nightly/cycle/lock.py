@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.files import file_lock
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.outcome import BusyError
 

@@ -15,8 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.store import read_checked, write_checked
-from pipeline.machine.storage.whole_files import UNFINISHED
+from pipeline.machine.files import UNFINISHED
+from pipeline.machine.store import read_checked, write_checked
 
 _TIME = pa.timestamp("ms", tz="UTC")
 # Columns of both kinds of rows, cases and routes.

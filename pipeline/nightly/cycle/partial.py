@@ -10,8 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.locks import file_lock
-from pipeline.machine.storage.whole_files import write_whole
+from pipeline.machine.files import file_lock, write_whole
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.part import Part, parts_in, remove_unfinished
 

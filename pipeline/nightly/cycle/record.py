@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.store import file_hash
-from pipeline.machine.storage.whole_files import flush_tree, write_whole
+from pipeline.machine.files import flush_tree, write_whole
+from pipeline.machine.store import file_hash
 from pipeline.nightly.cycle.folders import RECORD, writing
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
 

@@ -12,7 +12,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.machine.storage.store import Made, Store, artefact_key, load_artefact, save_artefact
+from pipeline.machine.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season

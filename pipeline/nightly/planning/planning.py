@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from pipeline.errors import PipelineError
-from pipeline.machine.storage.store import Store, artefact_key, read_checked
+from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.earlier import EarlierIndex, EarlierRoutes
 from pipeline.nightly.cycle.part import gaps, part_path, write_part
 from pipeline.nightly.cycle.partial import Partial

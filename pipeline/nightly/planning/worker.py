@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import PipelineError, StageError
-from pipeline.machine.storage.store import read_checked
+from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene
 from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
 from pipeline.nightly.cycle.part import Row, write_part

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.store import load_artefact
+from pipeline.machine.store import load_artefact
 from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex, EarlierRoute
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.look_back import HISTORY_FILE, LookBack

@@ -16,9 +16,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from pipeline.nightly.request.pairs import Pair
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.scenario.vessel import VesselSpec
 from pipeline.sources.registry import land_source
 
 if TYPE_CHECKING:

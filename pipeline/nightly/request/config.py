@@ -11,8 +11,14 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.nightly.request.departures import DepartureSpec
 from pipeline.scenario import catalogue
-from pipeline.scenario.messages import model_faults
-from pipeline.scenario.strict import Integer, NonNegative, Number, Positive, StrictModel
+from pipeline.scenario.strict import (
+    Integer,
+    NonNegative,
+    Number,
+    Positive,
+    StrictModel,
+    model_faults,
+)
 
 # Folder of results, relative to the working directory, if neither the file nor --output names one.
 _DEFAULT_OUTPUT = "outputs/nightly"
@@ -23,7 +29,7 @@ _MEMBERS = Annotated[
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\-]+)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"^\s*([\w\-]+)\s*=")
-# The path at the beginning of a fault of `pipeline.scenario.messages`: `cases[0].departures.every`.
+# The path at the beginning of a fault of `pipeline.scenario.strict`: `cases[0].departures.every`.
 _PATH = re.compile(r"(?:unknown key )?([A-Za-z_][\w\-]*(?:\[\d+\])?(?:\.[\w\-]+(?:\[\d+\])?)*)")
 
 

@@ -9,9 +9,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.scenario.departures import Count, Every
-from pipeline.scenario.interval import interval
 from pipeline.scenario.strict import StrictModel
+from pipeline.scenario.times import Count, Every, interval
 
 _TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
 _DAY = timedelta(days=1)

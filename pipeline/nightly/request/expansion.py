@@ -13,11 +13,11 @@ from pipeline.errors import RequestError
 from pipeline.nightly.request.cases import Block, Cases, Member, doubled
 from pipeline.nightly.request.pairs import Pair, read_pairs
 from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path
-from pipeline.scenario.vessel import VesselSpec
 from pipeline.stages.choosing.coverage import require_covered
 
 if TYPE_CHECKING:

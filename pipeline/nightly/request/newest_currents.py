@@ -21,7 +21,7 @@ from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.cases import Cases, Member
 from pipeline.scenario.season import Season
-from pipeline.sources.currents.cf.probe import fatal_files
+from pipeline.sources.cf.dataset import fatal_files
 from pipeline.sources.registry import current_source
 
 if TYPE_CHECKING:

@@ -1,7 +1,17 @@
-"""Operations on chart geometries in lon/lat degrees: select, repair, clip, subtract, buffer."""
+"""Reading chart geometries, and operations on them in lon/lat degrees (repair, clip, buffer).
+
+What libraries raise about a damaged or hostile chart of the user's becomes one line. GDAL's drivers
+that would do what a file says, instead of only reading it, are not used.
+"""
 
 import math
+import re
+import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +21,10 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries
+from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
-from pipeline.model import PlaceName
-from pipeline.model.notes import Note
+from pipeline.model import Note, PlaceName
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
 # once it is buffered or gaps are closed, and a map needs its surroundings.
@@ -174,3 +184,62 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
         largest = parts[shapely.area(parts).argmax()]
         point = shapely.point_on_surface(largest)
         yield PlaceName(text, float(point.x), float(point.y), float(largest.area))
+
+
+# Largest longitude and latitude, degrees: half a turn beyond either way of counting, and rounding.
+MAX_LONLAT = (540.0, 90.01)
+# Names of GDAL's own functions, which open some of its messages.
+_FUNCTION = re.compile(r"\bOGR\w+\(\): ")
+# Ends of GDAL's messages that are about its own options.
+_ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
+# Warnings on what does not matter for land: measures along lines, and numbers of features.
+_HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id")
+# Length to which a message of a library is cut, characters.
+_MAX_REASON = 200
+
+
+# GDAL's drivers that take what a file holds for a command: to read other files or addresses, to
+# start a program, or to load a library.
+_FOLLOWERS = (
+    *("ADBC", "AmigoCloud", "Carto", "CSW", "EEDA", "Elasticsearch", "GDALG", "GPSBabel", "HTTP"),
+    *("NGW", "OAPIF", "OGCAPI", "OGR_VRT", "PLSCENES", "VRT", "WFS"),
+)
+
+
+@cache
+def vector_library() -> ModuleType:
+    """Import pyogrio, and take from GDAL the drivers that follow what a file says."""
+    pyogrio = import_module("pyogrio")
+    from pyogrio._ogr import _register_drivers  # it has no public function for this
+
+    # GDAL looks at this option when it registers its drivers, which importing pyogrio does.
+    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(_FOLLOWERS)})
+    _register_drivers()
+    return pyogrio
+
+
+@contextmanager
+def reading(what: str, remedy: str) -> Iterator[list[str]]:
+    """Turn what libraries raise about a file into a RequestError, and list their warnings.
+
+    They raise errors of many kinds about damaged files; the text of each states what is wrong.
+    """
+    issued: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield issued
+        except PipelineError:
+            raise
+        except Exception as error:
+            fault = f"{what} can't be read ({one_line(error)}); {remedy}"
+            raise RequestError([fault]) from error
+        finally:
+            said = dict.fromkeys(one_line(warning.message) for warning in caught)
+            issued += [text for text in said if not _HARMLESS.match(text)]
+
+
+def one_line(message: object) -> str:
+    """Write a library's message in one line, without its own functions and options."""
+    text = _ADVICE.sub("", _FUNCTION.sub("", " ".join(str(message).split())))
+    return text if len(text) <= _MAX_REASON else f"{text[:_MAX_REASON]}…"

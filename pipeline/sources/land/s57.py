@@ -1,4 +1,4 @@
-"""No-go zones of a vessel from the objects of S-57 cells.
+"""No-go zones of a vessel from a folder of S-57 cells.
 
 IHO S-57 3.1, appendix A (object catalogue). Depth areas and dredged areas cover the sea without a
 gap. So the safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its
@@ -8,8 +8,12 @@ bed, unless they are known to lie deep enough. Where cells overlap, the larger s
 precedence.
 """
 
+import hashlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,19 +22,23 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import Geometries
+from pipeline.errors import RequestError
 from pipeline.geo.known_cells import DepthCover
-from pipeline.model import Credit, DepthArea, Land, PlaceName, Zone
-from pipeline.model.notes import Note
+from pipeline.machine.paths import require_readable
+from pipeline.machine.store import file_hash
+from pipeline.model import Credit, DepthArea, Land, Note, PlaceName, Zone
 from pipeline.sources.land.polygons import (
+    box_around,
     buffered,
     extract_polygons,
     inner_lines,
     merged,
     named_places,
+    reading,
     repair_note,
     subtract,
 )
-from pipeline.sources.land.s57_cells import Cell
+from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 
 # Areas with a depth range, and what they are called.
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
@@ -305,3 +313,70 @@ def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
             licence=_NOAA_TERMS if producer == "US" else "the producer's terms of use",
             url="https://charts.noaa.gov/ENCs/ENCs.shtml" if producer == "US" else "",
         )
+
+
+# Largest number of cells that a message names.
+_MAX_NAMES = 8
+
+
+@dataclass(frozen=True)
+class S57Chart:
+    """Cells (.000) with their updates in a folder or below it, or one cell.
+
+    `safety_depth_m` is draught plus under-keel clearance.
+    """
+
+    path: Path
+    safety_depth_m: float
+
+    @cached_property
+    def identity(self) -> tuple[str, ...]:
+        """Safety depth, and a hash of all files."""
+        digest = hashlib.sha256()
+        bases = self._bases
+        with reading(str(self.path), "fetch the cells and their updates again"):
+            for base in bases:
+                for file in cell_files(base):
+                    digest.update(file.name.encode() + file_hash(file).encode())
+        return ("s57", f"{self.safety_depth_m!r}", digest.hexdigest())
+
+    @cached_property
+    def _bases(self) -> tuple[Path, ...]:
+        """Base files of the cells, each cell once."""
+        return find_cells(self.path)
+
+    def land(self, region: Polygon) -> Land:
+        """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
+        box = box_around(region)
+        read = (read_cell(base, box, CLASSES) for base in self._bases)
+        cells = [cell for cell in read if cell is not None]
+        if not any(cell.covered.intersects(region) for cell in cells):
+            names = ", ".join(base.stem for base in self._bases[:_MAX_NAMES])
+            fault = (
+                f"no S-57 cell in {self.path} covers any of the region; it holds {names}"
+                f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
+            )
+            raise RequestError([fault])
+        # Geometries that are valid one by one may fail together, where a cell is damaged.
+        with reading(str(self.path), "fetch the cells and their updates again"):
+            return land(cells, box, region, self.safety_depth_m)
+
+
+def find_cells(path: Path) -> tuple[Path, ...]:
+    """Find the base files of the cells in a folder and below it, each cell once.
+
+    Raises
+    ------
+    RequestError
+        There is none, one is there twice, or a file can't be read.
+    """
+    found = base_files(path)
+    if not found:
+        fault = f"{path} holds no S-57 cell (.000 file): name the folder of the cells"
+        raise RequestError([fault])
+    twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
+    if twice:
+        where = f"in {path}; keep the latest"
+        raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
+    require_readable((file for base in found for file in cell_files(base)), "chart.source")
+    return found

@@ -20,8 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
-from pipeline.sources.land.damage import MAX_LONLAT, reading, vector_library
-from pipeline.sources.land.polygons import near_box, repaired
+from pipeline.sources.land.polygons import MAX_LONLAT, near_box, reading, repaired, vector_library
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.

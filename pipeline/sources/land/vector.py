@@ -18,8 +18,7 @@ from shapely.geometry import Polygon
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
-from pipeline.model import Credit, Land
-from pipeline.model.notes import Note
+from pipeline.model import Credit, Land, Note
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land.polygons import (

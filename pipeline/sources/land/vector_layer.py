@@ -16,11 +16,18 @@ from shapely.geometry import Polygon
 from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.model import PlaceName
-from pipeline.model.notes import Note
-from pipeline.scenario.messages import near_miss
-from pipeline.sources.land.damage import MAX_LONLAT, one_line, reading, vector_library
-from pipeline.sources.land.polygons import NAME_COLUMNS, flattened, named_places, repaired
+from pipeline.model import Note, PlaceName
+from pipeline.scenario.strict import near_miss
+from pipeline.sources.land.polygons import (
+    MAX_LONLAT,
+    NAME_COLUMNS,
+    flattened,
+    named_places,
+    one_line,
+    reading,
+    repaired,
+    vector_library,
+)
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an

@@ -16,13 +16,11 @@ import numpy as np
 import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
-from pipeline.machine.storage.store import Made, Store, artefact_key
-from pipeline.model import DepartureChoice, Scene
-from pipeline.model.for_planner import plan_options
-from pipeline.model.notes import Note, Say
-from pipeline.scenario.interval import interval
+from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
+from pipeline.scenario.times import interval
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.avoided_areas import later
 from pipeline.stages.projecting.speed_choices import speed_choices

@@ -21,10 +21,9 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.model import Scene
-from pipeline.model.notes import Note
+from pipeline.model import Note, Scene
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.vessel import VesselSpec
 
 # Time until a danger is noticed and the helm is over, s; an assumption, as no rule gives a value.
 _REACTION_S = 120.0

@@ -9,8 +9,8 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.machine.storage.store import DOWNLOADS, Store, artefact_key
-from pipeline.model.notes import Note
+from pipeline.machine.store import DOWNLOADS, Store, artefact_key
+from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.coverage import Bounds, common_bounds

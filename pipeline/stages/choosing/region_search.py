@@ -6,8 +6,8 @@ from dataclasses import replace
 from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
-from pipeline.machine.storage.store import Made, Store
-from pipeline.model.notes import Note
+from pipeline.machine.store import Made, Store
+from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.stages.choosing.region import (
     ChosenRegion,

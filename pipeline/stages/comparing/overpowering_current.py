@@ -14,8 +14,7 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import BoolArray, FloatArray
-from pipeline.model import CurrentGrid, Scene, SeasonPlan
-from pipeline.model.notes import Note, Place
+from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan
 
 # Time step for the interpolation of a changing current, s.
 _STEP_S = 300.0

@@ -10,8 +10,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.model import Scene, ShoreCrossing
-from pipeline.model.notes import Note, Place, of_seasons
+from pipeline.model import Note, Place, Scene, ShoreCrossing, of_seasons
 
 # Minimum length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0

@@ -15,9 +15,8 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.geo.coast.narrow_gaps import narrow_gaps
-from pipeline.model import Scene, SeasonPlan, ShutStrait, Simplified
-from pipeline.model.for_planner import plan_options
+from pipeline.geo.narrow_gaps import narrow_gaps
+from pipeline.model import Scene, SeasonPlan, ShutStrait, Simplified, plan_options
 from pipeline.scenario.model import PlannerOptions
 from renew.errors import Strait
 

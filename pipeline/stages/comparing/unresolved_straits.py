@@ -9,8 +9,7 @@ import shapely
 import renew
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.model import CurrentGrid, Scene
-from pipeline.model.notes import Note, Place
+from pipeline.model import CurrentGrid, Note, Place, Scene
 
 # Minimum number of cells across a strait for which the grid can resolve its tide.
 _MIN_CELLS = 2.0

@@ -13,11 +13,9 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import moment_text
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene, SeasonPlan, Zone
-from pipeline.model.notes import Note
-from pipeline.scenario.avoided import AvoidedArea
+from pipeline.model import Note, Scene, SeasonPlan, Zone
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import ChartSource
+from pipeline.scenario.region import AvoidedArea, ChartSource
 from pipeline.sources.land.polygons import extract_polygons, repaired
 from pipeline.sources.land.vector import VectorFile
 

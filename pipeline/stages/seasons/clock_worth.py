@@ -11,8 +11,7 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.model import ClockWorth, Current, Scene, SeasonPlan, SpeedChoice
-from pipeline.model.for_planner import plan_options
+from pipeline.model import ClockWorth, Current, Scene, SeasonPlan, SpeedChoice, plan_options
 from pipeline.scenario.model import PlannerOptions
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage

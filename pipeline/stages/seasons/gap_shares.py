@@ -13,8 +13,7 @@ from dataclasses import replace
 import shapely
 
 import renew
-from pipeline.model import GapShares, Scene, SeasonPlan
-from pipeline.model.for_planner import plan_options
+from pipeline.model import GapShares, Scene, SeasonPlan, plan_options
 from pipeline.scenario.model import PlannerOptions
 
 # Factor on the turn rate of a vessel that turns on the spot.

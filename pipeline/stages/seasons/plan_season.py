@@ -5,8 +5,7 @@ import time
 
 import renew
 from pipeline.formats.shared.text import planner_text, season_text
-from pipeline.model import Scene, SeasonPlan
-from pipeline.model.for_planner import plan_options
+from pipeline.model import Scene, SeasonPlan, plan_options
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.projecting.endpoints import is_shut_in
 from pipeline.stages.projecting.speed_choices import largest_stretch, planned_in_time

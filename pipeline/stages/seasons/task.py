@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import PipelineError, StageError
-from pipeline.machine.storage.store import load_artefact, save_artefact
+from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.clock_worth import clock_worth

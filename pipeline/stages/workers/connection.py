@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import StageError
-from pipeline.machine.storage.store import artefact_key
+from pipeline.machine.store import artefact_key
 
 if TYPE_CHECKING:
     from distributed import Client

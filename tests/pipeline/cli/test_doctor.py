@@ -23,8 +23,8 @@ from typer.testing import CliRunner
 from pipeline.cli import check_machine, check_network, doctor
 from pipeline.cli.finding import Finding
 from pipeline.cli.main import app
-from pipeline.sources.currents.copernicus.login import login_fault
-from pipeline.sources.land.world import cache_file
+from pipeline.sources.copernicus.account import login_fault
+from pipeline.sources.land.osm import cache_file
 from tests.loopback_store import world
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 

@@ -17,6 +17,7 @@ from pipeline.model import (
     Evaluation,
     Fetched,
     Land,
+    Note,
     PassedOver,
     RouteKey,
     RouteMetrics,
@@ -27,7 +28,6 @@ from pipeline.model import (
     Zone,
     current_notes,
 )
-from pipeline.model.notes import Note
 from pipeline.scenario.model import Scenario
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
-from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.files import file_lock
 from tests.pipeline.nightly.nights import (
     REFERENCE,
     plane_night,

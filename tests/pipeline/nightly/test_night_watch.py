@@ -11,7 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
-from pipeline.machine.storage.locks import file_lock
+from pipeline.machine.files import file_lock
 from pipeline.nightly.cycle.lock import LOCK
 from tests.pipeline.nightly.nights import plane_night
 from tests.pipeline.nightly.ping_service import Service

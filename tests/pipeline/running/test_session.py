@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from pipeline.running.session import Origin, clean, session
 from tests.pipeline.processes import started
 

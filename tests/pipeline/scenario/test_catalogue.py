@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.model.for_planner import planner_vessel
+from pipeline.model import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSpec

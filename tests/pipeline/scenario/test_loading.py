@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.scenario.asked_currents import asked_currents
-from pipeline.scenario.loading import load_scenario, parse_scenario
+from pipeline.scenario.loading import asked_currents, load_scenario, parse_scenario
 from pipeline.stages.choosing.coverage import require_covered
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region

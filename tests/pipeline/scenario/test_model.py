@@ -9,11 +9,11 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 import renew
-from pipeline.model.for_planner import plan_options, planner_vessel
-from pipeline.scenario.messages import remedy_of
+from pipeline.model import plan_options, planner_vessel
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
-from pipeline.scenario.vessel import VesselSpec
+from pipeline.scenario.strict import remedy_of
 from renew.inputs.options import RANGES
 from tests.scenario_reference import tables
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.scenario.period import Period, period
+from pipeline.scenario.times import Period, period
 
 
 @given(st.dates(max_value=date(9998, 12, 31)))

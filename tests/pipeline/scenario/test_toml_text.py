@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.scenario import catalogue
-from pipeline.scenario.loading import load_scenario, parse_scenario
-from pipeline.scenario.toml_text import inline, scenario_text
+from pipeline.scenario.loading import inline, load_scenario, parse_scenario, scenario_text
 
 values = st.recursive(
     st.booleans()

@@ -20,7 +20,7 @@ from pipeline.errors import PipelineError
 from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.currents.cf.adapter import CfFiles
+from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.machine.storage.store import Store
+from pipeline.machine.store import Store
 from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario, parse_scenario

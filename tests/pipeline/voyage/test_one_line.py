@@ -29,7 +29,7 @@ from pipeline.scenario.loading import load_scenario
 from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.processes import ROOT
-from tests.pipeline.sources.depths.grids import emodnet
+from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 # In the middle of the Atlantic: the only land is the chart's, an island of 2 km by 4 km on the way.

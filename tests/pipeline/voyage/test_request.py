@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.scenario.vessel import VesselSpec
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.voyage.request import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.model.for_planner import planner_vessel
+from pipeline.model import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.voyage.vessel_options import VesselFigures, vessel_spec
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pipeline
 from pipeline.formats.shared.note_words import WORDS, note_json, note_text
-from pipeline.model.notes import Note, Place, of_seasons
+from pipeline.model import Note, Place, of_seasons
 
 
 def made_notes() -> Iterator[tuple[str, set[str]]]:

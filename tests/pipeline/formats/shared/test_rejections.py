@@ -13,7 +13,7 @@ import renew
 from pipeline.formats.shared.json_values import json_value
 from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.position import position_text
+from pipeline.geo.earth import position_text
 from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
 from tests.pipeline.formats import small_run
 

@@ -18,7 +18,7 @@ from pipeline.geo.projection import Projection
 from pipeline.run import run
 from pipeline.running.outcome import Outcome
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.land.s57_adapter import S57Chart
+from pipeline.sources.land.s57 import S57Chart
 from tests.true_scale import clearance_m
 
 

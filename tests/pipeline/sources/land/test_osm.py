@@ -12,7 +12,6 @@ import roaring_landmask
 import shapely
 
 from pipeline.sources.land import osm
-from pipeline.sources.land import world as world_land
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -26,11 +25,11 @@ def _wkb(*polygons: shapely.Polygon) -> bytes:
 
 
 def _near(wkb: bytes, box: shapely.Polygon) -> osm.LandPolygons:
-    return osm.clean(world_land.read_near(wkb, box), box)
+    return osm.clean(osm.read_near(wkb, box), box)
 
 
 def _real(box: shapely.Polygon) -> osm.LandPolygons:
-    return osm.clean(world_land.polygons_near("Osm", box)[0], box)
+    return osm.clean(osm.polygons_near("Osm", box)[0], box)
 
 
 def _square(x: float, y: float, size: float = 1.0) -> shapely.Polygon:

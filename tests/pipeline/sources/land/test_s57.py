@@ -17,7 +17,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
-from pipeline.sources.land.s57_adapter import S57Chart
+from pipeline.sources.land.s57 import S57Chart
 from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
 from pipeline.sources.registry import land_source
 

@@ -15,12 +15,11 @@ from pipeline.model import CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.currents.cf.adapter import CfFiles
-from pipeline.sources.currents.copernicus.acceptance import accept
-from pipeline.sources.currents.embedded import EmbeddedTable
-from pipeline.sources.quality.field import Field, LandMask
-from pipeline.sources.quality.gaps import water_without_data
-from tests.pipeline.sources.currents.copernicus import test_acceptance
+from pipeline.sources.cf.adapter import CfFiles
+from pipeline.sources.copernicus.acceptance import accept
+from pipeline.sources.embedded import EmbeddedTable
+from pipeline.sources.quality.field import Field, LandMask, water_without_data
+from tests.pipeline.sources.copernicus import test_acceptance
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 # Cuyo: islands of some kilometres in open water, 0.05 degrees apart from most gaps of a grid.

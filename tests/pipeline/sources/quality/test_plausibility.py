@@ -15,11 +15,15 @@ from pipeline.model import Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.currents.embedded import EmbeddedTable
-from pipeline.sources.quality.component_signs import FLIPPED, SWAPPED
+from pipeline.sources.embedded import EmbeddedTable
 from pipeline.sources.quality.field import Field, LandMask
-from pipeline.sources.quality.plausibility import Assessment, count_misplaced
-from pipeline.sources.quality.series import assess_series
+from pipeline.sources.quality.plausibility import (
+    FLIPPED,
+    SWAPPED,
+    Assessment,
+    assess_series,
+    count_misplaced,
+)
 from tests.pipeline.sources.quality.faulty_fields import (
     ISLANDS,
     OCEAN,

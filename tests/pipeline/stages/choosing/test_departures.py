@@ -16,9 +16,8 @@ from pipeline.formats.figures.departure_plot import departure_figure, departure_
 from pipeline.formats.shared.departure_text import departure_text
 from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
-from pipeline.machine.storage.store import Made, Store
-from pipeline.model import DepartureChoice
-from pipeline.model.notes import Note
+from pipeline.machine.store import Made, Store
+from pipeline.model import DepartureChoice, Note
 from pipeline.scenario.season import Season
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts

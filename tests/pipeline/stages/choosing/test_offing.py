@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import renew
 from pipeline.scenario import catalogue
-from pipeline.scenario.vessel import VesselSpec
+from pipeline.scenario.catalogue import VesselSpec
 from pipeline.stages.choosing.offing import passable_offing, wanted_offing_m
 
 FAR_M, MILE_M = 1e6, 1852.0

@@ -16,8 +16,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import run
-from pipeline.scenario.loading import load_scenario, parse_scenario
-from pipeline.scenario.toml_text import scenario_text
+from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.sources.quality.field import Field
 from pipeline.stages.projecting.avoided_areas import later
 from pipeline.voyage.request import VoyageRequest, voyage_scenario

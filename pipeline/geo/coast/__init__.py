@@ -1,1 +1,0 @@
-"""Reduces a coast of a hundred thousand vertices to some hundreds that still cover all land."""

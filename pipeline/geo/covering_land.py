@@ -1,0 +1,156 @@
+"""Polygons of few vertices around land, or inside it: simplified, then buffered by the cut.
+
+Only polygons that overlap afterwards are joined, and there is no limit on vertices: every strait
+stays open that is wider than twice the margin and the tolerance together.
+
+Every ring is simplified by itself (Douglas and Peucker, *Algorithms for the reduction of the number
+of points required to represent a digitized line or its caricature*, 1973). The ring can be deformed
+into the simplified one with no point moving by more than the cut. So a point that is further than
+the cut from the simplified ring is inside it if and only if it was inside the original: a buffer
+outwards by the cut covers the area, and a buffer inwards lies within it. (shapely's own
+simplification of polygons drops lobes where a ring crosses itself.)
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline._types import FloatArray, Geometries
+
+# Share of the tolerance that is cut before the buffer. The rest is cut after it, which also removes
+# vertices that the buffer adds. Of the shares that were tried, this left the fewest vertices.
+_BEFORE = 1 / 3
+# Segments per quarter circle of a round corner, most of whose vertices are removed again. A mitre
+# would take fewer, but make capes longer, and so shut straits between them.
+_QUADRANT_SEGMENTS = 5
+# Factor on a buffer's radius, so that its corners also reach as far as the radius: GEOS rounds the
+# number of segments of a corner, so that each may be half as long again, and simplifies a line by
+# about 1 % of the radius before it buffers the line.
+_REACH = 1.02 / math.cos(1.5 * math.pi / (4 * _QUADRANT_SEGMENTS))
+
+
+def covering_land(
+    polygons: Geometries, tolerance_m: float, margin_m: float, endpoints: FloatArray
+) -> Geometries:
+    """Cover polygons and a margin around them by disjoint polygons of fewer vertices.
+
+    The new coast is at most margin plus tolerance (planar metres) from the land, or 1.05 times the
+    margin if that is more. Enclosed water becomes land, unless it holds one of the endpoints
+    (n, 2); without endpoints it stays water.
+    """
+    # The cuts and the buffer that covers them move the coast; the tolerance is reduced by the
+    # amount that the buffer's factor adds to the margin.
+    cut_m = max(0.0, tolerance_m - (_REACH - 1) * margin_m) / (1 + _REACH)
+    radius_m = (cut_m + margin_m) * _REACH
+    rough = thinned(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
+    grown = shapely.buffer(
+        np.concatenate([rough.areas, rough.outlines]), radius_m, quad_segs=_QUADRANT_SEGMENTS
+    )
+    land = _without_lakes(_united(grown), endpoints)
+    smooth = _united(thinned(land, (1 - _BEFORE) * cut_m).areas)
+    # Filling may enclose other water: its islands are united with the land around.
+    return _united(_without_lakes(smooth, endpoints))
+
+
+def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geometries:
+    """Return polygons of fewer vertices inside others, at least the margin away from their coast.
+
+    They overlap where the given ones do. All land further from the coast than margin plus twice the
+    tolerance (planar metres; 5 % more) is inside, except for narrow necks.
+    """
+    rough = thinned(polygons, _BEFORE * tolerance_m)
+    radius_m = (tolerance_m + margin_m) * _REACH
+    shrunk = shapely.buffer(rough.areas, -radius_m, quad_segs=_QUADRANT_SEGMENTS)
+    has_area = ~shapely.is_empty(rough.areas[rough.owner])
+    owner = rough.owner[has_area]
+    around = shapely.buffer(rough.outlines[has_area], radius_m, quad_segs=_QUADRANT_SEGMENTS)
+    for index in np.unique(owner):
+        shrunk[index] = shapely.difference(shrunk[index], shapely.union_all(around[owner == index]))
+    cut_m = (1 - _BEFORE) * tolerance_m
+    return _parts(thinned(_parts(shrunk), cut_m).areas)
+
+
+def _united(areas: Geometries) -> Geometries:
+    """Unite areas that overlap; the polygons returned are disjoint."""
+    # Much faster than one union of all: most polygons are far from each other.
+    return _parts(shapely.disjoint_subset_union_all(areas))
+
+
+def _parts(areas: Geometries | BaseGeometry) -> Geometries:
+    """Split areas into polygons."""
+    parts = shapely.get_parts(areas)
+    return np.asarray(parts[~shapely.is_empty(parts)])
+
+
+def _without_lakes(polygons: Geometries, endpoints: FloatArray) -> Geometries:
+    """Fill holes of polygons that hold no endpoint; islands in a hole stay and overlap."""
+    rings, owner = shapely.get_rings(polygons, return_index=True)
+    is_hole = np.diff(owner, prepend=-1) == 0
+    if len(endpoints) == 0 or not is_hole.any():
+        return polygons
+    kept = ~is_hole
+    lakes = shapely.polygons(rings[is_hole])
+    held = shapely.STRtree(lakes).query(shapely.points(endpoints), predicate="intersects")[1]
+    kept[np.flatnonzero(is_hole)[held]] = True
+    return np.asarray(shapely.polygons(rings[kept], indices=owner[kept]))
+
+
+# Number of coordinates of the shortest ring: a closed triangle.
+_MIN_RING = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Thinned:
+    """Areas (n,) of fewer vertices: valid, some of them empty or in several parts.
+
+    `outlines` are parts of simplified rings that bound no area, because a ring crosses itself or
+    collapsed to a line; `owner` has the indices of their areas. The cut is measured from them too.
+    """
+
+    areas: Geometries
+    outlines: Geometries
+    owner: npt.NDArray[np.intp]
+
+
+def thinned(polygons: Geometries, cut_m: float) -> Thinned:
+    """Remove vertices of polygons (n,) by moving no part of a ring further than the cut."""
+    rings, owner = shapely.get_rings(polygons, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    lines = shapely.linestrings(points, indices=ring)
+    lines = shapely.simplify(lines, cut_m, preserve_topology=False)
+    size = shapely.get_num_coordinates(lines)
+    is_shell = np.diff(owner, prepend=-1) != 0
+    has_area = (size >= _MIN_RING) & (size[is_shell] >= _MIN_RING)[owner]
+    areas = _from_rings(lines[has_area], owner[has_area], len(polygons))
+    crossed = ~shapely.is_valid(areas)
+    areas[crossed] = shapely.make_valid(areas[crossed], method="structure", keep_collapsed=False)
+    lines[~has_area] = _open_where_collapsed(lines[~has_area])
+    inside = has_area & crossed[owner]
+    lines[inside] = shapely.difference(lines[inside], shapely.boundary(areas[owner[inside]]))
+    outlined = (~has_area | inside) & ~shapely.is_empty(lines)
+    return Thinned(areas, lines[outlined], owner[outlined])
+
+
+def _from_rings(lines: Geometries, owner: npt.NDArray[np.intp], count: int) -> Geometries:
+    """Build polygons (count,) of closed lines, the shell first; empty if there are no lines."""
+    areas = np.full(count, shapely.Polygon(), dtype=object)
+    if len(lines):
+        points, ring = shapely.get_coordinates(lines, return_index=True)
+        there, polygon = np.unique(owner, return_inverse=True)
+        areas[there] = shapely.polygons(shapely.linearrings(points, indices=ring), indices=polygon)
+    return areas
+
+
+def _open_where_collapsed(lines: Geometries) -> Geometries:
+    """Turn closed lines that lead to a point and back into open lines to that point."""
+    opened = lines.copy()
+    collapsed = shapely.get_num_coordinates(lines) < _MIN_RING
+    ends = [shapely.get_point(lines[collapsed], i) for i in (0, 1)]
+    opened[collapsed] = shapely.linestrings(
+        np.stack([shapely.get_coordinates(end) for end in ends], axis=1)
+    )
+    return opened

@@ -1,0 +1,277 @@
+"""What sources deliver: land and currents with their credits, and notes on them.
+
+A note is what a reader should know beside the result, as values without words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline._types import FloatArray
+from pipeline.geo.earth import position_text
+from pipeline.geo.known_cells import DepthCover, KnownCells
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place in degrees, or in a plane's metres."""
+
+    x: float
+    y: float
+    is_planar: bool = False
+
+    @property
+    def text(self) -> str:
+        """The place for a reader."""
+        return (
+            f"({self.x:.6g}, {self.y:.6g}) m" if self.is_planar else position_text(self.x, self.y)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something that a reader should know; `pipeline.formats.shared.note_words` puts it in words.
+
+    Attributes
+    ----------
+    kind : what it is about, one of the kinds for which there are words.
+    values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
+        units are in the names.
+    seasons : the seasons that it is about; empty where it is about all.
+    """
+
+    kind: str
+    values: tuple[tuple[str, object], ...] = ()
+    seasons: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, kind: str, **values: object) -> Note:
+        """Return a note with its values."""
+        return cls(kind, tuple(values.items()))
+
+    def about(self, *seasons: str) -> Note:
+        """Return the note about some seasons."""
+        return replace(self, seasons=seasons)
+
+
+Say = Callable[[Note], None]
+"""Reports a note while a stage is at work."""
+
+
+def of_seasons(notes: Mapping[str, Iterable[Note]]) -> tuple[Note, ...]:
+    """Return notes by season as each note once, about all its seasons."""
+    seasons: dict[Note, list[str]] = {}
+    for season, own in notes.items():
+        for note in dict.fromkeys(own):
+            seasons.setdefault(note, []).append(season)
+    return tuple(note.about(*names) for note, names in seasons.items())
+
+
+@dataclass(frozen=True, slots=True)
+class Credit:
+    """A source that was used, and the credit line that its licence requires."""
+
+    name: str
+    kind: Literal["land", "current"]
+    text: str
+    licence: str
+    url: str = ""
+    retrieved: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """An area of a chart to be shown on maps (lon/lat degrees).
+
+    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
+    area is covered by no source: all are no-go, and so also among the polygons of their Land. A
+    `restricted` area and a `traffic` scheme may be entered; `rule` is what the chart prescribes
+    there for a passing vessel, if anything. Areas of the user's are `shut` at the hours that the
+    rule names.
+    """
+
+    kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
+    name: str
+    rule: str
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class DepthArea:
+    """Water of a chart between two depths in metres at chart datum, NaN where not charted.
+
+    A negative depth dries. `area` is in lon/lat degrees.
+    """
+
+    kind: Literal["natural", "dredged"]
+    least_m: float
+    greatest_m: float
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceName:
+    """A chart's name for some land: a point on it (degrees), and how large it is (square degrees).
+
+    Areas are compared with each other only.
+    """
+
+    name: str
+    lon: float
+    lat: float
+    area_deg2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """All that no route may enter (lon/lat degrees), in the region and a little beyond.
+
+    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
+    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
+    source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
+    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
+    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
+    of land, where it has any. `depths` says where the chart has depths; None where it has none at
+    all. `depth_areas` are its areas of equal depth, where it has any.
+    """
+
+    polygons: tuple[Polygon, ...]
+    credits: tuple[Credit, ...]
+    accuracy_m: float
+    notes: tuple[Note, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    second_shore: tuple[Polygon, ...] = ()
+    places: tuple[PlaceName, ...] = ()
+    depths: DepthCover | None = None
+    depth_areas: tuple[DepthArea, ...] = ()
+
+    @property
+    def no_go_name(self) -> str:
+        """What no route may enter, for readers."""
+        return no_go_name(has_depths=self.depths is not None)
+
+
+def no_go_name(*, has_depths: bool) -> str:
+    """What no route may enter, for readers: on a chart with depths it is more than land."""
+    return "no-go areas" if has_depths else "land"
+
+
+@dataclass(frozen=True, slots=True)
+class PassedOver:
+    """A source of currents that was preferred but could not be used, and why, in one line."""
+
+    source: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentGrid:
+    """A season's surface current on a lon/lat grid, at one or several times.
+
+    Attributes
+    ----------
+    lon, lat : (nx,) and (ny,), ascending, degrees.
+    u, v : (nt, ny, nx), m/s to east and to north; NaN where the source has no water, which is the
+        same at all times.
+    times_s : (nt,), ascending, seconds since the season's departure; of a steady current one.
+    valid : the time that the field is valid for, as the source names it.
+    notes : what a reader should know about the field.
+    files : names and hashes of the files it came from.
+    climatology_for : the season's own time where the field is a climatology in its place, or "".
+    passed_over : the sources that the scenario prefers to this one, in its order.
+    """
+
+    season: str
+    lon: FloatArray
+    lat: FloatArray
+    u: FloatArray
+    v: FloatArray
+    valid: str
+    credit: Credit
+    notes: tuple[Note, ...] = ()
+    files: tuple[tuple[str, str], ...] = ()
+    climatology_for: str = ""
+    passed_over: tuple[PassedOver, ...] = ()
+    times_s: FloatArray = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def cells(self) -> KnownCells:
+        """Which of its cells have a figure."""
+        return KnownCells(self.lon, self.lat, np.isfinite(self.u[0]) & np.isfinite(self.v[0]))
+
+    @property
+    def changes(self) -> bool:
+        """Whether it changes during the voyage."""
+        return len(self.times_s) > 1
+
+    @property
+    def change_notes(self) -> tuple[Note, ...]:
+        """Say by how many time steps it changes; nothing of a steady one."""
+        return (Note.of("current-changes", steps=len(self.times_s)),) if self.changes else ()
+
+    @property
+    def at_departure(self) -> tuple[FloatArray, FloatArray]:
+        """The components (ny, nx) at departure, linear between the times around it."""
+        if not self.changes:
+            return self.u[0], self.v[0]
+        after = int(np.clip(np.searchsorted(self.times_s, 0.0), 1, len(self.times_s) - 1))
+        begin, end = self.times_s[after - 1 : after + 1]
+        share = float(np.clip(-begin / (end - begin), 0.0, 1.0))
+        u, v = ((1 - share) * part[after - 1] + share * part[after] for part in (self.u, self.v))
+        return u, v
+
+    @property
+    def is_stand_in(self) -> bool:
+        """Whether this is not the current that the scenario asks for first."""
+        return bool(self.passed_over or self.climatology_for)
+
+    @property
+    def stand_in_notes(self) -> tuple[Note, ...]:
+        """What the season was planned on in place of its first choice; empty where it is that."""
+        source, valid, asked = self.credit.name, self.valid, self.climatology_for
+        if asked:
+            return (Note.of("climatology-stands-in", source=source, valid=valid, asked=asked),)
+        used = Note.of("current-stands-in", source=source, valid=valid)
+        return (used,) if self.passed_over else ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """Data from the sources: land, and one current grid per season.
+
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` says
+    which preferred sources were passed over and why, and what to know about the others.
+    """
+
+    land: Land
+    currents: tuple[CurrentGrid, ...]
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def stand_in_notes(self) -> tuple[Note, ...]:
+        """Those of the notes that only name what was used in place of a first choice."""
+        return of_seasons({grid.season: grid.stand_in_notes for grid in self.currents})
+
+
+def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
+    """Notes on the currents of all seasons, and on the sources passed over for them."""
+    return of_seasons(
+        {
+            grid.season: (
+                *grid.change_notes,
+                *grid.notes,
+                *(
+                    Note.of("source-passed-over", source=passed.source, reason=passed.reason)
+                    for passed in grid.passed_over
+                ),
+                *grid.stand_in_notes,
+            )
+            for grid in currents
+        }
+    )

@@ -1,0 +1,139 @@
+"""Times of a scenario: periods that currents are valid for, intervals, departures to choose from.
+
+A period is a month, a day or an instant, always UTC. An interval is written as '30min', '6h' or
+'1d'.
+"""
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Annotated
+
+from pydantic import AfterValidator, AwareDatetime, Field
+
+from pipeline.scenario.strict import Integer, StrictModel
+
+# Forms of a season's `valid`; whether the date exists is checked by `datetime`.
+_INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """The time from `begin` up to `end`, aware UTC datetimes; an instant where they are equal."""
+
+    begin: datetime
+    end: datetime
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is a single moment, without duration."""
+        return self.begin == self.end
+
+
+def period(valid: str) -> Period:
+    """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; else ValueError with the remedy."""
+    try:
+        if _INSTANT.fullmatch(valid):
+            moment = datetime.strptime(valid, "%Y-%m-%dT%H:%MZ").replace(tzinfo=UTC)
+            return Period(moment, moment)
+        if _DAY.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m-%d").replace(tzinfo=UTC)
+            return Period(begin, begin + timedelta(days=1))
+        if _MONTH.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m").replace(tzinfo=UTC)
+            return Period(begin, (begin + timedelta(days=31)).replace(day=1))
+        reason = "it has another form"
+    except (ValueError, OverflowError) as error:
+        reason = str(error)
+    raise ValueError(
+        f"{valid!r} is not a time ({reason}): give a month 'YYYY-MM', a day 'YYYY-MM-DD' or an "
+        "instant 'YYYY-MM-DDTHH:MMZ', in UTC"
+    )
+
+
+_INTERVAL = re.compile(r"(\d{1,4})(min|h|d)", re.ASCII)
+_UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1)}
+
+
+def interval(text: str) -> timedelta:
+    """Read an interval.
+
+    Raises
+    ------
+    ValueError
+        The text is no interval, or 0.
+    """
+    found = _INTERVAL.fullmatch(text)
+    if not found:
+        raise ValueError(f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'")
+    if not int(found[1]):
+        raise ValueError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
+    return int(found[1]) * _UNITS[found[2]]
+
+
+def _checked(text: str) -> str:
+    """Refuse what is no interval."""
+    interval(text)
+    return text
+
+
+Interval = Annotated[str, AfterValidator(_checked)]
+
+
+Every = Annotated[
+    Interval,
+    Field(description="Time from one departure to the next. Give '30min', '6h' or '1d'."),
+]
+Count = Annotated[
+    Integer,
+    Field(
+        ge=1,
+        le=10_000,
+        description="Number of departures. Give a whole number from 1 to 10,000.",
+    ),
+]
+
+
+class DepartureTimes(StrictModel):
+    """Times at which the vessel may leave: `count` of them from `first` on, `every` apart."""
+
+    first: AwareDatetime = Field(
+        description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",
+        examples=["2026-07-01T06:00:00Z"],
+    )
+    every: Every = "1h"
+    count: Count = Field(examples=[24])
+
+    @property
+    def begin(self) -> datetime:
+        """The first departure, UTC."""
+        return self.first.astimezone(UTC)
+
+    @property
+    def window(self) -> timedelta:
+        """Time from the first departure to the last."""
+        return (self.count - 1) * interval(self.every)
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """All departures, in seconds after the first."""
+        return tuple((i * interval(self.every)).total_seconds() for i in range(self.count))
+
+
+# Name of the season of a departure that nobody named.
+_NAME = "%Y-%m-%dt%H%Mz"
+
+
+def departure_name(departure: datetime) -> str:
+    """Name the season of a departure, UTC: 2026-11-22t0600z."""
+    return departure.strftime(_NAME)
+
+
+def named_departure(season: str) -> datetime | None:
+    """Return the departure, UTC, that a season is named by; None where it has a name of its own."""
+    try:
+        return datetime.strptime(season, _NAME).replace(tzinfo=UTC)
+    except ValueError:
+        return None

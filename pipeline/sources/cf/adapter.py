@@ -1,0 +1,353 @@
+"""Currents from the user's own files: NetCDF or Zarr by the CF conventions.
+
+Only the region's part of the steps needed is read. Each field is checked (speeds, directions, gaps,
+position) in a wider window than the planner is given, as faults are easier to detect there. The
+fields are read one after the other, as all of them would not fit in memory.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from pipeline._types import BoolArray, FloatArray
+from pipeline.errors import RequestError
+from pipeline.machine.paths import require_readable
+from pipeline.machine.store import file_hash
+from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.scenario.season import Season
+from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
+from pipeline.sources.cf.dataset import is_zarr
+from pipeline.sources.cf.grid import (
+    FieldReader,
+    Window,
+    coverage_faults,
+    covered_bounds,
+    find_window,
+)
+from pipeline.sources.cf.slices import SelectedSlices, select_slices
+from pipeline.sources.interfaces import CurrentSource, Issue
+from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
+from pipeline.sources.quality.field import Field, LandMask, water_without_data
+from pipeline.sources.quality.plausibility import (
+    OFFSHORE_CELLS,
+    Assessment,
+    assess_series,
+    count_misplaced,
+    dilated,
+)
+
+# Half size of the window in which a file is checked, around the middle of the region: cells, or
+# degrees where these are less; and the latitude at which it ends.
+_CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
+_DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
+# Length to which a title is cut, characters.
+_MAX_NAME_LENGTH = 100
+# Names of a Zarr store's metadata files.
+_ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
+
+
+@dataclass(frozen=True)
+class CfFiles(CurrentSource):
+    """Files that belong together, given by paths and patterns."""
+
+    paths: tuple[str, ...]
+
+    def identity(self, season: Season) -> tuple[str, ...]:
+        """Hashes of the files that contain the season's steps; "nothing" where there are none."""
+        try:
+            contents, slices = self._selected(season)
+        except (RequestError, ValueError):
+            return ("nothing", *self.paths)
+        hashes = (digest for _, digest in _file_hashes(contents, slices))
+        about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
+        return ("cf", *hashes, season.valid, about, slices.valid)
+
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+        """Say why the files can't give the season's current; empty when they can."""
+        try:
+            contents = self._contents()
+        except RequestError as error:
+            return "; ".join(error.faults)
+        faults = coverage_faults(contents, region.bounds)
+        try:
+            select_slices(contents, season)
+        except ValueError as error:
+            faults.append(str(error))
+        return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the part that the files' grid covers."""
+        del season
+        try:
+            return covered_bounds(self._contents(), region.bounds)
+        except RequestError:
+            return None
+
+    def issue(self, season: Season) -> Issue:
+        """Return the files' reference time, their first and last time step, and their hash."""
+        del season
+        contents = self._contents()
+        moments = contents.steps.moments
+        hashes = "".join(_hash(file, _stamp(file)) for file in contents.files)
+        return Issue(
+            contents.reference_time,
+            moments[0] if moments else None,
+            moments[-1] if moments else None,
+            hashlib.sha256(hashes.encode()).hexdigest(),
+        )
+
+    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Read the region's part, checked against the land of the world in a wider window."""
+        del land, folder
+        try:
+            contents, slices = self._selected(season)
+        except ValueError as error:
+            raise RequestError([f"{name_of(find_files(self.paths))}: {error}"]) from None
+        name = name_of(contents.files)
+        bounds = _with_margin(contents, region.bounds)
+        window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+        mask = LandMask.world()
+        try:
+            found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
+        except ValueError as error:
+            raise RequestError([str(error)]) from None
+        if found.assessment.faults:
+            reason = "; ".join(found.assessment.faults)
+            raise RequestError([f"{name} is refused: {reason}; correct it, or give another file"])
+        lacking = water_without_data(found.wide, mask, region)
+        grid = CurrentGrid(
+            season=season.name,
+            lon=found.lon,
+            lat=found.lat,
+            u=found.u,
+            v=found.v,
+            times_s=np.array(slices.times_s),
+            valid=slices.valid,
+            credit=_credit(contents),
+            notes=(
+                *contents.notes,
+                *slices.notes,
+                *found.notes,
+                *((lacking.note,) if lacking else ()),
+                *(
+                    Note.of("current-doubtful", source=name, warning=warning)
+                    for warning in found.assessment.warnings
+                ),
+            ),
+            files=_file_hashes(contents, slices),
+            climatology_for=season.valid if slices.is_climatology else "",
+        )
+        # Empty unless it is a climatology: what was passed over is not known here.
+        return replace(grid, notes=(*grid.notes, *grid.stand_in_notes))
+
+    def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
+        """Read what the files contain, and select the season's fields."""
+        contents = self._contents()
+        return contents, select_slices(contents, season)
+
+    def _contents(self) -> Contents:
+        """Read what the files contain, again only when they have changed."""
+        files = find_files(self.paths)
+        return _read_version(files, tuple(_stamp(file) for file in files))
+
+
+def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
+    """Name and hash of each file that contains selected steps."""
+    steps = {step for weights in slices.weights for step in weights}
+    parts = [contents.u[contents.u_index[step][0]] for step in steps]
+    parts += [contents.v[contents.v_index[step][0]] for step in steps]
+    used = sorted({part.file for part in parts})
+    return tuple((file.name, _hash(file, _stamp(file))) for file in used)
+
+
+@lru_cache(maxsize=4)
+def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
+    """Read what files with these stamps contain."""
+    del stamps
+    return read_contents(files)
+
+
+def _stamp(file: Path) -> str:
+    """Size and time of change; for a Zarr store, of each of its files.
+
+    Any other folder, which is none of ours to look through, is refused when it is opened.
+    """
+    parts = [file]
+    if is_zarr(file):
+        parts = sorted(part for part in file.rglob("*") if not part.is_dir())
+        require_readable((part for part in parts if not part.is_file()), file.name)
+    return "\n".join(
+        f"{part.relative_to(file)} {part.stat().st_size} {part.stat().st_mtime_ns}"
+        for part in parts
+    )
+
+
+@lru_cache(maxsize=512)
+def _hash(file: Path, stamp: str) -> str:
+    """SHA-256 of a file; for a Zarr store, of its stamp and its metadata.
+
+    Its chunks enter by name, size and time of change only: a store may have terabytes.
+    """
+    if not file.is_dir():
+        return file_hash(file)
+    digest = hashlib.sha256(stamp.encode())
+    for part in sorted(file.rglob("*")):
+        if part.name in _ZARR_METADATA:
+            digest.update(part.read_bytes())
+    return digest.hexdigest()
+
+
+def _with_margin(contents: Contents, region: Bounds) -> Bounds:
+    """Bounds of a region with a margin of a few cells."""
+    lon_deg, lat_deg = contents.largest_cell
+    return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
+
+
+def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
+    """Bounds of the window in which a file is checked; they contain the bounds given."""
+    west, south, east, north = bounds
+    lon_half, lat_half = (
+        min(_MAX_CHECK_DEG, _CHECK_CELLS * float(np.median(np.abs(np.diff(axis)))))
+        for axis in (contents.lon, contents.lat)
+    )
+    lon, lat = (west + east) / 2, (south + north) / 2
+    return (
+        min(west, lon - lon_half),
+        min(south, max(lat - lat_half, -_MAX_CHECK_LATITUDE)),
+        max(east, lon + lon_half),
+        max(north, min(lat + lat_half, _MAX_CHECK_LATITUDE)),
+    )
+
+
+def _credit(contents: Contents) -> Credit:
+    """Credit from the files' global attributes."""
+    given = {key.lower(): " ".join(value.split()) for key, value in contents.attributes.items()}
+    name = given.get("title") or f"{name_of(contents.files)}, user's file"
+    text = [given[key] for key in ("title", "institution", "credit", "source") if given.get(key)]
+    doi = _DOI.search(" ".join(given.get(k, "") for k in ("doi", "id", "references", "license")))
+    references = given.get("references", "")
+    address = references if references.startswith("http") else ""
+    return Credit(
+        name=name[:_MAX_NAME_LENGTH],
+        kind="current",
+        text="; ".join(dict.fromkeys(text)) or name,
+        licence=given.get("license") or given.get("licence") or "",
+        url=f"https://doi.org/{doi[0]}" if doi else address,
+    )
+
+
+# Speed limit, m/s: tides in the narrowest straits come near it, no water is faster.
+_SPEED_LIMIT_M_S = 10.0
+# Share of the region's open water without data above which a file is refused; smaller gaps are
+# filled from the water around.
+_GAP_FAULT_SHARE = 0.2
+# Share of the cells far inland with data, from which the field's gaps say nothing of its position.
+_FILLED_LAND_SHARE = 0.5
+# Zeros mean "no data" where at least this share of land and at most this share of water is zero.
+_MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
+
+
+@dataclass(frozen=True)
+class CheckedFields:
+    """The fields on the kept part of the grid, what was found, and the first one in the window.
+
+    `lon` (nx,) and `lat` (ny,) are in degrees, `u` and `v` (nt, ny, nx) in m/s.
+    """
+
+    lon: FloatArray
+    lat: FloatArray
+    u: FloatArray
+    v: FloatArray
+    wide: Field
+    assessment: Assessment
+    notes: tuple[Note, ...]
+
+
+def read_checked_fields(
+    contents: Contents,
+    slices: SelectedSlices,
+    window: Window,
+    mask: LandMask,
+    bounds: Bounds,
+    region: Bounds,
+) -> CheckedFields:
+    """Read fields in a window, look at each, and keep what lies inside `bounds`.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged.
+    """
+    kept: list[Field] = []
+    with FieldReader(contents, window) as reader:
+        first = reader.field(slices.weights[0])
+        last = reader.field(slices.weights[-1]) if len(slices.weights) > 1 else first
+        zeros, notes = _zeros_on_land((first, last), mask)
+        first = _without(first, zeros)
+
+        def fields() -> Iterator[Field]:
+            for weights in slices.weights:
+                wide = _without(reader.field(weights), zeros) if kept else first
+                kept.append(_cropped(wide, bounds))
+                yield wide
+
+        assessment = assess_series(fields(), slices.labels, mask, _SPEED_LIMIT_M_S)
+    assessment += _assess_gaps(first, mask, region)
+    if kept[0].gap.all():
+        assessment += Assessment(("it has no data in the region",))
+    u, v = (np.stack([getattr(field, name) for field in kept]) for name in "uv")
+    return CheckedFields(kept[0].lon, kept[0].lat, u, v, first, assessment, notes)
+
+
+def _cropped(field: Field, bounds: Bounds) -> Field:
+    """Part of a field inside bounds."""
+    west, south, east, north = bounds
+    x = (field.lon >= west) & (field.lon <= east)
+    y = (field.lat >= south) & (field.lat <= north)
+    return Field(field.lon[x], field.lat[y], field.u[np.ix_(y, x)], field.v[np.ix_(y, x)])
+
+
+def _zeros_on_land(
+    fields: Sequence[Field], mask: LandMask
+) -> tuple[BoolArray | None, tuple[Note, ...]]:
+    """Cells (ny, nx) whose zeros stand for land, as they would slow the water beside it; a note.
+
+    Those that are zero in each of some fields: where the water turns it stands still for a while.
+    """
+    zero = np.logical_and.reduce([(field.u == 0) & (field.v == 0) for field in fields])
+    if not zero.any():
+        return None, ()
+    is_land = mask.on_grid(fields[0].lon, fields[0].lat)
+    water = ~dilated(is_land, OFFSHORE_CELLS)
+    if not is_land.any() or zero[is_land].mean() < _MIN_ZERO_LAND_SHARE or not water.any():
+        return None, ()
+    if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
+        return None, ()
+    return zero, (Note.of("zeros-are-land"),)
+
+
+def _without(field: Field, cells: BoolArray | None) -> Field:
+    """A field with gaps in place of some cells (ny, nx)."""
+    if cells is None:
+        return field
+    u, v = (np.where(cells, np.nan, part) for part in (field.u, field.v))
+    return Field(field.lon, field.lat, u, v)
+
+
+def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
+    """Whether the region's open water has data, and its land has none."""
+    (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
+    warnings: tuple[str, ...] = ()
+    if inland > _FILLED_LAND_SHARE * max(dry, 1):
+        warnings = ("it has data on land, so that a shift can't be detected",)
+    share = gaps / max(water, 1)
+    if share <= _GAP_FAULT_SHARE:
+        return Assessment((), warnings)
+    message = f"{share:.0%} of the region's open water has no data, which is too much to fill"
+    return Assessment((message,), warnings)

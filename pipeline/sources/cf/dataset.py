@@ -1,0 +1,331 @@
+"""Opening the user's files of currents, NetCDF or Zarr: damage gets one line, sizes are limited.
+
+The libraries below raise errors of many kinds about damaged files, and read as much as a file
+declares. So each call of them is made here or inside `reading`, and sizes are checked before.
+
+The library reads zeros beyond the end of a truncated NetCDF file of a classic format. So its header
+is read here, which states where each variable begins; see "File Format Specifications" in the
+NetCDF User's Guide (CDF-1, CDF-2 and CDF-5). All numbers are big endian, and all items are padded
+to 4 bytes. No library does this: SciPy, which maps the whole file, does not know CDF-5.
+
+On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first opened in a process of
+its own, for which this file is run as a module. That process opens the files that its input names,
+one a line, and says on its error stream which one it has begun, so that its end, or its deadline,
+tells which one is damaged.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import struct
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from signal import Signals
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline._types import FloatArray
+from pipeline.machine.interpreters import ProcessResult, run_python
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# First bytes of a NetCDF 4 file.
+_HDF5 = b"\x89HDF"
+# Files that make a folder a Zarr store.
+_ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
+# Largest number of values of an axis: 57 years of hours, or cells of 80 m round the world.
+_MAX_AXIS = 500_000
+# Largest size of a chunk, bytes: one value of it can't be read without all of it.
+_MAX_CHUNK_BYTES = 512 << 20
+# Kinds of NumPy types that are numbers, and those that are text.
+_NUMBERS, _TEXT = "iuf", "SUO"
+# Length to which a message of a library is cut, characters.
+_MAX_REASON = 200
+
+
+def is_zarr(path: Path) -> bool:
+    """Whether a path is that of a Zarr store."""
+    return path.is_dir() and any((path / name).is_file() for name in _ZARR_MARKERS)
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a file says that it is NetCDF 4, and so HDF5."""
+    try:
+        with path.open("rb") as file:
+            return file.read(4) == _HDF5
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def reading() -> Iterator[None]:
+    """Turn what libraries raise about a file into a ValueError."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        # Doubts of the libraries about attributes; the values are checked themselves.
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - any kind, from five libraries
+            reason = " ".join(str(error).split()) or type(error).__name__
+            if len(reason) > _MAX_REASON:
+                reason = f"{reason[:_MAX_REASON]}…"
+            raise ValueError(f"it can't be read: {reason}; fetch it again") from None
+
+
+def open_dataset(path: Path) -> xr.Dataset:
+    """Open a file without reading values or decoding times; ValueError where that fails.
+
+    Attributes of variables become text, as damaged ones may be anything.
+    """
+    import xarray as xr
+
+    with reading():
+        store = _store(path)
+    if store is None:
+        raise ValueError("it is neither NetCDF nor Zarr; convert it, as with `cdo -f nc copy`")
+    try:
+        with reading():
+            sizes = {
+                str(name): variable.size
+                for name, variable in store.get_variables().items()
+                if tuple(variable.dims) == (name,)
+            }
+        for name, size in sizes.items():
+            _check_axis_size(name, size)
+        with reading():
+            dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
+    except ValueError:
+        store.close()
+        raise
+    for variable in dataset.variables.values():
+        variable.attrs = {str(key): str(value) for key, value in variable.attrs.items()}
+    return dataset
+
+
+def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a store's type is
+    """Open a file's store; None where it is neither NetCDF nor Zarr."""
+    if is_zarr(path):
+        from xarray.backends import ZarrStore
+
+        return ZarrStore.open_group(path, consolidated=False)
+    if path.is_file():
+        with path.open("rb") as file:
+            magic = file.read(4)
+        if magic.startswith(MAGIC) and (missing := missing_bytes(path)):
+            raise ValueError(f"it ends {missing:,} bytes before its last value")
+        if magic.startswith((_HDF5, MAGIC)):
+            from xarray.backends import NetCDF4DataStore
+
+            return NetCDF4DataStore.open(str(path))  # type: ignore[no-untyped-call]
+    return None
+
+
+def groups_of(path: Path) -> tuple[str, ...]:
+    """Return the names of a NetCDF file's groups, whose variables are not read."""
+    if is_zarr(path):
+        return ()
+    import netCDF4
+
+    with reading(), netCDF4.Dataset(path) as dataset:
+        return tuple(dataset.groups)
+
+
+def coordinate_values(dataset: xr.Dataset, name: str) -> FloatArray:
+    """Read a coordinate, or its bounds, as numbers; ValueError where it is something else."""
+    variable = dataset.variables[name]
+    _check_axis_size(name, variable.size)
+    check_is_number(name, variable)
+    with reading():
+        return np.asarray(variable.values, dtype=float)
+
+
+def check_is_number(name: str, variable: xr.Variable | xr.DataArray) -> None:
+    """Refuse a variable that holds text or anything else that is no number."""
+    if variable.dtype.kind not in _NUMBERS:
+        kind = "text" if variable.dtype.kind in _TEXT else "another type"
+        raise ValueError(f"{name} holds {kind}, not numbers; give it as numbers")
+
+
+def check_chunks(array: xr.DataArray) -> None:
+    """Refuse a variable whose chunks do not fit in memory."""
+    chunks = array.encoding.get("chunksizes") or array.encoding.get("chunks") or ()
+    size = math.prod(map(int, chunks)) * array.dtype.itemsize
+    if size > _MAX_CHUNK_BYTES:
+        raise ValueError(
+            f"{array.name} is stored in chunks of {size >> 20:,} MB, above "
+            f"{_MAX_CHUNK_BYTES >> 20}; divide them, as with `nccopy -c`"
+        )
+
+
+def _check_axis_size(name: str, size: int) -> None:
+    """Refuse an axis that has more values than any real one."""
+    if size > _MAX_AXIS:
+        raise ValueError(
+            f"{name} has {size:,} values, more than {_MAX_AXIS:,}; cut out the region and the time"
+        )
+
+
+MAGIC = b"CDF"
+# Size of a value by the number of its type, bytes.
+_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
+# Largest number of items of a list in a header: the library's own limit is 8192 variables.
+_MAX_ITEMS = 100_000
+# Formats of a count, and of a position in the file, by the format's number.
+_FORMATS = {1: (">I", ">I"), 2: (">I", ">Q"), 5: (">Q", ">Q")}
+
+
+def missing_bytes(path: Path) -> int:
+    """Return how many bytes a file ends before its last value; 0 where it is complete.
+
+    Raises
+    ------
+    ValueError, struct.error, LookupError
+        The header is damaged.
+    """
+    with path.open("rb") as file:
+        count, position = _FORMATS[file.read(4)[3]]
+
+        def number(form: str = count) -> int:
+            return int(struct.unpack(form, file.read(struct.calcsize(form)))[0])
+
+        def items() -> range:
+            if (length := number()) > _MAX_ITEMS:
+                raise ValueError(f"its header states {length:,} items")
+            return range(length)
+
+        def skip(size: int) -> None:
+            file.seek(_padded(size), 1)
+
+        def skip_attributes() -> None:
+            number(">I")
+            for _ in items():
+                skip(number())
+                skip(_SIZES[number(">I")] * number())
+
+        steps = number()
+        if steps == 2 ** (8 * struct.calcsize(count)) - 1:
+            return 0  # written as a stream: its end is the end of the file
+        lengths: list[int] = []
+        fixed, records = [(0, 0)], list[tuple[int, int]]()
+        number(">I")
+        for _ in items():
+            skip(number())
+            lengths.append(number())
+        skip_attributes()
+        number(">I")
+        for _ in items():
+            skip(number())
+            shape = [lengths[number()] for _ in items()]
+            skip_attributes()
+            size = _SIZES[number(">I")]
+            number()
+            begin = number(position)
+            # The length of the dimension that grows is stated as 0; it is always the first.
+            grows = shape[:1] == [0]
+            (records if grows else fixed).append((begin, size * math.prod(shape[grows:])))
+    # A step's parts are padded, unless there is one only.
+    step_bytes = sum(_padded(size) if len(records) > 1 else size for _, size in records)
+    ends = [begin + size for begin, size in fixed]
+    ends += [begin + (steps - 1) * step_bytes + size for begin, size in records if steps]
+    return max(0, max(ends) - path.stat().st_size)
+
+
+def _padded(size: int) -> int:
+    """Size of an item with its padding."""
+    return -(-size // 4) * 4
+
+
+# Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
+_START_S, _FILE_S = 60.0, 2.0
+# CPU time of the process, and for each file, s, where the system can limit it.
+_START_CPU_S, _FILE_CPU_S = 5.0, 0.2
+# Number of values of a variable up to which all are read, as an axis's are.
+_MAX_VALUES = 10_000
+
+
+# What was found of files with some size and time of change: how each is fatal; empty if it isn't.
+_found: dict[tuple[Path, int, int], str] = {}
+
+
+def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
+    """Return the NetCDF 4 files on which the library hangs or crashes, with how it does.
+
+    Those that were not looked at before are opened in one process, whose start takes most of it.
+    """
+    versions = {
+        file: (file, file.stat().st_size, file.stat().st_mtime_ns)
+        for file in files
+        if is_hdf5(file)
+    }
+    unknown = tuple(file for file, version in versions.items() if version not in _found)
+    fatal = dict(_fatal(unknown))
+    _found.update({versions[file]: fatal.get(file, "") for file in unknown})
+    return {file: _found[version] for file, version in versions.items() if _found[version]}
+
+
+def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
+    """Find the fatal ones of files."""
+    found = []
+    while files:
+        result = _run(files)
+        begun = [int(line) for line in result.stderr.split() if line.isdecimal()]
+        # Where the process itself can't start, reading the files shows whether that matters.
+        if not begun or (result.exit_code is not None and result.exit_code >= 0):
+            break
+        end = "hangs"
+        if result.exit_code is not None and Signals(-result.exit_code).name != "SIGXCPU":
+            end = f"ends by {Signals(-result.exit_code).name}"
+        fault = f"it is damaged: the HDF5 library {end} on it; fetch it again"
+        found.append((files[begun[-1]], fault))
+        files = files[begun[-1] + 1 :]
+    return tuple(found)
+
+
+def _run(files: tuple[Path, ...]) -> ProcessResult:
+    """Open files in a process."""
+    cpu_s = _START_CPU_S + _FILE_CPU_S * len(files)
+    return run_python(
+        ["-m", __name__],
+        "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
+        _START_S + _FILE_S * len(files),
+    )
+
+
+def main() -> None:
+    """Open the files that the input names."""
+    cpu_s, *files = sys.stdin.read().splitlines()
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s), int(cpu_s) + 1))
+    import netCDF4
+
+    for index, file in enumerate(files):
+        print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
+        # Whatever is raised is raised again where the file is read.
+        with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
+            dataset.set_auto_maskandscale(False)
+            for variable in dataset.variables.values():
+                with contextlib.suppress(Exception):
+                    _touch(variable)
+
+
+def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
+    """Read what describes a variable, and all of its values or some."""
+    for name in variable.ncattrs():
+        variable.getncattr(name)
+    variable.chunking()
+    if variable.size <= _MAX_VALUES:
+        variable[:]
+    else:
+        for corner in (0, -1):
+            variable[(corner,) * variable.ndim]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,261 @@
+"""Charts made of others: several as one, or one with a grid of depths.
+
+What any of several charts forbids is no-go. With depths, water too shallow for the vessel is no-go
+as well: the grid's cells that are too shallow, and one cell around them, as polygons.
+"""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, reduce
+from pathlib import Path
+
+import numpy as np
+import shapely
+from contourpy import FillType, contour_generator
+from scipy import ndimage
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline._types import FloatArray, Geometries
+from pipeline.errors import RequestError
+from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.machine.store import file_hash
+from pipeline.model import Credit, Land, Note, Zone
+from pipeline.sources.depth_file import DepthFile, Heights, name_of
+from pipeline.sources.interfaces import LandSource
+from pipeline.sources.land.polygons import box_around, extract_polygons
+from pipeline.sources.quality.field import LandMask
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """One or more sources of land as one."""
+
+    sources: tuple[LandSource, ...]
+
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """The identities of all sources, in their order."""
+        return tuple(part for source in self.sources for part in (*source.identity, ""))
+
+    def land(self, region: Polygon) -> Land:
+        """Return the land of all sources near a region (lon/lat degrees)."""
+        return overlay([source.land(region) for source in self.sources])
+
+
+def overlay(lands: Sequence[Land]) -> Land:
+    """Combine charts: no-go is what any of them forbids, and what none of them covers.
+
+    The accuracy of the coast is that of the least accurate chart.
+    """
+    zones = [zone for land in lands for zone in land.zones if zone.kind != "uncharted"]
+    blank = reduce(shapely.intersection, (_uncharted(land) for land in lands))
+    uncharted = extract_polygons(np.array([blank], dtype=object))
+    if len(uncharted):
+        zones.append(Zone("uncharted", "", "no chart covers it", shapely.union_all(uncharted)))
+    return Land(
+        polygons=(*(polygon for land in lands for polygon in land.polygons), *uncharted.tolist()),
+        credits=tuple(dict.fromkeys(credit for land in lands for credit in land.credits)),
+        accuracy_m=max(land.accuracy_m for land in lands),
+        notes=tuple(dict.fromkeys(note for land in lands for note in land.notes)),
+        zones=tuple(zones),
+        second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
+        places=tuple(place for land in lands for place in land.places),
+        depths=_depths(lands),
+        depth_areas=tuple(area for land in lands for area in land.depth_areas),
+    )
+
+
+def _depths(lands: Sequence[Land]) -> DepthCover | None:
+    """Where any of the charts has depths; None where none of them has any."""
+    found = [land.depths for land in lands if land.depths is not None]
+    return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
+
+
+def _uncharted(land: Land) -> BaseGeometry:
+    """The area that a chart does not cover."""
+    return shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])
+
+
+# Size in bytes above which a file is identified by its name, size and time of change, not by its
+# content: reading the whole of GEBCO, 7 GB, takes half a minute.
+_MAX_HASHED_BYTES = 500 << 20
+# Number of places along each side of the region at which heights are compared with the chart's
+# land; least number of places in water; largest share of those that may lie above the sea.
+_PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
+# A note is given if more than this share of the region has no depths.
+_MIN_NOTED_SHARE = 0.005
+
+
+@dataclass(frozen=True)
+class SoundedChart:
+    """Land of any source, with depths from a file; `safety_depth_m` is draught plus clearance."""
+
+    chart: LandSource
+    file: DepthFile
+    safety_depth_m: float
+
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """The land's identity, the safety depth, and the file's hash."""
+        path = self.file.path
+        status = path.stat()
+        digest = _hash(path, status.st_size, status.st_mtime_ns)
+        return (*self.chart.identity, "depths", f"{self.safety_depth_m!r}", digest)
+
+    def land(self, region: Polygon) -> Land:
+        """Return the land near a region (lon/lat degrees), and the water that is too shallow.
+
+        Raises
+        ------
+        RequestError
+            The source of the land raises it; or the file covers nothing of the region, is damaged,
+            or puts most of the water above the sea.
+        """
+        land = self.chart.land(region)
+        heights = self.file.heights(box_around(region).bounds)
+        name = name_of(self.file.path)
+        if heights is None or not _covered_share(heights, region):
+            fault = (
+                f"chart.depths: {name} covers nothing of the region; give a grid of the region, or "
+                "leave depths out"
+            )
+            raise RequestError([fault])
+        self._check_sign(heights, land, region)
+        shallow = shallow_polygons(heights, self.safety_depth_m)
+        rule = f"shallower than {self.safety_depth_m:g} m"
+        shoal = Zone("shoal", name, rule, _without_land(shallow, land))
+        cells = KnownCells(heights.lon, heights.lat, np.isfinite(heights.height_m))
+        areas = land.depths.areas if land.depths else ()
+        return replace(
+            land,
+            polygons=(*land.polygons, *shallow.tolist()),
+            credits=(*land.credits, self._credit()),
+            notes=(*land.notes, *self._notes(heights, region)),
+            zones=(*land.zones, shoal),
+            depths=DepthCover(areas, cells),
+        )
+
+    def _credit(self) -> Credit:
+        """Credit from the file's own attributes."""
+        name = self.file.title or f"{name_of(self.file.path)}, user's file"
+        return Credit(name, "land", f"Depths: {name}", self.file.licence)
+
+    def _notes(self, heights: Heights, region: Polygon) -> Iterator[Note]:
+        """Yield a note on what is no-go by depth, and one if part of the region has no depths."""
+        name, cell_m = name_of(self.file.path), _cell_m(heights)
+        depth_m = self.safety_depth_m
+        yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
+        lacking = 1 - _covered_share(heights, region)
+        if lacking > _MIN_NOTED_SHARE:
+            yield Note.of("depths-lacking", source=name, share=lacking)
+
+    def _check_sign(self, heights: Heights, land: Land, region: Polygon) -> None:
+        """Refuse heights by which most of the chart's water lies above the sea."""
+        west, south, east, north = region.bounds
+        lon, lat = (
+            axis[(axis >= low) & (axis <= high)]
+            for axis, low, high in ((heights.lon, west, east), (heights.lat, south, north))
+        )
+        lon, lat = (axis[:: max(1, axis.size // _PLACES)] for axis in (lon, lat))
+        if not (lon.size and lat.size):
+            return
+        rows, columns = np.searchsorted(heights.lat, lat), np.searchsorted(heights.lon, lon)
+        height_m = heights.height_m[np.ix_(rows, columns)]
+        known = np.isfinite(height_m) & ~LandMask.from_land(land, region.bounds).on_grid(lon, lat)
+        dry = float((height_m[known] > 0).mean()) if known.sum() >= _MIN_PLACES else 0.0
+        if dry > _MAX_DRY_SHARE:
+            sign = "up" if self.file.sign > 0 else "down"
+            fault = (
+                f"chart.depths: by {name_of(self.file.path)}, {dry:.0%} of the region's water lies "
+                f"above the sea: {self.file.variable} is read as positive {sign}, but may be "
+                f"positive {'down' if self.file.sign > 0 else 'up'}, or belong to another place; "
+                "set its attribute 'positive', or its standard name"
+            )
+            raise RequestError([fault])
+
+
+@lru_cache(maxsize=8)
+def _hash(path: Path, size: int, changed_ns: int) -> str:
+    """SHA-256 of a file; of its name, size and time of change where it is large."""
+    if size <= _MAX_HASHED_BYTES:
+        return file_hash(path)
+    return hashlib.sha256(f"{path.name} {size} {changed_ns}".encode()).hexdigest()
+
+
+def _cell_m(heights: Heights) -> float:
+    """Return the longer side of a cell, true metres."""
+    up = float(np.diff(heights.lat).max())
+    across = float(np.diff(heights.lon).max() * np.cos(np.radians(np.abs(heights.lat).min())))
+    return max(up, across) * METRES_PER_DEGREE
+
+
+def _covered_share(heights: Heights, region: Polygon) -> float:
+    """Return the share of a region's places at which the depth is known."""
+    west, south, east, north = region.bounds
+    steps = (np.arange(200) + 0.5) / 200
+    lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
+    inside = shapely.contains_xy(region, lon.ravel(), lat.ravel())
+    points = np.stack([lon.ravel(), lat.ravel()], axis=-1)[inside]
+    cells = KnownCells(heights.lon, heights.lat, np.isfinite(heights.height_m))
+    return float(cells.at(points).mean()) if len(points) else 0.0
+
+
+def _without_land(shallow: Geometries, land: Land) -> BaseGeometry:
+    """Return the part of shallow polygons that is water, for maps."""
+    ground = np.array(land.polygons, dtype=object)
+    meets = np.unique(shapely.STRtree(ground).query(shallow, predicate="intersects")[1])
+    dry = shapely.disjoint_subset_union_all(ground[meets])
+    parts = shapely.get_parts(shapely.difference(shapely.multipolygons(shallow), dry))
+    return shapely.multipolygons(parts[shapely.area(parts) > 0])
+
+
+# Rings of cells that are added around a grid.
+_RINGS = 2
+# Distance below which the points of an outline are on one line, as a share of a cell.
+_STRAIGHT = 1e-6
+
+
+def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
+    """Return valid polygons (lon/lat degrees) of what is shallower, and one cell around.
+
+    Land is shallow, too. The outline is the contour halfway between the nodes of the cells that are
+    taken and those that are not: it lies one cell off every shallow cell, and cuts the corners.
+    """
+    with np.errstate(invalid="ignore"):
+        shallow = heights.height_m > -safety_depth_m
+    if not shallow.any():
+        return np.empty(0, dtype=object)
+    # Two rings more: the cell around those at the grid's edge, and one that closes the outlines.
+    taken = ndimage.binary_dilation(np.pad(shallow, _RINGS), np.ones((3, 3)))
+    lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
+    contours = contour_generator(
+        lon, lat, taken.astype(np.float64), fill_type=FillType.OuterOffset
+    ).filled(0.5, 2.0)
+    cell_deg = min(np.diff(lon).min(), np.diff(lat).min())
+    polygons = shapely.simplify(
+        np.array(
+            [
+                shapely.Polygon(rings[0], rings[1:])
+                for points, offsets in zip(*contours, strict=True)
+                for rings in [np.split(points, offsets[1:-1])]
+            ],
+            dtype=object,
+        ),
+        _STRAIGHT * cell_deg,
+    )
+    # Where two outlines meet in a point.
+    invalid = ~shapely.is_valid(polygons)
+    polygons[invalid] = shapely.make_valid(
+        polygons[invalid], method="structure", keep_collapsed=False
+    )
+    return np.asarray(shapely.get_parts(polygons))
+
+
+def _extended(axis: FloatArray) -> FloatArray:
+    """Continue an axis beyond both ends."""
+    steps = np.arange(1, _RINGS + 1)
+    before = axis[0] - (axis[1] - axis[0]) * steps[::-1]
+    return np.concatenate([before, axis, axis[-1] + (axis[-1] - axis[-2]) * steps])

@@ -1,0 +1,252 @@
+"""One download by the Copernicus Marine client, and the cache of downloads.
+
+The client runs in a subprocess, is called again where it fails, and its errors are explained.
+
+In the cache each NetCDF file has a sidecar with its request, provenance and hash. A file is
+downloaded into a staging folder of its own and moved into the cache once it is complete and has
+passed the acceptance check. A file without a sidecar, or with another hash than its sidecar gives,
+counts as absent.
+"""
+
+import contextlib
+import json
+import os
+import secrets
+import shutil
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pipeline.errors import StageError
+from pipeline.machine.interpreters import run_python
+from pipeline.machine.store import file_hash
+from pipeline.scenario.catalogue import CopernicusSpec
+from pipeline.sources.copernicus.account import LOGIN, without_secrets
+from pipeline.sources.copernicus.steps import SelectedSteps
+from pipeline.sources.copernicus.subset import NO_ANSWER
+
+AcceptedT = TypeVar("AcceptedT")
+
+# Factor by which the pause before another attempt grows each time.
+_PAUSE_GROWTH = 3.0
+# Time within which the service must say which steps it has, s.
+_LOOK_S = 120.0
+# Errors of the client that another attempt does not solve, and what does.
+_PERMANENT_ERRORS = {
+    "InvalidUsernameOrPassword": f"check {LOGIN}",
+    "CredentialsCannotBeNone": f"set {LOGIN}",
+    "CoordinatesOutOfDatasetBounds": "shrink the region, or name another source in 'currents'",
+    "NotCoveredError": "name another time, or another source in 'currents'",
+    "DatasetVersionNotFound": "correct `version` in its entry in the catalogue",
+    "VariableDoesNotExistInTheDataset": "correct its entry in the catalogue",
+}
+# Errors that may pass, and what to check if they don't.
+_TEMPORARY_ERRORS = {
+    "CouldNotConnectToAuthenticationSystem": (
+        "auth.marine.copernicus.eu can't be reached; check the connection and the proxy"
+    ),
+    "DatasetUpdating": "try again in an hour",
+    "DatasetNotFound": (
+        "if the service's catalogue is in order, correct the dataset's entry in ours, or name "
+        "another source in 'currents'"
+    ),
+}
+_TRY_LATER = "try again later, or name another source in 'currents'"
+# Length to which the client's messages are cut, characters.
+_MAX_MESSAGE_LENGTH = 400
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """Why an attempt failed, and whether another one is useless."""
+
+    reason: str
+    is_permanent: bool
+
+
+def download(
+    spec: CopernicusSpec,
+    arguments: Mapping[str, Any],
+    label_format: str,
+    steps: SelectedSteps,
+    file: Path,
+    accept: Callable[[dict[str, Any]], AcceptedT],
+) -> AcceptedT:
+    """Download time steps into a file, and return what `accept` makes of it.
+
+    `accept` is given the answer of `subset`: `version` and `part` of the dataset, `stamps` of the
+    first and the last step, and the `missing_boxes` of the service. Where it raises StageError, the
+    file is downloaded again.
+
+    Raises
+    ------
+    StageError
+        All attempts failed, each of them within its deadline, or one for good.
+    """
+    request = {
+        "parent_pid": os.getpid(),
+        "version": spec.version,
+        "label_format": label_format,
+        "labels": steps.labels,
+        # A voyage may be over before the last possible arrival.
+        "may_lack": steps.are_fields,
+        "subset": {**arguments, "output_directory": str(file.parent), "output_filename": file.name},
+    }
+    pause, attempt = spec.pause_s, 1
+    while True:
+        # The client does not overwrite a file: it writes beside it.
+        file.unlink(missing_ok=True)
+        answer = _attempt(request, spec.deadline_s)
+        if not isinstance(answer, _Failure):
+            try:
+                return accept(answer)
+            except StageError as error:
+                answer = _Failure(f"{error}; {_TRY_LATER}", is_permanent=False)
+        if answer.is_permanent or attempt == spec.attempts:
+            attempts = f" ({attempt} attempts)" if attempt > 1 else ""
+            raise StageError(f"{spec.name}: {answer.reason}{attempts}")
+        time.sleep(pause)
+        pause, attempt = pause * _PAUSE_GROWTH, attempt + 1
+
+
+def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
+    """Ask for a dataset's last time step (aware, UTC) and its version, once.
+
+    Raises
+    ------
+    StageError
+        The service does not answer, or not that.
+    """
+    request = {
+        "parent_pid": os.getpid(),
+        "version": spec.version,
+        "dataset_id": spec.dataset,
+        "variables": [spec.eastward],
+    }
+    answer = _attempt(request, min(spec.deadline_s, _LOOK_S))
+    if isinstance(answer, _Failure):
+        raise StageError(f"{spec.name}: {answer.reason}")
+    return datetime.fromisoformat(answer["last_step"]), str(answer["version"])
+
+
+def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
+    """Call the client once."""
+    module = "pipeline.sources.copernicus.subset"
+    result = run_python(["-m", module], json.dumps(request), deadline_s)
+    message = _presentable(_last_message(result.stderr))
+    if result.exit_code is None:
+        last = f" (last message: {message})" if message else ""
+        reason = f"no answer within {deadline_s:g} s{last}; it was stopped: {_TRY_LATER}"
+        return _Failure(reason, is_permanent=False)
+    if result.exit_code == NO_ANSWER:
+        reason = "the client gave up without a reason, as it does where it finds no credentials"
+        return _Failure(f"{reason}; set {LOGIN}", is_permanent=True)
+    if result.exit_code < 0:
+        name = signal.Signals(-result.exit_code).name
+        reason = f"the client was ended from outside, by {name}: check what did, and the memory"
+        return _Failure(f"{reason} of this machine", is_permanent=False)
+    if result.exit_code > 0:
+        reason = f"the client failed: {message or f'exit {result.exit_code}'}"
+        return _Failure(reason, is_permanent=False)
+    answer: dict[str, Any] = json.loads(result.stdout)
+    return _explained(_presentable(answer["error"])) if "error" in answer else answer
+
+
+def _explained(message: str) -> _Failure:
+    """Add the remedy to an error of the client."""
+    error = message.partition(":")[0]
+    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(error, _TRY_LATER)
+    reason = f"the client failed: {message.rstrip(': .')}; {remedy}"
+    return _Failure(reason, is_permanent=error in _PERMANENT_ERRORS)
+
+
+def _last_message(text: str) -> str:
+    """Last line that is not mere information."""
+    lines = (line.strip() for line in reversed(text.splitlines()))
+    return next((line for line in lines if line and not line.startswith("INFO ")), "")
+
+
+def _presentable(text: str) -> str:
+    """A text without credentials, cut to a limited length."""
+    return without_secrets(text)[:_MAX_MESSAGE_LENGTH]
+
+
+_STAGING_SUFFIX = ".partial"
+# Age from which a staging folder is abandoned, s, even if a process has its creator's id: ids are
+# used again.
+_ABANDONED_AGE_S = 24 * 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class CachedDownload:
+    """A download's place in the cache, whether the file is there or not."""
+
+    file: Path
+
+    @property
+    def sidecar(self) -> Path:
+        """The JSON file that describes it."""
+        return self.file.with_suffix(".json")
+
+    def metadata(self, request: object) -> dict[str, Any] | None:
+        """Read the sidecar; None unless it is for this request and matches the file."""
+        try:
+            metadata = json.loads(self.sidecar.read_text(encoding="utf-8"))
+            is_valid = metadata["request"] == request and metadata["sha256"] == file_hash(self.file)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return metadata if is_valid else None
+
+    def save(self, staged: Path, metadata: dict[str, Any]) -> dict[str, Any]:
+        """Move an accepted file into the cache and write its sidecar; return the sidecar."""
+        metadata = {
+            **metadata,
+            "retrieved_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "bytes": staged.stat().st_size,
+            "sha256": file_hash(staged),
+        }
+        staged_sidecar = staged.with_suffix(".json")
+        staged_sidecar.write_text(json.dumps(metadata, indent=2) + "\n", encoding="utf-8")
+        # Killed between the two moves, neither is used: the old sidecar does not match the file.
+        staged.replace(self.file)
+        staged_sidecar.replace(self.sidecar)
+        return metadata
+
+    @contextlib.contextmanager
+    def staging_folder(self) -> Iterator[Path]:
+        """Make an empty folder beside the file, and remove it when the block ends.
+
+        Folders that killed runs left behind are removed too, with the client's own leftovers.
+        """
+        remove_abandoned(self.file.parent)
+        name = f"{self.file.stem}.{os.getpid()}.{secrets.token_hex(4)}{_STAGING_SUFFIX}"
+        folder = self.file.parent / name
+        folder.mkdir(parents=True)
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the staging folders of processes that have ended."""
+    for staging in folder.glob(f"*{_STAGING_SUFFIX}"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            creator = int(staging.name.split(".")[-3])
+            if not _is_running(creator) or time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
+                shutil.rmtree(staging, ignore_errors=True)
+
+
+def _is_running(process_id: int) -> bool:
+    """Whether a process of this id runs on this machine."""
+    try:
+        os.kill(process_id, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,1 +1,0 @@
-"""Adapters for currents: embedded tables, CF files, Copernicus Marine."""

@@ -1,1 +1,0 @@
-"""Depths on a grid: which water is too shallow for the vessel."""

@@ -1,0 +1,125 @@
+"""The store: artefacts are complete or absent and named by content; one run at a time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import StageError
+from pipeline.machine.store import (
+    Store,
+    artefact_key,
+    load_artefact,
+    remove_unfinished,
+    save_artefact,
+)
+from pipeline.model import Credit
+
+ROOT = Path(__file__).resolve().parents[4]
+CREDIT = Credit("name", "land", "text", "licence")
+
+
+def test_a_saved_artefact_is_loaded(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    path = store.save("plan", "key", CREDIT)
+    assert store.load("plan", "key", Credit) == CREDIT
+    assert [file.name for file in tmp_path.rglob("*") if file.is_file()] == [path.name]
+
+
+def test_an_absent_artefact_or_one_of_another_type_is_none(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert store.load("plan", "key", Credit) is None
+    store.save("plan", "key", [1])
+    assert store.load("plan", "key", Credit) is None
+
+
+@given(st.data())
+def test_a_damaged_artefact_counts_as_absent(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.mktemp("store") / "one.artefact"
+    save_artefact(path, CREDIT)
+    content = path.read_bytes()
+    if data.draw(st.booleans()):
+        damaged = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        place = data.draw(st.integers(0, len(content) - 1))
+        flipped = content[place] ^ (1 << data.draw(st.integers(0, 7)))
+        damaged = content[:place] + bytes([flipped]) + content[place + 1 :]
+    path.write_bytes(damaged)
+    assert load_artefact(path, Credit) is None
+
+
+def test_an_artefact_is_made_once_and_again_when_damaged(tmp_path: Path) -> None:
+    store, made = Store(tmp_path), []
+
+    def make() -> Credit:
+        made.append(1)
+        return CREDIT
+
+    for _ in range(3):
+        assert store.load_or_make("land", "key", Credit, make) == CREDIT
+    assert len(made) == 1
+    path = store.path("land", "key")
+    path.write_bytes(path.read_bytes()[:40])
+    assert store.load_or_make("land", "key", Credit, make) == CREDIT
+    assert len(made) == 2
+
+
+def test_a_failed_save_leaves_the_earlier_artefact_and_no_other_file(tmp_path: Path) -> None:
+    path = tmp_path / "one.artefact"
+    save_artefact(path, CREDIT)
+    with pytest.raises((AttributeError, TypeError)):
+        save_artefact(path, lambda: 1)
+    assert load_artefact(path, Credit) == CREDIT
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(StageError, match="--output"):
+        save_artefact(path / "below-a-file" / "x.artefact", CREDIT)
+
+
+def test_a_key_is_the_same_in_every_process_and_differs_with_every_input() -> None:
+    script = (
+        "from pipeline.machine.store import artefact_key\n"
+        "print(artefact_key('plan', 'a', {'x': [1.5, None], 'y': 'z'}, ('b',)))"
+    )
+    keys = {
+        subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+        ).stdout.strip()
+        for _ in range(2)
+    }
+    assert keys == {artefact_key("plan", "a", {"x": [1.5, None], "y": "z"}, ("b",))}
+    others = [
+        artefact_key("plan", "a", {"x": [1.5, None], "y": "z"}, ("c",)),
+        artefact_key("plan", "a", {"x": [1.25, None], "y": "z"}, ("b",)),
+        artefact_key("evaluate", "a", {"x": [1.5, None], "y": "z"}, ("b",)),
+        artefact_key("plan", np.zeros(3)),
+        artefact_key("plan", np.ones(3)),
+    ]
+    assert len({*keys, *others}) == 1 + len(others)
+
+
+def test_loading_an_artefact_says_that_it_is_in_use(tmp_path: Path) -> None:
+    path = tmp_path / "one.artefact"
+    save_artefact(path, CREDIT)
+    os.utime(path, (1, 1))
+    assert load_artefact(path, CREDIT.__class__) == CREDIT
+    assert path.stat().st_mtime > 1e9
+
+
+def test_unfinished_files_are_removed_by_their_owner(tmp_path: Path) -> None:
+    (tmp_path / "plan").mkdir()
+    mine, other = (tmp_path / "plan" / f".{name}.0a1b.tmp" for name in ("one", "one-more"))
+    for file in (mine, other):
+        file.touch()
+    remove_unfinished(tmp_path, "one")
+    assert list((tmp_path / "plan").iterdir()) == [other]
+    remove_unfinished(tmp_path)
+    assert not list((tmp_path / "plan").iterdir())

@@ -1,0 +1,363 @@
+"""The user's own files: read, checked, and through the command line used or refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+from typer.testing import CliRunner
+
+from pipeline.cli.main import app
+from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.model import CurrentGrid, Land, Note
+from pipeline.scenario.loading import load_scenario, parse_scenario
+from pipeline.scenario.season import Season
+from pipeline.sources.cf.adapter import CfFiles
+from pipeline.sources.quality.field import Field, LandMask
+from tests.pipeline.small_region import small_region
+from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
+
+NO_LAND = Land((), (), 0.0)
+REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
+# Open water south of the middle of Palawan: small, so that planning is quick.
+SCENARIO = (
+    small_region("mine")
+    + """[chart]
+tolerance_m = 500
+[[seasons]]
+name = "summer"
+title = "July 2024"
+valid = "2024-07"
+currents = ["field.nc"]
+[planner]
+classes = 2
+"""
+)
+SHARED = {
+    "cwb": "cwb_ocm_M-B0071-000_20200617T00.nc",
+    "duacs": "duacs_nrt_global_allsat_phy_l4_20190223_20190226.nc",
+    "glo": "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc",
+    "oscar": "oscar_climatology_1992-2012_monthly_third_deg.nc",
+}
+
+
+@pytest.fixture(scope="module")
+def palawan(world_mask: LandMask) -> Field:
+    """Give a plausible sea around Palawan."""
+    return coastal(
+        sea(np.arange(108.0, 130.0, 0.25), np.arange(0.0, 20.0, 0.25), seed=2), world_mask
+    )
+
+
+def current(*paths: Path, valid: str = "2024-07", region: shapely.Polygon = REGION) -> CurrentGrid:
+    """Read files as a season's current."""
+    names = tuple(str(path) for path in paths)
+    season = Season(name="summer", valid=valid, currents=(names,))
+    source = CfFiles(names)
+    assert source.uncovered_reason(region, season) == ""
+    return source.current(region, season, NO_LAND, Path())
+
+
+def run(folder: Path, text: str = SCENARIO, *extra: str) -> tuple[int, list[str], str]:
+    """Run `renew run` on a scenario's text; return its exit code, error lines and notes."""
+    path = folder / "scenario.toml"
+    path.write_text(text, encoding="utf-8")
+    arguments = ["run", str(path), "--output", str(folder / "outputs"), *extra]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    lines = result.stderr.splitlines()
+    errors = [line for line in lines if line.startswith("error: ")]
+    return result.exit_code, errors, "\n".join(line for line in lines if '"note"' in line)
+
+
+# --- what the planner is given ------------------------------------------------------------------
+
+
+def test_the_grid_is_the_region_with_a_margin(tmp_path: Path, palawan: Field) -> None:
+    data = dataset(palawan)
+    data.attrs = {
+        "title": "Somebody's\nmodel",
+        "institution": "An institute",
+        "source": "NEMO 4.2",
+        "references": "https://example.org/model; https://doi.org/10.1234/abc.def.",
+        "license": "CC BY 4.0",
+    }
+    grid = current(write(tmp_path / "field.nc", data))
+    assert grid.lon.tolist() == np.arange(117.75, 119.9, 0.25).tolist()
+    assert grid.lat.tolist() == np.arange(8.75, 11.1, 0.25).tolist()
+    x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
+    assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
+    assert np.array_equal(grid.v[0], palawan.v[np.ix_(y, x)], equal_nan=True)
+    assert np.isnan(grid.u).any(), "Palawan is in it"
+    assert grid.valid == "2024-07-01"
+    asked = ("2024-07-01", "2024-08-01")
+    sparse = Note.of("steps-sparse", count=1, steps=("2024-07-01",), asked=asked)
+    assert grid.notes == (sparse,)
+    credit = grid.credit
+    assert credit.name == "Somebody's model"
+    assert credit.text == "Somebody's model; An institute; NEMO 4.2"
+    assert credit.licence == "CC BY 4.0"
+    assert credit.url == "https://doi.org/10.1234/abc.def"
+
+
+def test_zeros_on_land_are_gaps(tmp_path: Path, palawan: Field) -> None:
+    zeros = Field(palawan.lon, palawan.lat, np.nan_to_num(palawan.u), np.nan_to_num(palawan.v))
+    data = dataset(zeros)
+    data.attrs = {}
+    grid = current(write(tmp_path / "zeros.nc", data))
+    x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
+    assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
+    assert Note.of("zeros-are-land") in grid.notes
+    assert grid.credit.name == "zeros.nc, user's file"
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_the_identity_follows_the_content(tmp_path: Path, palawan: Field, suffix: str) -> None:
+    path = write(tmp_path / f"field{suffix}", dataset(palawan))
+    season = Season(name="summer", valid="2024-07", currents=((str(path),),))
+
+    def identity(file: Path = path, of: Season = season) -> tuple[str, ...]:
+        return CfFiles((str(file),)).identity(of)
+
+    known = identity()
+    assert identity() == known
+    copy = tmp_path / f"copy{suffix}"
+    (shutil.copytree if path.is_dir() else shutil.copy2)(path, copy)
+    assert identity(copy) == known, "name and folder do not matter"
+    assert identity(of=season.model_copy(update={"valid": "2024-07-01"})) != known
+    part = max(
+        (file for file in ([path] if path.is_file() else path.rglob("*")) if file.is_file()),
+        key=lambda file: file.stat().st_size,
+    )
+    whole = bytearray(part.read_bytes())
+    whole[-20] ^= 1
+    stamp = part.stat().st_mtime_ns + 1_000_000
+    part.write_bytes(whole)
+    os.utime(part, ns=(stamp, stamp))
+    assert identity() != known
+    assert CfFiles((str(tmp_path / "absent.nc"),)).identity(season)[0] == "nothing"
+
+
+def test_a_new_file_does_not_change_the_identity_of_earlier_days(
+    tmp_path: Path, palawan: Field
+) -> None:
+    days = [f"2024-07-0{day}" for day in range(1, 5)]
+    for day in days[:2]:
+        write(tmp_path / f"{day}.nc", dataset(palawan, times=[day]))
+    names = (str(tmp_path / "*.nc"),)
+    seasons = [Season(name="s", valid=valid, currents=(names,)) for valid in (days[0], "2024-07")]
+    before = [CfFiles(names).identity(season) for season in seasons]
+    write(tmp_path / f"{days[2]}.nc", dataset(palawan, times=[days[2]]))
+    after = [CfFiles(names).identity(season) for season in seasons]
+    assert after[0] == before[0]
+    assert after[1] != before[1]
+
+
+# --- the four real files ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "valid", "used", "notes", "share"),
+    [
+        ("cwb", "2020-06-17", "2020-06-17", 0, "9%"),
+        ("cwb", "2020-06-17T05:00Z", "2020-06-17", 0, "9%"),
+        ("cwb", "2020-06", "2020-06-17", 1, "9%"),
+        ("duacs", "2019-02-23", "2019-02-23", 1, "2%"),
+        ("glo", "2024-01", "2024-01-03/2024-01-28", 0, ""),
+        ("glo", "2024-01-09T00:00Z", "2024-01-08", 0, ""),
+        ("oscar", "2024-07", "July of a climatology", 1, "5%"),
+    ],
+)
+def test_real_files_are_accepted_for_palawan(
+    shared: Path, name: str, valid: str, used: str, notes: int, share: str
+) -> None:
+    path = shared / "data" / "currents" / SHARED[name]
+    region = load_scenario("palawan-season").area
+    grid = current(path, valid=valid, region=region)
+    assert grid.valid == used
+    on_gaps = [note for note in note_texts(grid.notes) if "has no data for" in note]
+    assert len(grid.notes) - len(on_gaps) == notes, grid.notes
+    assert len(on_gaps) == bool(share), grid.notes
+    assert all(f"for {share} of the region's water" in note for note in on_gaps)
+    assert np.isfinite(grid.u).mean() > 0.6
+    assert grid.files[0][0] == path.name
+    assert len(grid.files[0][1]) == 64
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHARED)
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("flip u", "one component has the wrong sign"),
+        ("flip v", "one component has the wrong sign"),
+        ("swap", "the components are swapped"),
+        ("km/h", "another unit"),
+        ("shift", "the field is shifted by 0."),
+        ("cm/s", "another unit"),
+        ("still", "every speed is 0"),
+        ("same", "it is the same everywhere"),
+        ("hole", "open water has no data"),
+    ],
+)
+def test_faults_in_real_files_are_reported(
+    shared: Path, tmp_path: Path, name: str, fault: str, message: str
+) -> None:
+    with xr.open_dataset(shared / "data" / "currents" / SHARED[name], decode_times=False) as real:
+        path = write(tmp_path / "faulty.nc", with_fault(real.load(), fault))
+    valid = {"cwb": "2020-06-17", "duacs": "2019-02-23", "glo": "2024-01", "oscar": "2024-07"}
+    region = shapely.box(118, 16, 124, 24)
+    reported = messages(path, valid[name], region)
+    assert any(message in line for line in reported), reported
+
+
+def messages(path: Path, valid: str, region: shapely.Polygon) -> tuple[str, ...]:
+    """Return why a file is refused, or the notes with which it is accepted."""
+    try:
+        return tuple(note_texts(current(path, valid=valid, region=region).notes))
+    except RequestError as error:
+        return error.faults
+
+
+def with_fault(data: xr.Dataset, fault: str) -> xr.Dataset:
+    """Put a fault that files may have into a real one."""
+    u, v = (name for name in data.data_vars if str(name).startswith(("u", "v")))
+    east, north = data[u].copy(), data[v].copy()
+    zero = xr.zeros_like(east).where(east.notnull())
+    changed: dict[str, Callable[[], tuple[xr.DataArray, xr.DataArray]]] = {
+        "flip u": lambda: (-east, north),
+        "flip v": lambda: (east, -north),
+        "swap": lambda: (north, east),
+        "km/h": lambda: (3.6 * east, 3.6 * north),
+        "cm/s": lambda: (100 * east, 100 * north),
+        "shift": lambda: (east, north),
+        "still": lambda: (zero, zero),
+        "same": lambda: (zero + 0.3, zero + 0.1),
+        "hole": lambda: (
+            east.where((east.latitude < 17) | (east.latitude > 21)),
+            north.where((north.latitude < 17) | (north.latitude > 21)),
+        ),
+    }
+    for name, part in zip((u, v), changed[fault](), strict=True):
+        data[name] = (data[name].dims, part.values, data[name].attrs)
+    if fault == "shift":
+        data = data.assign_coords(latitude=data.latitude + 0.5)
+        for name in ("latitude", "longitude"):
+            data[name].attrs = {"units": f"degrees_{'north' if name == 'latitude' else 'east'}"}
+    return data
+
+
+# --- the command line ---------------------------------------------------------------------------
+
+
+def test_a_missing_file_is_one_message_and_nothing_is_written(tmp_path: Path) -> None:
+    code, errors, _ = run(tmp_path)
+    assert code == 2
+    assert len(errors) == 1
+    assert f"season 'summer': {tmp_path}/field.nc does not exist" in errors[0]
+    assert not (tmp_path / "outputs").exists()
+    code, errors, _ = run(tmp_path, SCENARIO, "--currents", str(tmp_path / "other.nc"))
+    assert (code, len(errors)) == (2, 1)
+    assert "other.nc" in errors[0]
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_a_file_of_another_time_or_region_is_refused_with_what_it_has(
+    tmp_path: Path, palawan: Field
+) -> None:
+    away = Field(palawan.lon + 20, palawan.lat, palawan.u, palawan.v)
+    write(tmp_path / "field.nc", dataset(away, times=["2021-03-01"]))
+    code, errors, _ = run(tmp_path)
+    assert code == 2
+    assert "it has no data there at all" in errors[0]
+    assert "one time step, 2021-03-01, none inside 2024-07-01 to 2024-08-01" in errors[0]
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_a_flipped_file_is_refused_and_nothing_is_written(
+    tmp_path: Path, palawan: Field, across_outputs: Path
+) -> None:
+    shutil.copytree(across_outputs, tmp_path / "outputs")
+    write(tmp_path / "field.nc", dataset(Field(palawan.lon, palawan.lat, -palawan.u, palawan.v)))
+    code, errors, _ = run(tmp_path)
+    assert code == 2
+    assert "field.nc is refused: one component has the wrong sign" in errors[0]
+    assert not (tmp_path / "outputs" / "mine").exists()
+    stored = [
+        set((of / ".artefacts" / "current").iterdir())
+        for of in (tmp_path / "outputs", across_outputs)
+    ]
+    assert {file.name for file in stored[0]} == {file.name for file in stored[1]}
+
+
+def test_currents_need_a_region() -> None:
+    result = CliRunner().invoke(app, ["run", "single-gyre", "--currents", "x.nc"])
+    assert result.exit_code == 2
+    assert "--currents needs a scenario with a [region]" in result.stderr
+
+
+def test_paths_start_at_the_scenarios_folder_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    write(
+        tmp_path / "folder" / "field.nc",
+        dataset(sea(np.arange(118, 120, 0.25), np.arange(9, 11, 0.25))),
+    )
+    path = tmp_path / "folder" / "scenario.toml"
+    own, fallback = '["field.nc"]', '[["field.nc"], "embedded-palawan"]'
+    for text in (SCENARIO, SCENARIO.replace(own, fallback)):
+        path.write_text(text)
+        (season,) = load_scenario(str(path)).seasons
+        assert season.currents[0] == (str(tmp_path / "folder" / "field.nc"),)
+    assert season.currents[1] == "embedded-palawan"
+    path.write_text(SCENARIO.replace("field.nc", "embeded-palawan"))
+    with pytest.raises(RequestError, match=r"did you mean 'embedded-palawan'\?.*'\./field\.nc'"):
+        load_scenario(str(path))
+    path.write_text(SCENARIO.replace(own, "[[]]"))
+    with pytest.raises(RequestError, match=r"seasons\[0\]\.currents\[0\]"):
+        load_scenario(str(path))
+    path.write_text(SCENARIO.replace('"2024-07"', '"2024-02-30"'))
+    with pytest.raises(RequestError, match=r"seasons\[0\]\.valid = '2024-02-30' is not a time"):
+        load_scenario(str(path))
+
+
+def test_a_scenario_with_files_survives_writing_and_reading(tmp_path: Path) -> None:
+    write(tmp_path / "field.nc", dataset(sea(np.arange(118, 120, 0.25), np.arange(9, 11, 0.25))))
+    path = tmp_path / "scenario.toml"
+    path.write_text(
+        SCENARIO.replace("classes", "seed = 1\nclasses")
+        .replace("valid", 'time_method = "linear"\nvalid')
+        .replace('2024-07"', '2024-07-01T00:00Z"')
+    )
+    scenario = load_scenario(str(path))
+    assert scenario.seasons[0].resolved_time_method == "linear"
+    assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
+
+
+def test_a_run_on_a_file_gives_its_credit(
+    tmp_path: Path, palawan: Field, across_outputs: Path
+) -> None:
+    shutil.copytree(across_outputs, tmp_path / "outputs")
+    path = write(tmp_path / "field.nc", dataset(palawan, names=("ugos", "vgos"), standard=("", "")))
+    code, errors, notes = run(tmp_path)
+    assert (code, errors) == (0, [])
+    assert "summer: the currents are geostrophic" in notes
+    manifest = json.loads((tmp_path / "outputs" / "mine" / "manifest.json").read_text())
+    (source,) = manifest["current_sources"]
+    assert (source["name"], source["valid"]) == ("A sea made up for a test", "2024-07-01")
+    (hashed,) = manifest["inputs"]["currents"]["summer"]["files"].values()
+    assert hashed == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert any("geostrophic" in note for note in manifest["notes"])
+    plans = set((tmp_path / "outputs" / ".artefacts" / "plan").iterdir())
+    assert run(tmp_path)[0] == 0
+    assert set((tmp_path / "outputs" / ".artefacts" / "plan").iterdir()) == plans
+    write(path, dataset(Field(palawan.lon, palawan.lat, 0.9 * palawan.u, 0.9 * palawan.v)))
+    assert run(tmp_path)[0] == 0
+    assert set((tmp_path / "outputs" / ".artefacts" / "plan").iterdir()) > plans

@@ -1,0 +1,302 @@
+"""The acceptance check: a valid file is accepted unchanged, and every defect is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import StageError
+from pipeline.model import Credit, Land
+from pipeline.scenario.catalogue import CopernicusSpec
+from pipeline.sources.copernicus.acceptance import Expected, accept, largest_spike
+from pipeline.sources.quality.field import Field
+
+REGION = shapely.box(117, 8, 120, 11)
+ISLAND = shapely.box(118, 9, 119.5, 10.5)
+LAND = Land((ISLAND,), (Credit("an island", "land", "", ""),), 0.0)
+STEP = 1 / 12
+SPEC = CopernicusSpec(
+    schema_version=1,
+    name="monthly",
+    title="Months",
+    adapter="copernicus",
+    credit="",
+    licence="",
+    product="",
+    doi="",
+    dataset="",
+    step="month",
+    kind="mean",
+    covers="",
+    cell_deg=STEP,
+    speed_limit_m_s=3.0,
+)
+EXPECTED = Expected(SPEC, labels=("2024-07",), weights=(1.0,), label_format="%Y-%m", region=REGION)
+DAYS = replace(
+    EXPECTED,
+    labels=("2024-07-01", "2024-07-02", "2024-07-03"),
+    weights=(0.5, 0.25, 0.25),
+    label_format="%Y-%m-%d",
+)
+
+
+def field(step: float = STEP, region: tuple[float, ...] = REGION.bounds) -> Field:
+    """Make a plausible field around the island: a smooth current, NaN on land."""
+    west, south, east, north = region
+    margin = 2 * step
+    lon = np.arange(west - margin, east + margin + step / 2, step)
+    lat = np.arange(south - margin, north + margin + step / 2, step)
+    x, y = np.meshgrid(lon, lat)
+    u, v = 0.4 * np.sin(x) + 0.1, 0.3 * np.cos(y)
+    on_land = shapely.contains_xy(ISLAND, x, y)
+    u[on_land] = v[on_land] = np.nan
+    return Field(lon, lat, u, v)
+
+
+def write(
+    path: Path,
+    *steps: Field,
+    time_value: float = 0.0,
+    units: str = "m s-1",
+    names: tuple[str, str] = ("uo", "vo"),
+    depth: tuple[float, ...] = (0.494025,),
+) -> Path:
+    """Write days as the service does: time, depth, latitude, longitude; packed values."""
+    made = steps[0]
+    with netCDF4.Dataset(path, "w") as dataset:
+        for name, size in (
+            ("time", len(steps)),
+            ("depth", len(depth)),
+            ("latitude", made.lat.size),
+            ("longitude", made.lon.size),
+        ):
+            dataset.createDimension(name, size)
+        dataset.createVariable("time", "f8", ("time",))[:] = [
+            time_value + 24 * day for day in range(len(steps))
+        ]
+        dataset["time"].units = "hours since 2024-07-01 00:00:00"
+        dataset["time"].calendar = "gregorian"
+        dataset.createVariable("depth", "f4", ("depth",))[:] = depth
+        dataset.createVariable("latitude", "f4", ("latitude",))[:] = made.lat
+        dataset.createVariable("longitude", "f4", ("longitude",))[:] = made.lon
+        standard = ("eastward_sea_water_velocity", "northward_sea_water_velocity")
+        layers = ([step.u for step in steps], [step.v for step in steps])
+        for name, values, meaning in zip(names, layers, standard, strict=True):
+            shape = ("time", "depth", "latitude", "longitude")
+            variable = dataset.createVariable(name, "i2", shape, fill_value=-32767)
+            variable.scale_factor, variable.add_offset = 6.1e-4, 0.0
+            variable.units, variable.standard_name = units, meaning
+            cells = np.stack([np.stack(values)] * len(depth), axis=1)
+            variable[:] = np.ma.masked_array(np.nan_to_num(cells), mask=np.isnan(cells))
+    return path
+
+
+def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
+    made = field()
+    read = accept(write(tmp_path / "valid.nc", made), EXPECTED, LAND)
+    assert np.allclose(read.lon, made.lon, atol=1e-5)
+    assert np.allclose(read.lat, made.lat, atol=1e-5)
+    assert np.allclose(read.u, made.u, atol=4e-4, equal_nan=True)
+    assert np.allclose(read.v, made.v, atol=4e-4, equal_nan=True)
+
+
+def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
+    made = field()
+    other = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
+    read = accept(write(tmp_path / "other.nc", other), EXPECTED, LAND)
+    expected = accept(write(tmp_path / "made.nc", made), EXPECTED, LAND)
+    assert np.allclose(read.lon, expected.lon, atol=1e-4)
+    assert np.allclose(read.lat, expected.lat)
+    assert np.array_equal(read.u, expected.u, equal_nan=True)
+
+
+def _shifted(cells: int) -> Field:
+    made = field()
+    return replace(made, u=np.roll(made.u, cells, axis=1), v=np.roll(made.v, cells, axis=1))
+
+
+def _with_a_spike(by: float) -> Field:
+    made = field()
+    made.u[4, 5] += by
+    return made
+
+
+def _without_a_chunk() -> Field:
+    made = field()
+    u, v = made.u.copy(), made.v.copy()
+    u[:10, :20] = v[:10, :20] = np.nan
+    return replace(made, u=u, v=v)
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "message"),
+    [
+        (field, {"time_value": 24 * 40}, "times are ['2024-08'], not ['2024-07']"),
+        (field, {"units": "km h-1"}, "uo is in 'km h-1', not m/s"),
+        (field, {"names": ("ugos", "vgos")}, "no variable 'uo'"),
+        (field, {"names": ("vo", "uo")}, "not the eastward velocity"),
+        (field, {"depth": (0.5, 1.5)}, "not the surface alone"),
+        (field, {"depth": (92.3,)}, "not the surface alone"),
+        (lambda: field(step=0.25), {}, "longitude steps by 0.25"),
+        (lambda: field(region=(117, 8, 119, 11)), {}, "it has no data east of 119.2"),
+        (lambda: field(region=(117, 9, 120, 11)), {}, "it has no data south of 8.79"),
+        (lambda: replace(field(), u=field().u * 10), {}, "at 2024-07 speeds reach"),
+        (lambda: _with_a_spike(1.5), {}, "stands out from its neighbours by 1"),
+        (lambda: _with_a_spike(-0.5), {}, "stands out from its neighbours by 0.4"),
+        (lambda: replace(field(), u=field().u * 0, v=field().v * 0), {}, "every speed is 0"),
+        (lambda: replace(field(), u=field().u * np.nan), {}, "gaps where the other has none"),
+        (lambda: _shifted(6), {}, "the field is shifted"),
+        (_without_a_chunk, {}, "a part was not delivered"),
+    ],
+)
+def test_every_defect_is_refused_with_its_reason(
+    tmp_path: Path, make: Callable[[], Field], options: dict[str, Any], message: str
+) -> None:
+    path = write(tmp_path / "bad.nc", make(), **options)
+    with pytest.raises(StageError) as caught:
+        accept(path, EXPECTED, LAND)
+    assert "bad.nc" in str(caught.value)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
+    path = write(tmp_path / "cut.nc", field())
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(StageError, match=r"cut\.nc"):
+        accept(path, EXPECTED, LAND)
+
+
+def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
+    path = (
+        shared
+        / "data"
+        / "currents"
+        / "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc"
+    )
+    with pytest.raises(StageError, match=r"longitude steps by 0\.99999 to 1 degrees, not 0\.08"):
+        accept(path, EXPECTED, LAND)
+
+
+# --- several time steps -------------------------------------------------------------------------
+
+
+def _days() -> list[Field]:
+    """Make three days with different currents."""
+    made = field()
+    return [made, replace(made, u=0.5 * made.u), replace(made, u=-made.u, v=made.v + 0.1)]
+
+
+def test_the_steps_are_summed_by_their_weights(tmp_path: Path) -> None:
+    first, second, third = _days()
+    read = accept(write(tmp_path / "days.nc", first, second, third), DAYS, LAND)
+    u = 0.5 * first.u + 0.25 * second.u + 0.25 * third.u
+    v = 0.5 * first.v + 0.25 * second.v + 0.25 * third.v
+    assert np.allclose(read.u, u, atol=4e-4, equal_nan=True)
+    assert np.allclose(read.v, v, atol=4e-4, equal_nan=True)
+
+
+def test_missing_additional_and_unordered_steps_are_refused(tmp_path: Path) -> None:
+    days = _days()
+    for wrong in (days[:2], [*days, days[0]]):
+        with pytest.raises(
+            StageError, match=r"its times are \[.*2024-07-0[24].*not \['2024-07-01'"
+        ):
+            accept(write(tmp_path / "days.nc", *wrong), DAYS, LAND)
+    later = replace(DAYS, labels=("2024-07-02", "2024-07-03", "2024-07-04"))
+    with pytest.raises(StageError, match="its times are"):
+        accept(write(tmp_path / "days.nc", *days), later, LAND)
+
+
+@pytest.mark.parametrize("day", [0, 1, 2])
+def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
+    days = _days()
+    days[day] = replace(days[day], u=days[day].u.copy(), v=days[day].v.copy())
+    days[day].u[2, 3] = days[day].v[2, 3] = np.nan
+    path = write(tmp_path / "hole.nc", *days)
+    with pytest.raises(StageError, match="1 cells have gaps"):
+        accept(path, DAYS, LAND)
+    icy = accept(path, replace(DAYS, spec=SPEC.model_copy(update={"gaps_vary": True})), LAND)
+    assert np.isnan(icy.u[0, 2, 3]), "a gap in one step is a gap in the mean"
+
+
+def test_an_impossible_speed_in_one_step_is_refused(tmp_path: Path) -> None:
+    days = _days()
+    days[1] = replace(days[1], u=days[1].u * 20)
+    with pytest.raises(StageError, match="at 2024-07-02 speeds reach"):
+        accept(write(tmp_path / "wild.nc", *days), DAYS, LAND)
+
+
+# --- chunks that the service does not have ------------------------------------------------------
+
+
+def test_a_missing_chunk_of_land_is_accepted(tmp_path: Path) -> None:
+    path = write(tmp_path / "land.nc", field())
+    for turn in (0, -360, 360):
+        box = (118.1 + turn, 9.1, 119.4 + turn, 10.4)
+        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        (119.99, 7.0, 122.0, 12.0),  # the region's last column
+        (116.0, 10.99, 122.0, 12.0),  # its last row
+        (118.1, 9.1, 119.4, 10.8),  # the island, and three rows beside it
+    ],
+)
+def test_a_missing_chunk_with_a_little_water_is_refused(
+    tmp_path: Path, box: tuple[float, float, float, float]
+) -> None:
+    path = write(tmp_path / "wet.nc", field())
+    with pytest.raises(StageError, match=r"had no data for \d+ cells of water"):
+        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
+
+
+def test_a_missing_chunk_outside_the_region_is_accepted(tmp_path: Path) -> None:
+    path = write(tmp_path / "beyond.nc", field())
+    accept(path, replace(EXPECTED, missing_boxes=((120.1, 7.0, 122.0, 12.0),)), LAND)
+
+
+# --- spikes -------------------------------------------------------------------------------------
+
+
+def test_real_fields_have_no_spikes(shared: Path) -> None:
+    folder = shared / "data" / "currents"
+    for name, components in (
+        ("cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc", ("uo", "vo")),
+        ("cwb_ocm_M-B0071-000_20200617T00.nc", ("uo", "vo")),
+        ("duacs_nrt_global_allsat_phy_l4_20190223_20190226.nc", ("ugos", "vgos")),
+    ):
+        with netCDF4.Dataset(folder / name) as dataset:
+            for component in components:
+                values = np.ma.filled(dataset[component][:].astype(float), np.nan)
+                for layer in values.reshape(-1, *values.shape[-2:]):
+                    assert largest_spike(layer, 1.0) == 0
+
+
+@given(
+    st.integers(1, 30),
+    st.integers(1, 30),
+    st.floats(0.35, 1e3),
+    st.sampled_from([-1, 1]),
+    st.integers(0, 99),
+)
+def test_a_spike_in_a_smooth_field_is_found(
+    row: int, column: int, by: float, sign: int, phase: int
+) -> None:
+    x, y = np.meshgrid(np.arange(32), np.arange(32))
+    values = 0.1 * np.sin(0.05 * x + phase) * np.cos(0.05 * y)
+    assert largest_spike(values, 1.0) == 0
+    values[row, column] += sign * by
+    assert largest_spike(values, 1.0) == pytest.approx(by, abs=0.02)

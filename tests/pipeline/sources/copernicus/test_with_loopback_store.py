@@ -1,0 +1,263 @@
+"""The unmodified client against the loopback store: its data are right, cell by cell."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from typer.testing import CliRunner
+
+from pipeline.cli.main import app
+from pipeline.machine.store import Store, file_hash
+from pipeline.model import Land
+from pipeline.scenario.loading import load_scenario
+from pipeline.scenario.model import Scenario
+from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.stages.fetch import fetch
+from tests.loopback_store import world
+from tests.loopback_store.fault_table import clients_of
+from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.server import PASSWORD, USERNAME, Fault
+from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, season, spec
+from tests.pipeline.conftest import ACROSS_BOX
+
+MONTHLY = "copernicus-glorys-monthly"
+
+
+def source(name: str) -> Copernicus:
+    """Return a source with one attempt and a short deadline."""
+    return Copernicus(spec(name).model_copy(update={"deadline_s": 90.0, "attempts": 1}))
+
+
+def day(days_ahead: int) -> datetime:
+    """Return the midnight of a day, counted from today."""
+    return world.today() + timedelta(days=days_ahead)
+
+
+# --- every dataset ------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "valid", "method", "stamps"),
+    [
+        (MONTHLY, "2024-07", None, ("2024-07-01T00:00",)),
+        ("copernicus-glorys-daily", "2024-07-15", None, ("2024-07-15T00:00",)),
+        ("copernicus-glorys-climatology", "2024-07", None, ("1993-07-01T00:00",)),
+        ("copernicus-forecast-monthly", "2024-07", None, ("2024-07-01T00:00",)),
+        ("copernicus-forecast-daily", "2024-07-15", None, ("2024-07-15T00:00",)),
+        ("copernicus-forecast-6hourly", "2024-07-15T08:00Z", None, ("2024-07-15T06:00",)),
+        ("copernicus-forecast-hourly", "2024-07-15T08:20Z", None, ("2024-07-15T08:30",)),
+        ("copernicus-total-hourly", "2024-07-15T08:40Z", None, ("2024-07-15T09:00",)),
+        ("copernicus-observed-daily", "2024-07-15", None, ("2024-07-15T00:00",)),
+        ("copernicus-observed-recent", "2024-07-15", None, ("2024-07-15T00:00",)),
+        (
+            "copernicus-forecast-6hourly",
+            "2024-07-15",
+            None,
+            tuple(f"2024-07-15T{hour:02}:00" for hour in (0, 6, 12, 18)),
+        ),
+        (
+            "copernicus-glorys-daily",
+            "2024-02",
+            None,
+            tuple(f"2024-02-{date:02}T00:00" for date in range(1, 30)),
+        ),
+        (
+            "copernicus-total-hourly",
+            "2024-07-15T08:30Z",
+            "linear",
+            ("2024-07-15T08:00", "2024-07-15T09:00"),
+        ),
+    ],
+)
+def test_every_dataset_of_the_catalogue_is_downloaded_correctly(
+    tmp_path: Path, name: str, valid: str, method: str | None, stamps: tuple[str, ...]
+) -> None:
+    wanted = season(valid).model_copy(update={"time_method": method})
+    with connected(world.store(name), tmp_path / "home"):
+        grid = source(name).current(REGION, wanted, LAND, tmp_path)
+    moments = [datetime.fromisoformat(stamp).replace(tzinfo=UTC) for stamp in stamps]
+    entry = spec(name)
+    assert world.max_error_m_s(grid, entry.eastward, entry.northward, *moments) < TOLERANCE_M_S
+    assert entry.dataset in grid.credit.name
+    assert entry.version in grid.credit.name
+    assert grid.credit.text == entry.credit
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("west", [175.0, -185.0])
+def test_a_region_across_180_degrees_is_downloaded_in_one_piece(
+    tmp_path: Path, west: float
+) -> None:
+    region = shapely.box(west, -20, west + 10, -15)
+    with connected(world.store(MONTHLY), tmp_path / "home"):
+        grid = source(MONTHLY).current(region, season("2024-07"), Land((), (), 0.0), tmp_path)
+    assert grid.lon[0] < west
+    assert grid.lon[-1] > west + 10
+    assert np.allclose(np.diff(grid.lon), 1 / 12, atol=1e-4)
+    moment = datetime(2024, 7, 1, tzinfo=UTC)
+    assert world.max_error_m_s(grid, "uo", "vo", moment) < TOLERANCE_M_S
+
+
+@pytest.mark.slow
+def test_the_last_step_of_a_dataset_can_be_downloaded(tmp_path: Path) -> None:
+    last = (day(-30).replace(day=1) - timedelta(days=1)).replace(day=1)
+    store = world.store(MONTHLY, ends=last.date().isoformat())
+    with connected(store, tmp_path / "home"):
+        grid = source(MONTHLY).current(REGION, season(f"{last:%Y-%m}"), LAND, tmp_path)
+    assert world.max_error_m_s(grid, "uo", "vo", last) < TOLERANCE_M_S
+
+
+# --- the cache ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_cached_file_is_used_again_unless_it_is_damaged(tmp_path: Path) -> None:
+    name, store = MONTHLY, world.store(MONTHLY)
+    moment = datetime(2024, 7, 1, tzinfo=UTC)
+    with connected(store, tmp_path / "home"):
+        grid = source(name).current(REGION, season("2024-07"), LAND, tmp_path / "cache")
+        (file,) = (tmp_path / "cache").glob("*.nc")
+        requests = len(store.requests)
+        again = source(name).current(REGION, season("2024-07"), LAND, tmp_path / "cache")
+        assert len(store.requests) == requests, "nothing was requested"
+        assert np.array_equal(again.u, grid.u, equal_nan=True)
+        assert again.credit == grid.credit
+        damaged = bytearray(file.read_bytes())
+        damaged[-200] ^= 1
+        file.write_bytes(damaged)
+        third = source(name).current(REGION, season("2024-07"), LAND, tmp_path / "cache")
+        assert len(store.requests) > requests
+        assert world.max_error_m_s(third, "uo", "vo", moment) < TOLERANCE_M_S
+        assert json.loads(file.with_suffix(".json").read_text())["sha256"] == file_hash(file)
+
+
+@pytest.mark.slow
+def test_a_forecast_cached_yesterday_is_out_of_date_today(tmp_path: Path) -> None:
+    name = "copernicus-forecast-daily"
+    wanted = season(day(2).date().isoformat())
+    store = world.store(name)
+    with connected(store, tmp_path / "home"):
+        source(name).current(REGION, wanted, LAND, tmp_path / "cache")
+        (sidecar,) = (tmp_path / "cache").glob("*.json")
+        requests = len(store.requests)
+        source(name).current(REGION, wanted, LAND, tmp_path / "cache")
+        assert len(store.requests) == requests, "cached today"
+        facts = json.loads(sidecar.read_text())
+        facts["retrieved_utc"] = day(-1).isoformat()
+        sidecar.write_text(json.dumps(facts))
+        source(name).current(REGION, wanted, LAND, tmp_path / "cache")
+        assert len(store.requests) > requests
+    assert len(list((tmp_path / "cache").iterdir())) == 2, "the new file has replaced the old one"
+
+
+@pytest.mark.slow
+def test_a_killed_run_ends_its_client_and_the_next_one_cleans_up(
+    tmp_path: Path, root: Path
+) -> None:
+    name, cache = "copernicus-forecast-daily", tmp_path / "cache"
+    store = world.store(name)
+    store.faults.append(Fault("*/uo/*", "stall"))
+    script = (
+        "import pathlib, sys\n"
+        "from pipeline.sources.copernicus.adapter import Copernicus\n"
+        "from tests.loopback_store.world import LAND, REGION, season, spec\n"
+        f"source = Copernicus(spec({name!r}))\n"
+        "source.current(REGION, season('2024-10-05'), LAND, pathlib.Path(sys.argv[1]))\n"
+    )
+    with connected(store, tmp_path / "home"):
+        with subprocess.Popen([sys.executable, "-c", script, str(cache)], cwd=root) as run:
+            for _ in range(600):
+                if any("/uo/" in path for _, path, _ in store.requests):
+                    break
+                time.sleep(0.1)
+            run.kill()
+        assert list(cache.glob("*.partial")), "a killed process can't clean up"
+        for _ in range(50):
+            if not clients_of(store):
+                break
+            time.sleep(0.1)
+        assert not clients_of(store)
+        store.faults.clear()
+        grid = source(name).current(REGION, season("2024-10-05"), LAND, cache)
+    assert world.max_error_m_s(grid, "uo", "vo", datetime(2024, 10, 5, tzinfo=UTC)) < TOLERANCE_M_S
+    assert {path.suffix for path in cache.iterdir()} == {".nc", ".json"}
+
+
+# --- end to end ---------------------------------------------------------------------------------
+
+_VOYAGE = """
+schema_version = 1
+name = "voyage"
+vessel = "paper-asv"
+scale = 1000
+start = [118.75, 9.35]
+goal = [119.15, 9.9]
+[region]
+bbox = {box}
+[planner]
+classes = 2
+[[seasons]]
+name = "july"
+valid = "2024-07"
+currents = ["copernicus-glorys-monthly"]
+"""
+
+
+def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account_secret(
+    tmp_path: Path, across_outputs: Path
+) -> None:
+    output = tmp_path / "outputs"
+    shutil.copytree(across_outputs / ".artefacts", output / ".artefacts")
+    path = tmp_path / "voyage.toml"
+    path.write_text(_VOYAGE.format(box=ACROSS_BOX))
+    table = load_scenario("palawan-season").model_dump(mode="json")
+    table["region"]["bbox"] = ACROSS_BOX
+    across = Scenario.model_validate(table)
+    ocean = Ocean(fetch(across, Store(output / ".artefacts"), offline=True).fetched.land.polygons)
+    store = world.store(MONTHLY, ocean=ocean)
+    with connected(store, tmp_path / "home"):
+        ran = CliRunner().invoke(app, ["run", str(path), "--output", str(output)])
+    assert ran.exit_code == 0, ran.output
+    entry = spec(MONTHLY)
+
+    manifest = json.loads((output / "voyage" / "manifest.json").read_text())
+    (credit,) = manifest["current_sources"]
+    assert (credit["season"], credit["valid"]) == ("july", "2024-07")
+    assert credit["name"] == f"{entry.product}, {entry.dataset} {entry.version}"
+    assert credit["text"] == entry.credit
+    assert entry.credit in (output / "voyage" / "report.html").read_text()
+
+    (file,) = (output / ".artefacts" / "downloads").glob("*.nc")
+    sidecar = json.loads(file.with_suffix(".json").read_text())
+    assert sidecar["sha256"] == file_hash(file)
+    assert sidecar["retrieved_utc"] == credit["retrieved"]
+    assert (sidecar["dataset"], sidecar["version"]) == (entry.dataset, entry.version)
+    assert (sidecar["doi"], sidecar["request"]["times"]) == (entry.doi, ["2024-07"])
+
+    for secret in (USERNAME, PASSWORD):
+        assert secret not in ran.output
+        for encoded in (secret.encode(), base64.b64encode(secret.encode()).rstrip(b"=")):
+            written = [path for path in tmp_path.rglob("*") if path.is_file()]
+            assert not [path.name for path in written if encoded in path.read_bytes()]
+
+    # The store has ended. The artefact of the current is enough, or the cached file alone.
+    (grid,) = fetch(
+        load_scenario(str(path)), Store(output / ".artefacts"), offline=True
+    ).fetched.currents
+    moment = datetime(2024, 7, 1, tzinfo=UTC)
+    assert world.max_error_m_s(grid, "uo", "vo", moment, ocean=ocean) < TOLERANCE_M_S
+    for stage in ("write", "current"):
+        shutil.rmtree(output / ".artefacts" / stage)
+        again = CliRunner().invoke(app, ["run", str(path), "--output", str(output), "--offline"])
+        assert again.exit_code == 0, again.output
