@@ -15,15 +15,13 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart import Chart, ShutArea
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.options import PlanOptions
-from renew.inputs.shut_area import ShutArea
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import plan, plan_departures
-from renew.results.plan import Departures, Plan, Rejected, TradeOff
-from renew.results.route import OverpoweredHours, Route
+from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.voyage.fuel import fuel

@@ -1,4 +1,4 @@
-"""Every way in which a plan can be refused.
+"""Every way in which a plan can be refused, and the first check of what callers give.
 
 A message names the value, the limit it broke and what to change.
 """
@@ -6,9 +6,10 @@ A message names the value, the limit it broke and what to change.
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from renew._types import FloatArray
 
 PlaceSpelling: TypeAlias = Callable[[FloatArray], str]
 """Spells a place (2,), m, for a message: in metres, or as whoever knows more would give it."""
+_SHORT = reprlib.Repr()
 
 
 def in_metres(place: FloatArray) -> str:
@@ -289,3 +291,46 @@ class TooSharpError(InfeasibleError):
 
 class TooLateError(InfeasibleError):
     """The class's path would arrive after the last time of the current."""
+
+
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
+
+
+def shown(value: object) -> str:
+    """A value as Python writes it, on one line; of a long one the beginning and the end."""
+    return " ".join(_SHORT.repr(value).split())
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a real number, and neither true or false nor a duration."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
+        value, bool | np.timedelta64
+    )
+
+
+def is_finite(value: object) -> TypeGuard[float]:
+    """Whether a value is a number that is finite as a float."""
+    try:
+        return is_number(value) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond the floats
+        return False
+
+
+def as_floats(name: str, value: object) -> FloatArray:
+    """Take real numbers as an array of floats; not text, complex numbers, dates or masked ones."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O":
+            # NumPy would take None for NaN.
+            array = np.array([float(one) for one in array.ravel()]).reshape(array.shape)
+        if array.dtype.kind in "biuf" and not np.ma.is_masked(value):
+            return np.asarray(array, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ParameterError(f"{name} = {shown(value)} must be real numbers")
+
+
+def check_kind(name: str, value: object, kind: type) -> None:
+    """Refuse an object that is not of a class of ours."""
+    if not isinstance(value, kind):
+        raise ParameterError(f"{name} = {shown(value)} must be a renew.{kind.__name__}")

@@ -14,14 +14,14 @@ import numpy as np
 from shapely import Polygon, box
 
 from renew.errors import UnreachableError
-from renew.inputs.arguments import Request
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
+from renew.inputs.options import Request
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import plan
 from renew.planner.task import Task
-from renew.results.route import Route
+from renew.results import Route
 from renew.turns.closest_approach import tightest
 from renew.turns.contingency import contingency
 from renew.voyage.fuel import fuel

@@ -13,8 +13,7 @@ import numpy as np
 import renew
 from renew._types import FloatArray
 from renew.planner.problem import Problem
-from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
-from renew.turns.turn_reach import normals_away
+from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, normals_away
 from renew.voyage.voyage import Voyage
 
 Paddings: TypeAlias = dict[tuple[float, ...], float]

@@ -64,8 +64,7 @@ from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.growth_rate import growth_rate
 from renew.bounds.interpolation_error import deviation_radius
-from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source
-from renew.bounds.wet_cells import wet_cells
+from renew.bounds.travel_time import BEYOND, TOLERANCE, TravelGrid, locate, solve, source, wet_cells
 from renew.inputs.current import CurrentField
 from renew.kernels.current_table import CurrentTable, next_slice, node_velocity, table_of
 from renew.voyage.voyage import Voyage

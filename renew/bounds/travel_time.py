@@ -3,7 +3,8 @@
 u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
 from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
 most helpful of that triangle's currents at the time of the first. Nodes are settled in Dijkstra's
-order, and settled again where a later node improves them, as it may in a current.
+order, and settled again where a later node improves them, as it may in a current. Only the cells
+that hold water are crossed.
 
 u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bound from it, and has
 it solved again with the slowness of some cells lowered.
@@ -14,9 +15,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
+from renew.inputs.chart import Chart
 from renew.kernels.current_table import CurrentTable, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
@@ -225,3 +229,51 @@ def solve(
                     time[to_row, to_column] = arrival
                     dirty[to_row, to_column] = True
                     heapq.heappush(queue, (arrival, to_row, to_column))
+
+
+def wet_cells(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
+    """Cells (ny - 1, nx - 1) that hold water; a sliver along their sides is none."""
+    from scipy.ndimage import label
+
+    near_shore = _near_lines(chart.open_water.boundary, x, y)
+    # Water is all or nothing of what lies apart from its shores: one point tells which.
+    regions, count = label(~near_shore)
+    one_of = np.zeros(count + 1, dtype=np.int64)
+    one_of[regions.ravel()] = np.arange(regions.size)
+    row, column = np.divmod(one_of, regions.shape[1])
+    middle_x, middle_y = (x[column] + x[column + 1]) / 2, (y[row] + y[row + 1]) / 2
+    wet = shapely.contains_xy(chart.open_water, middle_x, middle_y)[regions]
+    # Land whose shore runs along a line of the grid leaves no cells of water on its own side.
+    shrink = 10 * chart.precision
+    row, column = np.nonzero(near_shore)
+    cells = shapely.box(
+        x[column] + shrink, y[row] + shrink, x[column + 1] - shrink, y[row + 1] - shrink
+    )
+    water = shapely.get_parts(chart.open_water)
+    holds_water = np.zeros(len(cells), dtype=bool)
+    holds_water[shapely.STRtree(cells).query(water, predicate="intersects")[1]] = True
+    wet[near_shore] = holds_water
+    return np.asarray(wet)
+
+
+def _near_lines(lines: BaseGeometry, x: FloatArray, y: FloatArray) -> BoolArray:
+    """Cells (ny - 1, nx - 1) that the bounding box of a piece of some lines touches."""
+    points, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
+    joined = line[:-1] == line[1:]
+    low, high = (
+        np.minimum(points[:-1], points[1:])[joined],
+        np.maximum(points[:-1], points[1:])[joined],
+    )
+    # A box that ends on a line of the grid touches the cells on both sides of it.
+    count = np.zeros((len(y) + 1, len(x) + 1), dtype=np.int64)
+    left, right = np.searchsorted(x, low[:, 0]) - 1, np.searchsorted(x, high[:, 0], "right")
+    below, above = np.searchsorted(y, low[:, 1]) - 1, np.searchsorted(y, high[:, 1], "right")
+    left, below = np.maximum(left, 0), np.maximum(below, 0)
+    for rows, columns, step in (
+        (below, left, 1),
+        (below, right, -1),
+        (above, left, -1),
+        (above, right, 1),
+    ):
+        np.add.at(count, (rows, columns), step)
+    return np.asarray(count.cumsum(axis=0).cumsum(axis=1)[:-2, :-2] > 0)

@@ -8,26 +8,31 @@ takes classes in the order in which the paper's depth-first search meets them.
 Where small islands have no ray (see :mod:`renew.classes.h_signature`), one class has many channels,
 and the first may be blocked by its padding. So blocked transitions can be excluded, and the
 enumerator gives the next channel of that class.
+
+Via points part a voyage. Each part begins when the one before it ends. An earlier arrival at a via
+point means no later arrival at the next one (FIFO), so the best way of all begins with the best way
+to each via point, and the k best combinations of classes are found part by part. Of two lists in
+ascending order the i-th of one and the j-th of the other can be among the k least sums only where
+i x j <= k, counted from 1.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channel import Channel, RoughPath, Transition
-from renew.classes.dual_graph import is_connected, simple_paths
+from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
 from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
-from renew.classes.resolution import Resolution, Tube, closer_look, resolution_for
-from renew.classes.roadmap import Roadmap, roadmap
+from renew.classes.roadmap import Resolution, Roadmap, Tube, closer_look, resolution_for, roadmap
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.options import Order
@@ -214,3 +219,74 @@ class ClassEnumerator:
             entry, out = (beside.index(t) if t >= 0 else 3 for t in (before, after))
             excluded[triangle, entry, out] = True
         return excluded
+
+
+_Looking: TypeAlias = Callable[[int, ClassEnumerator], list[Channel]]
+
+
+@dataclass(frozen=True, eq=False)
+class ViaEnumerator:
+    """Gives channels from start to goal through the via points, no two of the same class.
+
+    `parts` are the enumerators of the parts of the voyage.
+    """
+
+    voyage: Voyage
+    parts: tuple[ClassEnumerator, ...]
+
+    @property
+    def sees_all(self) -> bool:
+        """As of :class:`ClassEnumerator`."""
+        return all(part.sees_all for part in self.parts)
+
+    @property
+    def has_many_triangles(self) -> bool:
+        """As of :class:`ClassEnumerator`."""
+        return any(part.has_many_triangles for part in self.parts)
+
+    def by_rays(self, rays: Rays) -> ViaEnumerator:
+        """Return the enumerator of the classes that other rays tell apart."""
+        return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
+
+    def up_to(self, dearest: float) -> ViaEnumerator:
+        """As of :class:`ClassEnumerator`, in each part."""
+        return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
+
+    def leaving(self, voyage: Voyage) -> ViaEnumerator:
+        """Return the enumerator of a voyage with another departure."""
+        return replace(self, voyage=voyage)
+
+    def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
+        """The first `count` channels, except those that make a blocked transition."""
+        return self._combined(count, lambda _, part: part.channels(count, blocked))
+
+    def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
+        """The first `count` channels of paths beside some (n, 2), looked at closer."""
+        pieces = [self.voyage.cut(path) for path in paths]
+        return self._combined(
+            count, lambda at, part: part.channels_beside([one[at] for one in pieces], count)
+        )
+
+    def _combined(self, count: int, look: _Looking) -> list[Channel]:
+        """The `count` best combinations; each part departs at the earliest arrival before it."""
+        combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
+        for at, part in enumerate(self.parts):
+            earliest = combined[0][0]
+            # Where no way can be made the clock stops.
+            begin = self.voyage.departure + (earliest if math.isfinite(earliest) else 0.0)
+            voyage = self.voyage.part(at, begin)
+            found = [
+                (voyage.duration(channel.found_by.points), channel)
+                for channel in look(at, part.leaving(voyage))
+                if channel.found_by is not None
+            ]
+            found.sort(key=lambda one: one[0])
+            pairs = [
+                (before + time, (*parts, channel))
+                for i, (before, parts) in enumerate(combined)
+                for time, channel in found[: count // (i + 1)]
+            ]
+            if not pairs:
+                return []
+            combined = sorted(pairs, key=lambda one: one[0])[:count]
+        return [Channel.joined(parts, self.voyage.via) for _, parts in combined]

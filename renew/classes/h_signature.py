@@ -4,12 +4,18 @@ From a point in each island a ray runs in the direction of +y. The signed sequen
 path crosses, with neighbours of opposite sign cancelled, is a word in the free group on the
 islands. Two paths with the same start and goal can be deformed into each other without crossing an
 island exactly when their words are equal (Bhattacharya, Likhachev & Kumar, 2012). An island that
-touches the end of the chart can't be passed on that side and has no ray. Islands smaller than a
-given size can be left without one, so that classes which part only around a rock get the same word.
+touches the end of the chart can't be passed on that side and has no ray.
+
+Islands can be left without a ray, so that classes which part only around a rock get the same word:
+islands below a given size, or all but the few by which a navigator tells the ways of a voyage
+apart. Among hundreds of islets all of the best classes pass the same large islands on the same
+side. The few are the largest on the way, as many as it takes for k classes by passing each on
+either side. The largest one counts, however small it is.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -37,6 +43,9 @@ IDENTITY = "e"
 
 # Longest name, in characters, that a sentence quotes whole.
 _MAX_LENGTH = 60
+# An island lies on the way where going by it makes the way longer by this share at most, and
+# matters where it is at least such a share of the way wide.
+_DETOUR, _SIZE = 0.25, 1 / 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +181,17 @@ def shortened(name: str) -> str:
         if len(name) <= _MAX_LENGTH
         else f"{name[: _MAX_LENGTH // 2]}...{name[-_MAX_LENGTH // 2 :]}"
     )
+
+
+def rays_that_matter(rays: Rays, path: FloatArray, count: int) -> Rays:
+    """Rays of the islands by which `count` classes around a path (n, 2), m, are to differ."""
+    length = float(shapely.length(shapely.LineString(path)))
+    origins = np.column_stack([rays.x, rays.y])
+    through_it = sum(np.linalg.norm(origins - end, axis=1) for end in path[[0, -1]])
+    on_the_way = through_it - rays.size <= (1 + _DETOUR) * length
+    by_it = np.flatnonzero(on_the_way)
+    largest_first = by_it[np.argsort(-rays.size[by_it], kind="stable")]
+    that_matter = max(1, np.count_nonzero(rays.size[by_it] >= _SIZE * length))
+    chosen = np.zeros(len(rays.x), dtype=bool)
+    chosen[largest_first[: min(that_matter, math.ceil(math.log2(count)))]] = True
+    return rays.only(chosen)

@@ -14,7 +14,7 @@ import numpy as np
 
 from renew._compiled import kernel, small_kernel
 from renew._types import FloatArray, IntArray
-from renew.classes.leg_times import time_along
+from renew.classes.legs import time_along
 from renew.classes.reduced_rows import (
     MAX_FLOODED,
     TO_BE_MADE,

@@ -1,10 +1,12 @@
-"""Constrained Delaunay triangulation of the water, and its dual graph.
+"""Constrained Delaunay triangulation of the water.
 
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
-dual graph is exactly one homotopy class (RENEW, AAAI 2026). By Shewchuk's Triangle where it is
-installed (an extra, for its licence bars commercial distribution), else by GEOS through shapely.
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle makes it where that
+is installed (an extra, for its licence bars commercial distribution), else GEOS through shapely.
 Both give the same triangles, in another order, wherever the constrained Delaunay triangulation is
 unique: where no four vertices lie on one circle.
+
+Water can be closed as if it were land. So is water whose current is as strong as the vessel.
 """
 
 from dataclasses import dataclass
@@ -15,16 +17,27 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
+from contourpy import FillType, contour_generator
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import GeometryError, ParameterError, UnreachableError
 from renew.inputs.chart import Chart
+from renew.kernels.current_table import weakest_and_strongest
+from renew.voyage.voyage import Voyage
 
 # A point this share of the chart's size outside all triangles lies on the water's edge.
 _ON_EDGE = 1e-7
 
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
+# Tolerance, as a share of a cell, by which its outline is simplified.
+_TOLERANCE = 0.1
+# Shares of the vessel's speed from which the table's current counts as that strong: at most, so
+# that a simplified outline doesn't reach into it, and at least, however coarse the table.
+_AT_MOST, _AT_LEAST = 0.99, 0.5
+# Radius, in cells, of the water around start and goal that stays open: there the path itself finds
+# out how strong the current is.
+_OPEN_RADIUS = 2.0
 
 
 @dataclass(frozen=True)
@@ -249,3 +262,35 @@ def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Cross product (...) of plane vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def overpowered_water(voyage: Voyage) -> BaseGeometry:
+    """Water where the current is always at least as strong as the vessel is fast, as one geometry.
+
+    It is bounded by a contour of the table's currents, lowered by what the table may be in error.
+    """
+    table, chart, speed = voyage.table, voyage.chart, voyage.vessel.speed
+    weakest, _ = weakest_and_strongest(table)
+    level = float(np.clip(speed - table.error, _AT_LEAST * speed, _AT_MOST * speed))
+    if weakest.max() < level:
+        return shapely.MultiPolygon()
+    cell = float(max(np.diff(table.x).max(), np.diff(table.y).max()))
+    zone = _at_least(table.x, table.y, weakest, level).simplify(_TOLERANCE * cell)
+    endpoints = shapely.points(voyage.stops)
+    kept_open = shapely.union_all(shapely.buffer(endpoints, _OPEN_RADIUS * cell))
+    closed = shapely.difference(chart.water, kept_open)
+    parts = shapely.get_parts(shapely.intersection(zone, closed, grid_size=chart.precision))
+    # Where the zone only touches the shore, the grid leaves lines and points.
+    return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+
+
+def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> BaseGeometry:
+    """Where values (ny, nx) at nodes, linear between them, are a level or more."""
+    contours = contour_generator(x, y, values, fill_type=FillType.OuterOffset)
+    polygons = [
+        shapely.Polygon(outer, holes)
+        for points, offsets in zip(*contours.filled(level, np.inf), strict=True)
+        for outer, *holes in [np.split(points, offsets[1:-1])]
+    ]
+    # Two outlines may meet in a point.
+    return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])

@@ -15,8 +15,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
-from renew.errors import ParameterError
-from renew.inputs.figures import as_floats, is_number, shown
+from renew.errors import ParameterError, as_floats, is_number, shown
 from renew.inputs.tabulation import tabulated
 from renew.kernels.angles import wrapped
 from renew.kernels.current_table import CurrentTable, table_of, velocities

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from renew._types import FloatArray
-from renew.errors import ParameterError
+from renew.errors import ParameterError, as_floats, shown
 from renew.inputs.current import (
     CurrentField,
     CurrentLike,
@@ -21,7 +21,6 @@ from renew.inputs.current import (
     check_finite,
     checked_velocity,
 )
-from renew.inputs.figures import as_floats, shown
 from renew.inputs.tabulation import tabulated_in_time
 from renew.kernels.current_table import CurrentTable, table_of
 

@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from renew.errors import ParameterError
-from renew.inputs.figures import is_number, shown
+from renew.errors import ParameterError, is_number, shown
 
 MAX_SPEED = 1e6
 """Highest speed through water (m/s) that is no slip of the pen."""

@@ -10,14 +10,14 @@ import numpy as np
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channel import Channel, RoughPath
+from renew.classes.dual_graph import Channel, RoughPath
 from renew.errors import InfeasibleError, Strait
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
-from renew.turns.soft_no_go import PaddedEdges
+from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
 # Slack beyond V, as a share of v/ω (1.6 cm for the paper's vessel), that a path keeps while it is

@@ -13,7 +13,7 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.channel import Channel
+from renew.classes.dual_graph import Channel
 from renew.kernels.capsules import (
     Capsules,
     Segment,

@@ -13,13 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
-from renew.inputs.chart import Chart
-from renew.inputs.shut_area import ShutArea, polygons_of
+from renew.inputs.chart import Chart, ShutArea, polygons_of
 from renew.planner.harmonic_mean import chosen_class
 from renew.planner.one_class import ClassPlanner
-from renew.results.plan import Plan, Rejected
-from renew.results.route import Route
-from renew.turns.shut_hours import meeting
+from renew.results import Plan, Rejected, Route
+from renew.turns.passage_windows import meeting
 
 
 def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:

@@ -5,15 +5,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
-from renew.classes.channel import Channel, Transition
-from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
+from renew.classes.dual_graph import Channel, Transition
 from renew.classes.h_signature import Word
-from renew.classes.via_enumerator import ViaEnumerator
 from renew.errors import InfeasibleError
 from renew.planner.harmonic_mean import chosen_class
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.overpowered_hours import hours_of, with_hours
-from renew.results.plan import Plan, Rejected
+from renew.results import Plan, Rejected
 
 # Number of variants around islands that tell no classes apart among which the best route is looked
 # for, and of those that are planned beside it.

@@ -22,7 +22,7 @@ from renew.planner.grow import Shortfalls, grown_until_clear
 from renew.planner.one_class import ClassPath
 from renew.planner.price_search import PriceSearch, chosen_fuel, profile_of
 from renew.planner.room_to_turn import steered_with_room
-from renew.results.plan import TradeOff
+from renew.results import TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
 
 # Largest number of rounds in which path and speeds of a class are improved, and the share of its

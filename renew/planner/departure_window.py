@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from renew.planner.departures import Sailing, Sailings
-from renew.results.plan import Departures, Plan
+from renew.results import Departures, Plan
 
 Progress = Callable[[int, float], None]
 """Called after each plan: the number of plans, and how much better (s) the best may become."""

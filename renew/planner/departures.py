@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from renew.classes.channel import Channel
+from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import name
 from renew.errors import (
     CurrentTooStrongError,
@@ -16,7 +16,7 @@ from renew.errors import (
     TooLateError,
     UnreachableError,
 )
-from renew.inputs.shut_area import ShutArea
+from renew.inputs.chart import ShutArea
 from renew.paths.least_fuel_path import refined_path
 from renew.planner.areas import meets, unavoidable, without_meeting
 from renew.planner.attempts import near_rough
@@ -24,7 +24,7 @@ from renew.planner.classes import ClassSearch
 from renew.planner.diagnosis import no_class_error
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.task import Task
-from renew.results.plan import Departed, Plan, Rejected
+from renew.results import Departed, Plan, Rejected
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.voyage.checks import check_current_at_endpoints
 

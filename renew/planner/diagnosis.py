@@ -10,8 +10,7 @@ from renew.classes.h_signature import shortened
 from renew.errors import Length, Text, TooLateError, UnreachableError
 from renew.planner.classes import plan_classes
 from renew.planner.one_class import ClassPlanner
-from renew.results.plan import Rejected
-from renew.results.route import Route
+from renew.results import Rejected, Route
 
 # Number of halvings by which the largest margin is found.
 _HALVINGS = 6

@@ -16,8 +16,7 @@ from renew.paths.corridor import Corridor
 from renew.planner.problem import Problem
 from renew.turns.padding_model import PaddingModel
 from renew.turns.passage_windows import passage_windows
-from renew.turns.point_risk import risky_edges
-from renew.turns.verification import colliding_edges
+from renew.turns.verification import colliding_edges, risky_edges
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and by how much their padding is too small (m)."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from renew._types import FloatArray
-from renew.results.route import Route
+from renew.results import Route
 
 
 def harmonic_mean(fuels: FloatArray) -> float:

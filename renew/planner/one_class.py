@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.classes.channel import Channel
+from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, Moment, TooLateError
 from renew.inputs.options import PlanOptions
@@ -25,11 +25,10 @@ from renew.planner.overpowered_hours import hours_along, hours_of
 from renew.planner.problem import Problem
 from renew.planner.room_to_turn import steered_as_it_is, steered_with_room
 from renew.planner.sampled_paths import sampled_paths
-from renew.results.route import Route
+from renew.results import Route
 from renew.steering.steer_in_corridor import steer_as_drawn
-from renew.turns.padding_model import PaddingModel, region_of
+from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
 from renew.turns.passage_windows import passage_windows
-from renew.turns.soft_no_go import PaddedEdges
 from renew.voyage.voyage import Voyage
 
 # Ratio of a steered path's fuel to that of the path before from which other attempts are made.

@@ -20,12 +20,12 @@ import numpy as np
 import shapely
 
 from renew._types import BoolArray, FloatArray
-from renew.classes.channel import Channel
+from renew.classes.dual_graph import Channel
 from renew.errors import InfeasibleError, Text
 from renew.kernels.current_table import velocities, velocity
 from renew.kernels.overpowered_spells import overpowered_spells
 from renew.kernels.viterbi import TOO_STRONG, slowness
-from renew.results.route import OverpoweredHours
+from renew.results import OverpoweredHours
 from renew.voyage.voyage import Voyage, shares
 
 # Number of pieces into which a path is cut at least.

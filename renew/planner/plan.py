@@ -8,8 +8,12 @@ from typing import Any, TypeAlias, Unpack
 import numpy as np
 
 from renew._types import FloatArray
-from renew.errors import ParameterError
-from renew.inputs.arguments import (
+from renew.errors import ParameterError, check_kind, shown
+from renew.inputs.chart import Chart, ShutArea
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.options import (
+    Changes,
+    PlanOptions,
     Request,
     Speeds,
     ViaPoints,
@@ -18,11 +22,6 @@ from renew.inputs.arguments import (
     as_via,
     check_objects,
 )
-from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.figures import check_kind, shown
-from renew.inputs.options import Changes, PlanOptions
-from renew.inputs.shut_area import ShutArea
 from renew.inputs.vessel import Vessel
 from renew.planner.areas import plan_around, with_always_shut
 from renew.planner.classes import plan_classes
@@ -33,7 +32,7 @@ from renew.planner.latest_departure import latest_departure
 from renew.planner.one_class import ClassPlanner
 from renew.planner.speeds import departures_with_speeds, plan_with_speeds
 from renew.planner.task import Task
-from renew.results.plan import Departures, Plan
+from renew.results import Departures, Plan
 from renew.voyage.checks import check_current_at_endpoints, check_departures
 
 _Place: TypeAlias = FloatArray | tuple[float, float]

@@ -25,8 +25,7 @@ from renew.planner.diagnosis import no_class_error
 from renew.planner.grow import Shortfalls, grown_until_clear
 from renew.planner.latest_departure import too_late_error
 from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.results.plan import Plan, TradeOff
-from renew.results.route import Route
+from renew.results import Plan, Route, TradeOff
 
 # Largest number of rounds in which the price is looked for, and its change, as a share of it, from
 # which it counts as settled: fuel differs by the square of that.

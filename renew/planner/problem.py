@@ -9,16 +9,18 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.deciding_islands import rays_that_matter
-from renew.classes.h_signature import VIA, Rays, Word
-from renew.classes.overpowered_water import overpowered_water
-from renew.classes.triangulation import Triangulation, triangulate, triangulation_of
-from renew.classes.via_enumerator import ViaEnumerator
+from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
+from renew.classes.h_signature import VIA, Rays, Word, rays_that_matter
+from renew.classes.triangulation import (
+    Triangulation,
+    overpowered_water,
+    triangulate,
+    triangulation_of,
+)
 from renew.inputs.options import PlanOptions
 from renew.paths.corridor import SLACK
-from renew.results.route import FuelBound
-from renew.turns.reach_bound import TurnReach
+from renew.results import FuelBound
+from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
 
 

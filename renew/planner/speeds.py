@@ -22,8 +22,8 @@ from typing import TypeAlias
 import numpy as np
 
 from renew.errors import ParameterError, PlanningError
-from renew.inputs.arguments import check_speed_choice
-from renew.inputs.shut_area import ShutArea
+from renew.inputs.chart import ShutArea
+from renew.inputs.options import check_speed_choice
 from renew.paths.speeds_by_clock import constant_speed
 from renew.planner.areas import plan_around
 from renew.planner.classes import plan_classes
@@ -32,7 +32,7 @@ from renew.planner.departure_window import Progress
 from renew.planner.one_class import ClassPlanner
 from renew.planner.price_search import PriceSearch
 from renew.planner.task import Task
-from renew.results.plan import Departed, Departures, Plan, TradeOff
+from renew.results import Departed, Departures, Plan, TradeOff
 from renew.voyage.checks import check_current_at_endpoints
 from renew.voyage.voyage import Voyage
 

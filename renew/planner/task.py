@@ -4,10 +4,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from renew._types import FloatArray
-from renew.inputs.arguments import Request
-from renew.inputs.chart import Chart
+from renew.inputs.chart import Chart, ShutArea, polygons_of
 from renew.inputs.current import CurrentField
-from renew.inputs.shut_area import ShutArea, polygons_of
+from renew.inputs.options import Request
 from renew.inputs.vessel import Vessel
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem

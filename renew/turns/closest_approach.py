@@ -7,13 +7,12 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.inputs.arguments import check_seed
+from renew.errors import check_kind
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.figures import check_kind
+from renew.inputs.options import check_seed
 from renew.inputs.vessel import Vessel
-from renew.results.route import Route
-from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
-from renew.turns.turn_reach import normals_away
+from renew.results import Route
+from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, normals_away
 
 # Number of draws: enough for a smooth picture.
 _DRAWS = 4096

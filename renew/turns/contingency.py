@@ -15,8 +15,7 @@ import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.errors import ParameterError
-from renew.inputs.arguments import check_turns
+from renew.errors import ParameterError, is_finite, shown
 from renew.inputs.chart import Chart
 from renew.inputs.current import (
     CurrentField,
@@ -25,11 +24,10 @@ from renew.inputs.current import (
     as_field,
     sample_statistics,
 )
-from renew.inputs.figures import is_finite, shown
-from renew.inputs.options import Drift
+from renew.inputs.options import Drift, check_turns
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import CurrentTable, velocity
-from renew.turns.reach_bound import MAX_DEVIATIONS, TurnReach
+from renew.turns.turn_reach import MAX_DEVIATIONS, TurnReach
 from renew.voyage.fuel import as_path, ground_speed, reading_times, speeds_along, speeds_by_leg
 from renew.voyage.voyage import early_and_late
 

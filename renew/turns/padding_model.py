@@ -3,42 +3,102 @@
 The padding is the σ-quantile (risk = 1 - σ) of the reach (:mod:`renew.turns.turn_reach`) of
 hard-over turns to the worse side, over currents drawn from the triangle's mean and spread and
 headings φ ± Δφ about the direction of travel. Where the current changes, mean and spread are also
-taken over the window of time in which the vessel may be in the triangle.
+taken over the window of time in which the vessel may be in the triangle. Edges with their padding
+are the soft no-go zone V.
 """
+
+from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
 
 from renew._types import FloatArray, IntArray
-from renew.classes.channel import Channel, Transition
-from renew.classes.dual_graph import surroundings
+from renew.classes.dual_graph import Channel, Transition, surroundings
 from renew.classes.triangulation import Triangulation
 from renew.inputs.current import CurrentField, CurrentStatistics
 from renew.inputs.options import PlanOptions
 from renew.inputs.vessel import Vessel
+from renew.kernels.capsules import segment_distance
 from renew.kernels.traversal import Visits
-from renew.turns.reach_quantile import TurnSampler, TurnsAtEdges
-from renew.turns.soft_no_go import PaddedEdges
-from renew.turns.turn_reach import normals_away
+from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, normals_away
+
+# Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
+_LAYERS = 2
+# Number of triangles that are surveyed beside those asked for: fewer cost no less time.
+_BATCH = 128
+# Factor by which edges are looked for further off than a reach asks for, as the current changes: in
+# the next window of time it may be larger.
+_ROOM = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class PaddedEdges:
+    """Constrained edges with their padding: the soft no-go zone V as capsules.
+
+    `start`, `end` are (e, 2) metres, `padding` is (e,) metres and `edge` (e,) the index into the
+    triangulation's constrained edges.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    padding: FloatArray
+    edge: IntArray
+
+    @classmethod
+    def joined(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
+        """All edges of some parts of a voyage, each once, with its least padding."""
+        start, end, padding, edge = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("start", "end", "padding", "edge")
+        )
+        order = np.lexsort((padding, edge))
+        kept = order[np.diff(edge[order], prepend=-1) != 0]
+        return cls(start[kept], end[kept], padding[kept], edge[kept])
+
+    def around(self, point: FloatArray) -> PaddedEdges:
+        """Only the edges whose padding reaches over a point (2,)."""
+        inside = segment_distance(point, self.start, self.end) < self.padding
+        return PaddedEdges(
+            self.start[inside], self.end[inside], self.padding[inside], self.edge[inside]
+        )
+
+    def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
+        """Return them with the padding of some constrained edges larger by `by` metres each."""
+        extra = np.zeros(len(self.edge))
+        order = np.argsort(self.edge, kind="stable")
+        np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
+        return PaddedEdges(self.start, self.end, self.padding + extra, self.edge)
+
+    def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
+        """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
+
+        By how much more is said for each place, (n,) metres.
+        """
+        distance = segment_distance(places[:, None], self.start, self.end)
+        place, edge = np.nonzero(distance < reach)
+        axis = self.end[edge] - self.start[edge]
+        square = (axis * axis).sum(axis=1)
+        middle = ((places[place] - self.start[edge]) * axis).sum(axis=1) / square
+        half = reach / np.sqrt(square)
+        low, high = np.clip([middle - half, middle + half], 0.0, 1.0)
+        return PaddedEdges(
+            np.concatenate([self.start, self.start[edge] + low[:, None] * axis]),
+            np.concatenate([self.end, self.start[edge] + high[:, None] * axis]),
+            np.concatenate([self.padding, self.padding[edge] + by[place]]),
+            np.concatenate([self.edge, self.edge[edge]]),
+        )
+
 
 _Place: TypeAlias = tuple[int, int, int]
 """A triangle, and the first and the last step of the clock of the window in which it is crossed."""
 
 _Crossing: TypeAlias = tuple[_Place, Transition]
 """A place, and the transition of the channel in it or beside it."""
-
-# Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
-_LAYERS = 2
-
-# Number of triangles that are surveyed beside those asked for: fewer cost no less time.
-_BATCH = 128
-# Factor by which edges are looked for further off than a reach asks for, as the current changes: in
-# the next window of time it may be larger.
-_ROOM = 1.5
 
 
 class _Around(NamedTuple):

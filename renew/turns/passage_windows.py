@@ -1,13 +1,24 @@
-"""Windows of time in which a vessel may be where it passes: the padding holds in all of each."""
+"""Windows of time in which a vessel may be where it passes, be it early, on time or late.
+
+Padding holds in all of each window. In its window a vessel may also meet an area that is shut, on
+its way or in a turn that it begins there: a full turn may carry it as far as
+:class:`renew.turns.turn_reach.TurnReach` says, for as long as the turn lasts. That is an upper
+bound on where the vessel can be, so a path that is found free of the area is safe.
+"""
 
 import numpy as np
 import shapely
 
 from renew._types import FloatArray
+from renew.inputs.chart import ShutArea
+from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
 
 # Largest number of points at which the time of passage is taken.
-_MAX_POINTS = 2000
+_MAX_PASSAGE_POINTS = 2000
+# Distance between the points at which a path is looked at, as a share of v/ω, and their largest
+# number.
+_SPACING, _MAX_POINTS = 0.5, 20_000
 
 
 def passage_windows(
@@ -21,7 +32,7 @@ def passage_windows(
     if voyage.current.is_steady or not len(enter):
         return np.zeros((len(enter), 2))
     line = shapely.LineString(path)
-    line = shapely.segmentize(line, max(voyage.clock.step, line.length / _MAX_POINTS))
+    line = shapely.segmentize(line, max(voyage.clock.step, line.length / _MAX_PASSAGE_POINTS))
     points = shapely.get_coordinates(line)
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     places = shapely.points(np.stack([enter, leave], axis=1))
@@ -29,3 +40,42 @@ def passage_windows(
     begin, end = times.min(axis=1), times.max(axis=1)
     (early, _), (_, late) = voyage.early_and_late(begin), voyage.early_and_late(end)
     return np.stack([early, late + voyage.vessel.turn_period], axis=1)
+
+
+def meeting(
+    line: FloatArray,
+    times: FloatArray,
+    area: ShutArea,
+    voyage: Voyage,
+    reach: TurnReach | float,
+) -> tuple[FloatArray, float, float] | None:
+    """Where (2,), from when and until when (s) a vessel may be in an area that is shut; or None.
+
+    It passes the points of a line (n, 2) at times (n,), s, and turns there as far as `reach` m.
+    """
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    spacing = max(_SPACING * voyage.vessel.turning_radius, length / _MAX_POINTS)
+    points, passed = _densified(line, times, spacing)
+    early, late = voyage.early_and_late(passed)[0], voyage.early_and_late(passed)[1]
+    far = reach(points) if isinstance(reach, TurnReach) else np.full(len(points), reach)
+    is_near = shapely.distance(shapely.points(points), area.polygon) <= far + spacing
+    # From the point before to the one behind: between the points it may be in it as well.
+    begin = np.append(early[:1], early[:-1])
+    end = np.append(late[1:], late[-1:]) + voyage.vessel.turn_period
+    met = np.flatnonzero(is_near & (begin < area.end) & (end > area.begin))
+    if not len(met):
+        return None
+    return points[met[0]], float(begin[met].min()), float(end[met].max())
+
+
+def _densified(
+    line: FloatArray, times: FloatArray, spacing: float
+) -> tuple[FloatArray, FloatArray]:
+    """Points (m, 2) at most so far apart (m), with their times (m,), s."""
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
+    leg = np.repeat(np.arange(len(lengths)), pieces)
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+    points = line[leg] + share[:, None] * (line[leg + 1] - line[leg])
+    passed = times[leg] + share * (times[leg + 1] - times[leg])
+    return np.vstack([points, line[-1:]]), np.append(passed, times[-1:])

@@ -19,9 +19,8 @@ import shapely
 
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
-from renew.errors import ParameterError
+from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
 from renew.inputs.current import CurrentField, CurrentLike, as_field
-from renew.inputs.figures import as_floats, check_kind, is_finite, shown
 from renew.inputs.options import Drift, choice_faults
 from renew.inputs.vessel import Vessel
 from renew.kernels.ground_speed import ground_speed as made_along

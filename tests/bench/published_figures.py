@@ -15,14 +15,14 @@ from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
 from renew.inputs import current as current_module
 from renew.inputs.options import PlanOptions
-from renew.turns import reach_quantile
+from renew.turns import turn_reach
 from renew.turns.padding_model import PaddingModel
-from renew.turns.reach_quantile import TurnSampler
+from renew.turns.turn_reach import TurnSampler
 from tests.bench.figure import Figure, quoted
 from tests.published import ABLATION, FOUR_GYRE, GYRE
 from tests.renew.turns.test_padding_model import always
-from tests.renew.turns.test_point_risk import shares_that_touch
-from tests.renew.turns.test_reach_quantile import TURNS
+from tests.renew.turns.test_turn_reach import TURNS
+from tests.renew.turns.test_verification import shares_that_touch
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
 
 SCENES = range(20)
@@ -109,7 +109,7 @@ def _quantile_errors() -> tuple[float, float]:
         return np.random.default_rng(seed).random((3, count))
 
     even = error()
-    with mock.patch.object(reach_quantile, "_even_draws", by_chance):
+    with mock.patch.object(turn_reach, "_even_draws", by_chance):
         return even, error()
 
 

@@ -22,7 +22,7 @@ from pipeline.formats.passage.tracks import (
 from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.model import RouteMetrics
-from renew.results.route import unite_soft_no_go
+from renew.results import unite_soft_no_go
 
 NAUTICAL_MILE_M = 1852.0
 # Maximum distance of a leg from the planned line, as a share of the route's length: 0.7 km on

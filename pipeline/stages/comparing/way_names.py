@@ -28,8 +28,7 @@ from pipeline.model import (
     SeasonPlan,
     Side,
 )
-from renew.classes.deciding_islands import rays_that_matter
-from renew.classes.h_signature import Rays
+from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
 # Number of sampled points of a route. A point is abeam of an island if its distance from the

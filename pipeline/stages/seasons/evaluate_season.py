@@ -27,7 +27,7 @@ from pipeline.stages.comparing.second_shoreline import SecondShoreline
 from pipeline.stages.projecting.speed_choices import true_duration_s
 from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
 from renew.inputs.options import Drift
-from renew.turns.reach_bound import TurnReach
+from renew.turns.turn_reach import TurnReach
 
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as
 # published, and at least this many turning radii, because nearer turns are almost the same.

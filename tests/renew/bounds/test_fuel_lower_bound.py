@@ -17,7 +17,7 @@ from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.bounds.growth_rate import projected_rate
-from renew.bounds.wet_cells import wet_cells
+from renew.bounds.travel_time import wet_cells
 from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters

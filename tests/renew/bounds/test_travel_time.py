@@ -13,8 +13,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.bounds import fuel_lower_bound as bounds
-from renew.bounds.travel_time import TravelGrid, locate, solve, source
-from renew.bounds.wet_cells import wet_cells
+from renew.bounds.travel_time import TravelGrid, locate, solve, source, wet_cells
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings
-from shapely import box
+from hypothesis import strategies as st
+from shapely import Polygon, box
 
 import renew
-from renew.classes.h_signature import Rays, name, shortened
-from tests.strategies import SIZE, random_islands, seeds
+from renew.classes.h_signature import Rays, name, rays_that_matter, shortened
+from renew.inputs.options import DistinctBy
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_islands, seeds
 
 
 def test_words_depend_on_the_class_of_a_path_alone() -> None:
@@ -57,3 +60,75 @@ def test_words_do_not_change_when_a_path_is_moved_over_water(seed: int) -> None:
         )
         if not swept.intersects(chart.hard_no_go) and not line.intersects(chart.hard_no_go):
             assert rays.word(moved) == rays.word(path)
+
+
+WAY = np.array([[20.0, 100.0], [180.0, 100.0]])
+
+
+def among_islets(seed: int, side: float = SIZE) -> renew.Chart:
+    """Two large islands one behind the other among many islets."""
+    rng = np.random.default_rng(seed)
+    large = [box(60, 85, 85, 120), box(115, 75, 140, 110)]
+    islets: list[Polygon] = []
+    while len(islets) < 40:
+        x, y = rng.uniform(10, side - 12, 2)
+        islet = box(x, y, x + rng.uniform(0.4, 1.6), y + rng.uniform(0.4, 1.6))
+        near = [*large, *islets, *shapely.points(WAY)]
+        if shapely.distance(islet, near).min() > 5:
+            islets.append(islet)
+    return renew.Chart(box(0, 0, side, side), [*large, *islets])
+
+
+def test_the_largest_islands_on_the_way_matter() -> None:
+    islands = [box(60, 85, 85, 120), box(115, 75, 140, 110), box(95, 100, 98, 102)]
+    behind = box(2, 160, 8, 190)
+    rays = Rays.of(renew.Chart(box(0, 0, SIZE, SIZE), [*islands, behind]))
+    chosen = rays_that_matter(rays, WAY, 16)
+    middles = shapely.points(np.column_stack([chosen.x, chosen.y]))
+    assert [sum(island.covers(middles)) for island in (*islands, behind)] == [1, 1, 0, 0]
+    assert chosen.omits_islands
+    assert len(rays_that_matter(rays, WAY, 2).x) == 1
+    assert len(rays_that_matter(rays, WAY, 1).x) == 0
+
+
+def test_where_all_are_islets_the_largest_on_the_way_matters() -> None:
+    islets = [box(60, 99, 61, 100), box(95, 100, 96.5, 101.5), box(120, 98, 121, 99)]
+    beside = box(2, 160, 8, 190)
+    rays = Rays.of(renew.Chart(box(0, 0, SIZE, SIZE), [*islets, beside]))
+    chosen = rays_that_matter(rays, WAY, 16)
+    assert len(chosen.x) == 1
+    assert islets[1].covers(shapely.Point(chosen.x[0], chosen.y[0]))
+
+
+@given(seed=seeds, share=st.floats(0, 1))
+def test_a_word_by_some_rays_follows_from_the_word_by_all(seed: int, share: float) -> None:
+    rays = Rays.of(renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed)))
+    rng = np.random.default_rng(seed)
+    path = rng.uniform(0, SIZE, (12, 2))
+    some = rays.only(rng.random(len(rays.x)) < share)
+    assert some.of_word(rays.word(path)) == some.word(path)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_least_fuel_route_is_the_same_whichever_islands_count(seed: int) -> None:
+    chart, current = among_islets(seed), StreamFunctionCurrent(seed, 0.6)
+
+    def plan(distinct_by: DistinctBy) -> renew.Plan:
+        return renew.plan(chart, current, PAPER_VESSEL, *WAY, classes=6, distinct_by=distinct_by)
+
+    least = plan(0.0).best.fuel
+    for distinct_by in ("auto", 5.0, 1000.0):
+        assert plan(distinct_by).best.fuel == pytest.approx(least, rel=2e-4)
+
+
+def test_choices_pass_the_largest_island_on_either_side() -> None:
+    chart, current = among_islets(0), StreamFunctionCurrent(0, 0.3)
+    largest = max(chart.no_go, key=lambda island: island.area).centroid
+    over = shapely.LineString([largest, (largest.x, SIZE)])
+    sides = {
+        bool(over.crosses(shapely.LineString(route.path)))
+        for route in renew.plan(
+            chart, current, PAPER_VESSEL, *WAY, classes=4, distinct_by="auto"
+        ).routes
+    }
+    assert sides == {True, False}

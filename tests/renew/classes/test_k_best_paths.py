@@ -20,8 +20,7 @@ from renew.classes.dual_graph import dual_graph
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import k_best_paths, time_to_go
 from renew.classes.reduced_rows import RayColumns, Task
-from renew.classes.resolution import Resolution
-from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
+from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream

@@ -8,7 +8,7 @@ import shapely
 from shapely import Point, box
 
 import renew
-from renew.classes.overpowered_water import overpowered_water
+from renew.classes.triangulation import overpowered_water
 from renew.voyage.voyage import Voyage
 from tests.strategies import PAPER_VESSEL
 

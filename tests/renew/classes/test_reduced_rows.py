@@ -19,8 +19,7 @@ from renew.classes.reduced_rows import (
     row_after,
     triangles_of,
 )
-from renew.classes.resolution import Resolution
-from renew.classes.roadmap import START, roadmap
+from renew.classes.roadmap import START, Resolution, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.kernels.traversal import visits
 from tests.strategies import seeds, voyage_on

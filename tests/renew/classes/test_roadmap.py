@@ -15,8 +15,7 @@ from shapely import box
 
 import renew
 from renew.classes.k_best_paths import time_to_go
-from renew.classes.resolution import Resolution
-from renew.classes.roadmap import GOAL, START, Roadmap, roadmap
+from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.inputs.current import as_field
 from renew.voyage.fuel import passage

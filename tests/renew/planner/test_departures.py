@@ -14,8 +14,7 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.arguments import Request
-from renew.inputs.options import Padding
+from renew.inputs.options import Padding, Request
 from renew.planner.classes import ClassSearch
 from renew.planner.departures import Sailings, in_order_of_arrival
 from renew.planner.task import Task

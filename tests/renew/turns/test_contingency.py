@@ -14,7 +14,7 @@ from shapely import box
 import renew
 from renew.inputs.current import TabulatedCurrent
 from renew.turns.contingency import fly_turns, perturbations, stations
-from renew.turns.reach_bound import MAX_DEVIATIONS
+from renew.turns.turn_reach import MAX_DEVIATIONS
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)

@@ -6,21 +6,49 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+import shapely
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.classes.channel import Channel
 from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
 from renew.inputs.options import Padding, PlanOptions
-from renew.turns.padding_model import PaddingModel
-from renew.turns.reach_quantile import HEADING_SPREAD
-from renew.turns.turn_reach import turn_reach
-from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+from renew.turns.padding_model import PaddedEdges, PaddingModel
+from renew.turns.turn_reach import HEADING_SPREAD, turn_reach
+from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
+
+
+def padded_edges(seed: int) -> PaddedEdges:
+    """Twelve edges, by numbers that are not in order."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(0, 10, (12, 2))
+    end = start + rng.normal(0, 2, (12, 2))
+    return PaddedEdges(start, end, rng.uniform(0, 3, 12), rng.permutation(30)[:12])
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_the_edges_around_a_point_are_those_whose_buffer_holds_it(seed: int) -> None:
+    padded = padded_edges(seed)
+    point = np.random.default_rng(seed).uniform(0, 10, 2)
+    lines = shapely.linestrings(np.stack([padded.start, padded.end], axis=1))
+    holding = shapely.distance(lines, shapely.Point(point)) < padded.padding
+    assert padded.around(point).edge.tolist() == padded.edge[holding].tolist()
+
+
+def test_an_edge_that_is_named_twice_grows_by_the_larger_figure() -> None:
+    padded = padded_edges(0)
+    one, other = padded.edge[[7, 2]]
+    grown = padded.grown(np.array([one, other, one]), np.array([0.5, 2.0, 1.5]))
+    expected = padded.padding.copy()
+    expected[[7, 2]] += [1.5, 2.0]
+    assert grown.padding.tolist() == expected.tolist()
+    assert grown.edge.tolist() == padded.edge.tolist()
 
 
 def always(channel: Channel) -> FloatArray:

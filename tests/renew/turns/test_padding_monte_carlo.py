@@ -17,7 +17,7 @@ import pytest
 
 import renew
 from renew._types import FloatArray
-from renew.turns.reach_quantile import HEADING_SPREAD
+from renew.turns.turn_reach import HEADING_SPREAD
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
 
 # Number of drawn turns for each triangle and edge.

@@ -7,9 +7,22 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from renew.turns.turn_reach import normals_away, turn_reach
-from tests.strategies import PAPER_VESSEL, angles, seeds, speeds
+from renew.inputs.current import CurrentStatistics, TabulatedCurrent
+from renew.turns.contingency import fly_turns
+from renew.turns.turn_reach import (
+    HEADING_SPREAD,
+    MAX_DEVIATIONS,
+    TurnReach,
+    TurnSampler,
+    TurnsAtEdges,
+    TurnStarts,
+    normals_away,
+    reach_along,
+    turn_reach,
+)
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, angles, seeds, speeds
 
 NORTH = np.array([0.0, 1.0])
 
@@ -51,3 +64,100 @@ def test_normals_are_unit_vectors_square_to_their_edge_and_point_away(seed: int)
     assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
     assert (normals * along).sum(axis=1) == pytest.approx(0, abs=1e-9)
     assert (((edges.mean(axis=1) - point) * normals).sum(axis=1) >= 0).all()
+
+
+# Two currents, of which the second one is steadier; and an edge to the north and one to the west.
+MEAN = np.array([[0.3, 0.1], [-0.2, 0.4]])
+STATISTICS = CurrentStatistics(
+    mean=MEAN,
+    speed=np.linalg.norm(MEAN, axis=1),
+    direction=np.arctan2(MEAN[:, 1], MEAN[:, 0]),
+    speed_std=np.array([0.1, 0.02]),
+    direction_std=np.array([0.4, 0.1]),
+)
+COURSE = np.array([0.2, 1.5])
+ROW = np.array([0, 0, 1, 1])
+NORMALS = np.array([[0.0, 1.0], [-1.0, 0.0]] * 2)
+TURNS = TurnsAtEdges(STATISTICS, COURSE, ROW, NORMALS, PAPER_VESSEL)
+
+
+@settings(max_examples=20)
+@given(seed=seeds, risk=st.floats(0.002, 0.98), count=st.integers(50, 600))
+def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count: int) -> None:
+    sampler = TurnSampler(seed, count)
+    reaches = sampler.reaches(TURNS)
+    found = sampler.quantile(TURNS, risk)
+    assert reaches.shape == (4, count)
+    assert (reaches == found[:, None]).any(axis=1).all()
+    # On the safe side, and not by more than a fifth of the risk.
+    assert ((reaches > found[:, None]).mean(axis=1) <= risk).all()
+    assert ((reaches >= found[:, None]).mean(axis=1) >= 0.8 * risk).all()
+
+
+def test_few_even_draws_spread_as_many_random_ones_do() -> None:
+    rng = np.random.default_rng(0)
+    few = np.quantile(TurnSampler(0, 4096).reaches(TURNS), 0.95, axis=1)
+    for row, normal, quantile in zip(ROW, NORMALS, few, strict=True):
+        draws = 100_000
+        speed = rng.normal(STATISTICS.speed[row], STATISTICS.speed_std[row], draws).clip(min=0)
+        towards = rng.normal(STATISTICS.direction[row], STATISTICS.direction_std[row], draws)
+        heading = COURSE[row] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
+        current = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
+        reach = turn_reach(PAPER_VESSEL, heading, current, normal)
+        tolerance = 0.02 * PAPER_VESSEL.turning_radius
+        assert quantile == pytest.approx(np.quantile(reach, 0.95), abs=tolerance)
+
+
+def test_draws_depend_on_the_seed_alone() -> None:
+    one, same, other = (TurnSampler(seed, 100).reaches(TURNS) for seed in (1, 1, 2))
+    assert (one == same).all()
+    assert (one != other).any()
+
+
+@pytest.mark.parametrize("risk", [5e-4, 1e-4])
+def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float) -> None:
+    rng = np.random.default_rng(1)
+    places, draws = 4, 2_000_000
+    spread = CurrentStatistics(
+        np.zeros((places, 2)),
+        rng.uniform(0.1, 0.5, places),
+        rng.uniform(-3, 3, places),
+        rng.uniform(0.02, 0.2, places),
+        rng.uniform(0.1, 0.6, places),
+    )
+    course, bearing = rng.uniform(-3, 3, (2, places))
+    normals = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    asked = TurnsAtEdges(spread, course, np.arange(places), normals, PAPER_VESSEL)
+    quantile = TurnSampler.for_risk(0, risk).quantile(asked, risk)
+    for at in range(places):
+        speed = rng.normal(spread.speed[at], spread.speed_std[at], draws).clip(min=0)
+        towards = rng.normal(spread.direction[at], spread.direction_std[at], draws)
+        heading = course[at] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
+        turns = TurnStarts(
+            heading,
+            np.cos(heading),
+            np.sin(heading),
+            speed * np.cos(towards),
+            speed * np.sin(towards),
+        )
+        reach = np.empty(draws)
+        reach_along(normals[at], turns, PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate, reach)
+        share = float((reach > quantile[at]).mean())
+        assert 0.4 * risk <= share <= risk + 3 * math.sqrt(risk / draws)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=seeds)
+def test_no_turn_gets_further_than_its_bound(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    table = StreamFunctionCurrent(seed, 0.9).table((0.0, 0.0, SIZE, SIZE))
+    points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
+    deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
+    tracks = fly_turns(
+        points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations, np.zeros(100)
+    )
+    furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
+    reach = TurnReach.of(table, PAPER_VESSEL)(points)
+    assert (furthest <= reach).all()
+    # It is smaller in calm water than where the current is strongest.
+    assert reach.min() < 0.9 * reach.max()

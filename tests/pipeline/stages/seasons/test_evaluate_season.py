@@ -21,7 +21,7 @@ from pipeline.stages.seasons.evaluate_season import (
     evaluate_season,
     land_within_reach,
 )
-from renew.turns.reach_bound import TurnReach
+from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
 from tests.true_scale import clearance_m

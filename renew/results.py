@@ -1,0 +1,393 @@
+"""What a plan consists of: routes with their figures, and rejected classes with their reasons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from renew._types import FloatArray
+from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.errors import (
+    MomentSpelling,
+    PlaceSpelling,
+    PlanningError,
+    Strait,
+    Text,
+    UnreachableError,
+    from_until,
+    in_seconds,
+)
+from renew.inputs.chart import ShutArea
+from renew.kernels.traversal import visits
+from renew.voyage.voyage import Voyage
+
+# Width of the map, CSS pixels; its height follows, up to twice as much.
+_WIDTH = 420.0
+# Colours of the routes, best first (Okabe and Ito: told apart by colour-blind readers, too).
+_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+# Number of routes that are drawn and listed.
+_MAX_ROUTES = len(_COLOURS)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FuelBound:
+    """The fuel that no route of a voyage can stay below, of any class, however close to land.
+
+    It is worked out from the voyage when it is first asked for, or known already.
+    """
+
+    source: Voyage | float
+
+    @cached_property
+    def value(self) -> float:
+        """The lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
+        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
+
+    def __reduce__(self) -> tuple[type[FuelBound], tuple[float]]:
+        """Pickle the bound instead of what it is made from: a current may be any function."""
+        return FuelBound, (self.value,)
+
+
+class OverpoweredHours(NamedTuple):
+    """Water that the current shuts for a while, on the way of a class.
+
+    At `place` (2,), m, it is nearly as strong as the vessel is fast, or stronger, from `begin`
+    until `end` (s): part of the time in which the vessel may be there, or comes there and has to
+    wait. Of a stretch of such water it is the place where that lasts longest. The times are
+    infinite where the current is held before its first time or after its last.
+    """
+
+    place: FloatArray
+    begin: float
+    end: float
+
+    @property
+    def text(self) -> Text:
+        """The hours as a text that names their moments on the current's clock."""
+        return from_until(self.begin, self.end, on=" on")
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """The least-fuel path found in one homotopy class.
+
+    Attributes
+    ----------
+    path : (n, 2) metres, start to goal.
+    trajectory : (m, 4) of t (s), x, y (m) and heading (rad): the path as it is steered, with times
+        on the current's clock.
+    fuel : Eq. 4 along the path (fuel units; seconds for the paper's vessel).
+    length : metres.
+    clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
+    duration : time under way by the drift model (s).
+    times : (n,) s, when the path's points are passed, on the current's clock; the first is the
+        departure.
+    speeds : (n - 1,) m/s, the speed through water at which each leg of the path is sailed.
+    fuel_bound : the least fuel that any route can need; computed when first asked for.
+    homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
+        second to starboard and then the first to port; the largest island is 1.
+    corners : (t, 3, 2) metres, the triangles in which its path was planned.
+    padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
+    harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
+        the path's own fuel.
+    starts_in_soft_no_go, ends_in_soft_no_go : the first or the last leg lies partly in V.
+    overpowered : water on the class's way that the current shuts for a while, in the order in which
+        it is passed: the route is the best without waiting.
+    """
+
+    path: FloatArray
+    trajectory: FloatArray
+    fuel: float
+    length: float
+    clearance: float
+    duration: float
+    times: FloatArray
+    speeds: FloatArray
+    fuel_bound: FuelBound
+    homotopy: str
+    corners: FloatArray
+    padding_used: FloatArray
+    harmonic_mean: float
+    starts_in_soft_no_go: bool
+    ends_in_soft_no_go: bool
+    overpowered: tuple[OverpoweredHours, ...] = ()
+    _zone: list[BaseGeometry] = field(default_factory=list, init=False, repr=False)
+
+    @cached_property
+    def channel(self) -> FloatArray:
+        """Triangles (t, 3, 2) that the path crosses, from start to goal, in metres."""
+        crossed = dict.fromkeys(visits(self.path, self.corners).triangle.tolist())
+        return np.asarray(self.corners[list(crossed)])
+
+    @property
+    def soft_no_go(self) -> BaseGeometry:
+        """The soft no-go zone V of this class: its padded edges, buffered."""
+        if not self._zone:
+            unite_soft_no_go([self])
+        return self._zone[0]
+
+    @property
+    def fuel_per_distance(self) -> float:
+        """Fuel per metre of path (the paper's F/D)."""
+        return self.fuel / self.length
+
+    @property
+    def optimality_gap(self) -> float:
+        """Share by which the fuel exceeds the lower bound over all classes of the chart, >= 0.
+
+        The bound knows no padding and no turning circle: the gap includes what safety costs.
+        """
+        bound = self.fuel_bound.value
+        return max(0.0, self.fuel / bound - 1) if bound > 0 else math.inf
+
+
+def unite_soft_no_go(routes: Sequence[Route]) -> None:
+    """Compute V of several routes together, which takes half the time, and keep it with them.
+
+    Routes on one chart share most of their padded edges: edges of the same routes are united once.
+    """
+    if not routes:
+        return
+    padded = [one.padding_used[one.padding_used[:, 4] > 0] for one in routes]
+    rows, row = np.unique(np.vstack(padded), axis=0, return_inverse=True)
+    shared = np.zeros((len(rows), len(padded)), dtype=bool)
+    shared[row.ravel(), np.repeat(np.arange(len(padded)), [len(edges) for edges in padded])] = True
+    members, group = np.unique(shared, axis=0, return_inverse=True)
+    lines = shapely.linestrings(rows[:, :4].reshape(-1, 2, 2))
+    capsules = shapely.buffer(lines, rows[:, 4], quad_segs=16)
+    parts = [shapely.union_all(capsules[group.ravel() == one]) for one in range(len(members))]
+    for at, route in enumerate(routes):
+        # Most islands' paddings are apart: only what meets is overlaid.
+        own = [parts[one] for one in np.flatnonzero(members[:, at])]
+        zone = shapely.disjoint_subset_union_all(own) if own else shapely.MultiPolygon()
+        route._zone[:] = [zone]  # noqa: SLF001 - kept for the next to ask
+
+
+@dataclass(frozen=True, eq=False)
+class Rejected:
+    """A class without a route.
+
+    Attributes
+    ----------
+    homotopy : its name.
+    reason : why, as a sentence; `located_reason` spells its places in another way.
+    channel : (t, 3, 2) metres, its triangles from start to goal.
+    strait : where padding fills a whole gap, if that is the reason.
+    cause : the error behind the reason; its places are in metres.
+    overpowered : water on its way that the current shuts for a while.
+    fuel_source : `unpadded_fuel`, or what computes it.
+    """
+
+    homotopy: str
+    reason: str
+    channel: FloatArray
+    strait: Strait | None = None
+    cause: PlanningError | None = None
+    overpowered: tuple[OverpoweredHours, ...] = ()
+    fuel_source: float | Callable[[], float] = field(default=math.inf, repr=False)
+
+    @cached_property
+    def unpadded_fuel(self) -> float:
+        """Fuel that the class would need without any padding; inf if it has no path even then.
+
+        Computed when first asked for. Compared with the fuel of the routes, it shows what the
+        padding of the class's strait costs.
+        """
+        return self.fuel_source() if callable(self.fuel_source) else self.fuel_source
+
+    @property
+    def text(self) -> Text:
+        """The reason, with its places and moments kept as values that can be spelled."""
+        return self.cause.text if self.cause else Text(self.reason)
+
+    def located_reason(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
+        """The reason, with places (2,), m, and moments spelled by functions, such as in lon/lat."""
+        return self.text.spelled(place, moment)
+
+    def __reduce__(self) -> tuple[type[Rejected], tuple[object, ...]]:
+        """Pickle the fuel, not its source: the current may be a function that can't be pickled."""
+        *others, _ = (getattr(self, one.name) for one in fields(self))
+        return Rejected, (*others, self.unpadded_fuel)
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Least fuel for each arrival, where speeds are chosen: it shows what an hour more saves.
+
+    Attributes
+    ----------
+    arrivals : (n,) s, ascending: from the earliest, at the highest speed, to the one after which a
+        later arrival saves no more fuel.
+    fuels : (n,) fuel units, falling: for each arrival the fuel of the plan's cheapest path, at its
+        best speeds for that arrival. Where the current changes, only the first few paths are tried.
+        Another path may be a little cheaper at arrivals near the planned one, and more so far from
+        it: 5 % has been seen at the last arrival.
+    """
+
+    arrivals: FloatArray
+    fuels: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Routes, one per feasible class, least fuel first; and the classes without a route.
+
+    `chosen` is the index of the best route: 0, except for the sampled method, which picks the class
+    by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
+    because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
+    areas that a route of less fuel might have entered while they are shut.
+    `trade_off` is there where speeds were chosen.
+    """
+
+    routes: tuple[Route, ...]
+    rejected: tuple[Rejected, ...]
+    chosen: int = 0
+    overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
+    shut: tuple[ShutArea, ...] = ()
+    trade_off: TradeOff | None = None
+
+    @property
+    def best(self) -> Route:
+        """The route to take."""
+        if not self.routes:  # only if built by hand: plan() raises an error instead
+            raise UnreachableError("the plan holds no route")
+        return self.routes[self.chosen]
+
+    def _repr_html_(self) -> str:
+        """Return a map and a table for a notebook, without the optimality gap, which takes time."""
+        if not self.routes:
+            return f"<p>No route; {len(self.rejected)} classes were rejected.</p>"
+        return _plan_html(self)
+
+
+class Departed(NamedTuple):
+    """Outcome of one departure (s): figures of the best route, or the error if there is none."""
+
+    departure: float
+    arrival: float = math.inf
+    fuel: float = math.inf
+    path: FloatArray | None = None
+    times: FloatArray | None = None
+    homotopy: str = ""
+    cause: PlanningError | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Departures:
+    """The best route of each departure that was planned, and the best departure.
+
+    Attributes
+    ----------
+    departures : (n,) s, ascending: those asked for, and those planned between them.
+    arrivals : (n,) s; inf where no class can be sailed. A departure arrives no later than
+        those after it, unless the padding for its hours leaves it less room.
+    fuels : (n,) fuel units; inf where no class can be sailed.
+    paths : the paths (m, 2), m; None where no class can be sailed.
+    times : when the points of each path are passed (m,), s; None where there is none.
+    homotopies : the name of each path's class; empty where there is none.
+    causes : the error that says why no class can be sailed; None where one can.
+    unproven : time (s) by which a departure between those planned may still beat the best one, to
+        within the error of the paths that were found; inf where the current reaches the vessel's
+        speed in places.
+    plan : all classes at the best departure.
+    """
+
+    departures: FloatArray
+    arrivals: FloatArray
+    fuels: FloatArray
+    paths: tuple[FloatArray | None, ...]
+    times: tuple[FloatArray | None, ...]
+    homotopies: tuple[str, ...]
+    causes: tuple[PlanningError | None, ...]
+    unproven: float
+    plan: Plan
+
+    @classmethod
+    def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> Departures:
+        """List what each departure came to, with the plan at the best of them."""
+        departures, arrivals, fuels, paths, times, homotopies, causes = zip(*found, strict=True)
+        return cls(
+            np.array(departures, dtype=float),
+            np.array(arrivals, dtype=float),
+            np.array(fuels, dtype=float),
+            paths,
+            times,
+            homotopies,
+            causes,
+            unproven,
+            plan,
+        )
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why no class can be sailed, by departure; empty where one can."""
+        return tuple("" if cause is None else str(cause) for cause in self.causes)
+
+    @property
+    def durations(self) -> FloatArray:
+        """Times under way (n,), s."""
+        return self.arrivals - self.departures
+
+    @property
+    def best(self) -> int:
+        """Index of the departure that takes least fuel, the earliest of those that do."""
+        return int(self.fuels.argmin())
+
+
+def _plan_html(plan: Plan) -> str:
+    """Return a map of routes over their channels, and their figures; best first, six at most."""
+    shown = plan.routes[:_MAX_ROUTES]
+    points = np.concatenate(
+        [route.path for route in shown] + [route.channel.reshape(-1, 2) for route in shown]
+    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    scale = _WIDTH / max(high[0] - low[0], (high[1] - low[1]) / 2, 1e-9)
+    width, height = ((high - low) * scale).tolist()
+
+    def place(xy: FloatArray) -> str:
+        pixels = np.stack([(xy[:, 0] - low[0]) * scale, (high[1] - xy[:, 1]) * scale], axis=1)
+        return " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
+
+    water = [
+        f'<polygon points="{place(triangle)}"/>' for route in shown for triangle in route.channel
+    ]
+    zones = [
+        f'<polygon points="{place(np.asarray(part.exterior.coords))}"/>'
+        for part in shapely.get_parts(plan.best.soft_no_go)
+        if part.geom_type == "Polygon"
+    ]
+    paths = [
+        f'<polyline points="{place(route.path)}" stroke="{_COLOURS[rank]}" '
+        f'stroke-width="{3 if rank == plan.chosen else 1.5}"/>'
+        for rank, route in reversed(list(enumerate(shown)))
+    ]
+    ends = [
+        f'<circle cx="{xy.split(",")[0]}" cy="{xy.split(",")[1]}" r="4"/>'
+        for xy in (place(shown[0].path[[0]]), place(shown[0].path[[-1]]))
+    ]
+    rows = [
+        f'<tr><td><span style="color:{_COLOURS[rank]}" aria-hidden="true">━</span> {rank + 1}</td>'
+        f"<td>{escape(route.homotopy)}</td><td>{route.fuel:.1f}</td>"
+        f"<td>{route.length:.1f} m</td><td>{route.clearance:.1f} m</td></tr>"
+        for rank, route in enumerate(shown)
+    ]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{width:.0f}" '
+        f'height="{height:.0f}" viewBox="-6 -6 {width + 12:.1f} {height + 12:.1f}" '
+        'style="max-width:100%;height:auto;background:#fff">'
+        f"<title>{len(shown)} routes, the best as the thickest line</title>"
+        f'<g fill="#e3eff8" stroke="#c4d9e8" stroke-width="0.5">{"".join(water)}</g>'
+        f'<g fill="#f2b134" fill-opacity="0.45">{"".join(zones)}</g>'
+        f'<g fill="none" stroke-linejoin="round">{"".join(paths)}</g>'
+        f'<g fill="#222">{"".join(ends)}</g></svg>'
+        "<table><thead><tr><th></th><th>class</th><th>fuel</th><th>length</th>"
+        f"<th>clear of land</th></tr></thead><tbody>{''.join(rows)}</tbody></table>"
+    )

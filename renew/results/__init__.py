@@ -1,1 +1,0 @@
-"""What a plan consists of, and how a notebook shows it."""
