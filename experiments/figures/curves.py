@@ -12,8 +12,8 @@ from experiments.environments.model import EnvironmentSpec
 from experiments.plan_of_jobs import TIMED
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.turning import draw_reaches
+from pipeline.formats.shared.palette import COLOURS
 from renew._types import FloatArray
 from renew.turns.turn_reach import turn_reach
 

@@ -15,10 +15,10 @@ from experiments.jobs import Judged
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
 from pipeline.formats.figures.artists import stroke
-from pipeline.formats.figures.maps.chart_map import add_layers, map_figure
-from pipeline.formats.figures.maps.layers import land_handles, soft_handle, soft_layer
-from pipeline.formats.figures.maps.season_map import draw_season
-from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.chart_map import add_layers, map_figure
+from pipeline.formats.figures.map_layers import land_handles, soft_handle, soft_layer
+from pipeline.formats.figures.season_map import draw_season
+from pipeline.formats.shared.palette import COLOURS
 from renew._types import FloatArray
 
 if TYPE_CHECKING:

@@ -4,9 +4,8 @@ import json
 import math
 from datetime import datetime
 
-from pipeline.formats.shared.json_values import json_value
-from pipeline.formats.shared.note_words import note_json, note_texts
-from pipeline.formats.shared.rejections import rejections
+from pipeline.formats.shared.note_words import note_json, note_texts, rejections
+from pipeline.formats.shared.writing import json_value
 from pipeline.model import ClockWorth, RouteMetrics
 from pipeline.running.outcome import Outcome
 from pipeline.stages.write import season_stem

@@ -7,8 +7,8 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from pipeline.formats.shared.json_values import json_value
 from pipeline.formats.shared.note_words import note_json
+from pipeline.formats.shared.writing import json_value
 from pipeline.running.outcome import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
 

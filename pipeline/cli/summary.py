@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.shared.result import unknowns
 from pipeline.formats.shared.text import (
     capitalised,
     clearance,
@@ -15,7 +16,6 @@ from pipeline.formats.shared.text import (
     hours,
     season_name,
 )
-from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import RouteMetrics
 from pipeline.running.outcome import Outcome
 

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.trade_offs import speed_notes
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen

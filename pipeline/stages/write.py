@@ -75,7 +75,7 @@ def write(
     StageError
         The files can't be written; earlier files are unchanged. The message has the remedy.
     """
-    from pipeline.formats.tables.manifest import write_manifest
+    from pipeline.formats.manifest import write_manifest
 
     try:
         formats = formats_of(result)
@@ -143,13 +143,17 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
     from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
-    from pipeline.formats.paper.passage_plan import write_passage_plan
+    from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
-    from pipeline.formats.shared.trade_offs import trade_offs
-    from pipeline.formats.tables.departures import write_departures_csv, write_departures_json
-    from pipeline.formats.tables.metrics import write_metrics
-    from pipeline.formats.tables.scenario_file import write_scenario
-    from pipeline.formats.tables.trade_off import write_trade_off_csv, write_trade_off_json
+    from pipeline.formats.shared.departures_and_speeds import trade_offs
+    from pipeline.formats.tables import (
+        write_departures_csv,
+        write_departures_json,
+        write_metrics,
+        write_scenario,
+        write_trade_off_csv,
+        write_trade_off_json,
+    )
 
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
@@ -180,7 +184,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
 def _currents(grid: CurrentGrid) -> Format:
     """Return the function that writes a season's current."""
-    from pipeline.formats.tables.netcdf import write_currents
+    from pipeline.formats.netcdf import write_currents
 
     return lambda result, path: write_currents(result, grid.season, path)
 

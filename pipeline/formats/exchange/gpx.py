@@ -14,22 +14,12 @@ import gpxpy.gpx
 import numpy as np
 from lxml import etree
 
-from pipeline.formats.exchange.text import (
-    KNOTS_PER_M_S,
-    attribution,
-    document_title,
-    leg_text,
-    limits_text,
-    route_name,
-    time_after,
-    waypoint_name,
-    wrapped_longitude,
-)
+from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.waypoints import Waypoints, both_sides, season_waypoints
 from pipeline.formats.shared.legs import metres_along, times_at
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.templates import xml_text
 from pipeline.formats.shared.text import route_summary, speed_over_ground
+from pipeline.formats.shared.writing import xml_text
 from pipeline.geo.projection import densified
 from pipeline.model import RouteMetrics
 
@@ -61,15 +51,19 @@ def write_gpx(
     """
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
-    gpx.name = xml_text(document_title(result, season))
+    gpx.name = xml_text(nautical.document_title(result, season))
     found = season_waypoints(result, season) if every else both_sides(result, season)
-    known = limits_text(result, found[0].ranked.metrics)
+    known = nautical.limits_text(result, found[0].ranked.metrics)
     gpx.description = xml_text(
-        " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
+        " ".join(
+            part
+            for part in (result.scenario.description, known, nautical.attribution(result))
+            if part
+        )
     )
     gpx.author_name = "RENEW"
     # gpxpy escapes text between tags, but leaves attributes to its caller.
-    gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
+    gpx.copyright_author = saxutils.escape(xml_text(nautical.attribution(result)), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
@@ -82,30 +76,34 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=xml_text(route_name(ranked, result)),
+        name=xml_text(nautical.route_name(ranked, result)),
         description=xml_text(_summary(points.metrics, result)),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        name = f"{ranked.season} {ranked.rank} {waypoint_name(index, count)}"
+        name = f"{ranked.season} {ranked.rank} {nautical.waypoint_name(index, count)}"
         point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
-            longitude=wrapped_longitude(longitude),
-            time=None if departure is None else time_after(departure, points.time_s[index]),
+            longitude=nautical.wrapped_longitude(longitude),
+            time=None
+            if departure is None
+            else nautical.time_after(departure, points.time_s[index]),
             name=xml_text(name),
-            description=leg_text(points, index) if index + 1 < count else "end of the route",
+            description=nautical.leg_text(points, index)
+            if index + 1 < count
+            else "end of the route",
         )
         if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
             speed = _knots(points.speed_m_s[index - 1])
             point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
         route.points.append(point)
     told = {
-        "start": waypoint_name(0, count),
-        "end": waypoint_name(count - 1, count),
+        "start": nautical.waypoint_name(0, count),
+        "end": nautical.waypoint_name(count - 1, count),
         "planned_speed": _knots(speed_over_ground(points.metrics)),
     }
     if departure is not None:
-        told["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
+        told["planned_departure"] = f"{nautical.time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
     route.extensions = [_opencpn(name, text) for name, text in told.items()]
     return route
 
@@ -119,7 +117,7 @@ def _opencpn(name: str, text: str | None = None, **values: str) -> Any:  # noqa:
 
 def _knots(speed_m_s: float) -> str:
     """Write a speed in knots."""
-    return f"{speed_m_s * KNOTS_PER_M_S:.4f}"
+    return f"{speed_m_s * nautical.KNOTS_PER_M_S:.4f}"
 
 
 def _track(
@@ -135,13 +133,13 @@ def _track(
     segment.points = [
         gpxpy.gpx.GPXTrackPoint(
             latitude=round(float(latitude), 8),
-            longitude=wrapped_longitude(longitude),
-            time=None if departure is None else time_after(departure, seconds),
+            longitude=nautical.wrapped_longitude(longitude),
+            time=None if departure is None else nautical.time_after(departure, seconds),
         )
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=xml_text(f"{route_name(ranked, result)}, as planned"),
+        name=xml_text(f"{nautical.route_name(ranked, result)}, as planned"),
         description=xml_text(_summary(ranked.metrics, result)),
     )
     track.segments = [segment]
@@ -150,5 +148,5 @@ def _track(
 
 def _summary(metrics: RouteMetrics, result: RunResult) -> str:
     """Way, length, duration and clearance of a route, and what is not known of it."""
-    known = limits_text(result, metrics)
+    known = nautical.limits_text(result, metrics)
     return " ".join(part for part in (route_summary(metrics), known) if part)

@@ -13,23 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.formats.exchange.text import (
-    attribution,
-    document_title,
-    leg_text,
-    limits_text,
-    route_name,
-    time_after,
-    waypoint_name,
-    wrapped_longitude,
-)
+from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, both_sides
-from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.templates import xml_environment
 from pipeline.formats.shared.text import route_summary
+from pipeline.formats.shared.writing import xml_environment
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 10.0
@@ -52,19 +42,19 @@ def write_kml(
         The file can't be written.
     """
     best, *_ = found = both_sides(result, season)
-    known = limits_text(result, best.ranked.metrics)
-    parts = (result.scenario.description, known, attribution(result))
+    known = nautical.limits_text(result, best.ranked.metrics)
+    parts = (result.scenario.description, known, nautical.attribution(result))
     colour = season_colour(result.season_index(season))
     content = (
         xml_environment("pipeline.formats.exchange")
         .get_template("route.kml.jinja")
         .render(
-            title=document_title(result, season),
+            title=nautical.document_title(result, season),
             description=" ".join(part for part in parts if part),
             styles={name: (_abgr(colour, seen), width) for name, (width, seen) in _LINES.items()},
             routes=[
                 {
-                    "name": route_name(points.ranked, result),
+                    "name": nautical.route_name(points.ranked, result),
                     "description": route_summary(points.metrics),
                     "parts": _line(points, result),
                 }
@@ -81,7 +71,7 @@ def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
     moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
-    return split_at_antimeridian(drawn[np.concatenate([[True], moved])])
+    return nautical.split_at_antimeridian(drawn[np.concatenate([[True], moved])])
 
 
 def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[str, object]]:
@@ -89,10 +79,12 @@ def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[s
     count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         yield {
-            "name": waypoint_name(index, count),
-            "description": leg_text(points, index) if index + 1 < count else "end of the route",
-            "passed": departure and time_after(departure, points.time_s[index]),
-            "place": (wrapped_longitude(longitude), latitude),
+            "name": nautical.waypoint_name(index, count),
+            "description": nautical.leg_text(points, index)
+            if index + 1 < count
+            else "end of the route",
+            "passed": departure and nautical.time_after(departure, points.time_s[index]),
+            "place": (nautical.wrapped_longitude(longitude), latitude),
         }
 
 

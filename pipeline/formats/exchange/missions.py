@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.formats.exchange.text import wrapped_longitude
+from pipeline.formats.exchange.nautical import wrapped_longitude
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
-from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground
+from pipeline.formats.shared.writing import write_json
 
 # MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
 # throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).

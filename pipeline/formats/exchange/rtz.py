@@ -11,24 +11,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeAlias
 
-from pipeline.formats.exchange.text import (
-    KNOTS_PER_M_S,
-    attribution,
-    document_title,
-    duration,
-    leg_text,
-    limits_text,
-    time_after,
-    vessel_name,
-    waypoint_name,
-    wrapped_longitude,
-)
+from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.templates import xml_environment
+from pipeline.formats.shared.result import RunResult, route_unknowns
 from pipeline.formats.shared.text import shortened
-from pipeline.formats.shared.unknowns import route_unknowns
+from pipeline.formats.shared.writing import xml_environment
 
 _Attributes: TypeAlias = dict[str, str]
 
@@ -104,7 +92,7 @@ def write_rtz(
                 "routeName": _shortened(path.stem),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
-                "vesselName": vessel_name(result),
+                "vesselName": nautical.vessel_name(result),
                 "optimizationMethod": _shortened(method),
             },
             waypoints=list(_waypoints(points)),
@@ -123,18 +111,18 @@ def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _A
         waypoint = {
             "id": str(index + 1),
             "revision": "0",
-            "name": waypoint_name(index, count),
+            "name": nautical.waypoint_name(index, count),
             "radius": _miles(points.radius_m[index]),
         }
-        place = {"lat": f"{latitude:.8f}", "lon": f"{wrapped_longitude(longitude):.8f}"}
+        place = {"lat": f"{latitude:.8f}", "lon": f"{nautical.wrapped_longitude(longitude):.8f}"}
         leg = {}
         if index:
             leg = {
                 "starboardXTD": _miles(points.starboard_m[index - 1]),
                 "portsideXTD": _miles(points.port_m[index - 1]),
                 "geometryType": points.curve,
-                "legInfo": leg_text(points, index - 1),
-                "legNote1": f"ends {duration(points.time_s[index])} after departure",
+                "legInfo": nautical.leg_text(points, index - 1),
+                "legNote1": f"ends {nautical.duration(points.time_s[index])} after departure",
             }
         yield waypoint, place, leg
 
@@ -144,21 +132,21 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
     for index, seconds in enumerate(points.time_s):
         values = {"waypointId": str(index + 1)}
         if departure is not None:
-            time = time_after(departure, seconds)
+            time = nautical.time_after(departure, seconds)
             values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
         if index:
-            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS_PER_M_S:.4f}"
+            values["speed"] = f"{points.speed_m_s[index - 1] * nautical.KNOTS_PER_M_S:.4f}"
         yield values
 
 
 def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
     """The route's origin, what is not known of it, and the credits of its sources."""
     texts = {
-        "title": document_title(result, points.ranked.season),
+        "title": nautical.document_title(result, points.ranked.season),
         "description": result.scenario.description,
         "way": points.ranked.metrics.way,
-        "unknown": limits_text(result, points.ranked.metrics),
-        "credits": attribution(result),
+        "unknown": nautical.limits_text(result, points.ranked.metrics),
+        "credits": nautical.attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }
     return {name: _shortened(text) for name, text in texts.items()}

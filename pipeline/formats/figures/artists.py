@@ -3,30 +3,37 @@
 They use matplotlib's object interface, without pyplot and global settings.
 """
 
-from __future__ import annotations
-
+import io
+import re
 from functools import cache
-from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 import shapely
+from markupsafe import Markup, escape
+from matplotlib import font_manager
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.collections import LineCollection
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.ft2font import FT2Font
+from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.path import Path as Outline
+from matplotlib.patheffects import withStroke
+from matplotlib.textpath import TextPath
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
 from pipeline.formats.figures.graticule import scale_bar_m
-from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import shortened
 from pipeline.geo.projection import Projection
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import PathPatch
 
 POINTS_PER_INCH = 72.0
 SMALL_PT, PLAIN_PT = 8.2, 9.5
@@ -36,6 +43,16 @@ _SHORT_BAR_PT = 45.0
 _LETTER_PT = 0.6 * SMALL_PT
 # Length of the longest name, in characters, that is drawn whole.
 _MAX_LENGTH = 24
+
+# Parts of matplotlib's SVG that a page must not have: a style rule for every element, which would
+# affect the whole page, the fonts of this machine, metadata and comments.
+_UNWANTED = (
+    r"<metadata>.*?</metadata>",
+    r"<defs>\s*<style.*?</style>\s*</defs>",
+    r"<!--.*?-->",
+    r"font-family: [^;\"]*; ?",
+    r' transform="rotate\(-0 [^"]*"',
+)
 
 
 def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
@@ -57,8 +74,6 @@ def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
 
 def stroke(path: npt.ArrayLike, colour: str, width_pt: float, zorder: float) -> Line2D:
     """A path (n, 2) as a line with round corners."""
-    from matplotlib.lines import Line2D
-
     x, y = np.asarray(path, dtype=float).T
     return Line2D(
         x,
@@ -73,15 +88,11 @@ def stroke(path: npt.ArrayLike, colour: str, width_pt: float, zorder: float) -> 
 
 def lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
     """Segments (e, 2, 2) as one artist."""
-    from matplotlib.collections import LineCollection
-
     return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
 
 
 def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0) -> None:
     """Draw a scale bar of two fields below the map's right corner, true in the map's middle."""
-    from matplotlib.patches import Rectangle
-
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     size = point(axes)
     length_m, length = scale_bar_m(projection, (xmin, ymin, xmax, ymax))
@@ -147,9 +158,6 @@ def point(axes: Axes) -> float:
 
 def patch(areas: BaseGeometry | npt.NDArray[np.object_], **style: object) -> PathPatch:
     """One patch of all rings of all areas, so that an SVG has one element per layer."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
     rings = shapely.get_rings(shapely.get_parts(areas))
     outlines = [Outline(shapely.get_coordinates(ring), closed=True) for ring in rings]
     whole = Outline.make_compound_path(*outlines) if outlines else Outline(np.empty((0, 2)))
@@ -168,8 +176,6 @@ def in_season_colour(drawn: Artist, colour: str) -> None:
 
     A page does so by `var(--map-best)`.
     """
-    from matplotlib.colors import same_color
-
     for artist in drawn.findobj():
         for name in ("color", "edgecolor", "markeredgecolor", "markerfacecolor"):
             get = getattr(artist, f"get_{name}", None)
@@ -181,9 +187,6 @@ def in_season_colour(drawn: Artist, colour: str) -> None:
 @cache
 def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
     """Width of a text in the default font, points."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
-
     font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
     if not text.strip():
         return 0.0
@@ -193,9 +196,6 @@ def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
 @cache
 def _glyphs() -> frozenset[int]:
     """Code points that the default font has, in regular and bold."""
-    from matplotlib import font_manager
-    from matplotlib.ft2font import FT2Font
-
     plain, bold = (
         FT2Font(font_manager.findfont(f"DejaVu Sans:{weight}")).get_charmap()
         for weight in ("regular", "bold")
@@ -205,8 +205,6 @@ def _glyphs() -> frozenset[int]:
 
 def draw_island_labels(axes: Axes, result: RunResult) -> None:
     """Write each island's number or name on it, on a halo, below the routes' ends."""
-    from matplotlib.patheffects import withStroke
-
     for island in result.evaluation.islands:
         axes.text(
             island.x,
@@ -221,3 +219,66 @@ def draw_island_labels(axes: Axes, result: RunResult) -> None:
             parse_math=False,
             path_effects=[withStroke(linewidth=2.2, foreground=COLOURS["halo"])],
         )
+
+
+def page_svg(figure: Figure, *, identity: str, label: str) -> Markup:
+    """Draw a figure as an `<svg>` element whose colours the page sets.
+
+    `identity` (letters, digits, hyphens) prefixes its ids, so that they are unique in the page;
+    `label` is what a screen reader says, escaped here. Colours become
+    `var(--map-<role>, <light colour>)`. Text stays text, in the page's font and scaled by
+    `var(--text)`.
+    """
+    FigureCanvasSVG(figure)
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    for pattern in _UNWANTED:
+        text = re.sub(pattern, "", text, flags=re.DOTALL)
+    text = re.sub(r'\bd="([^"]*)"', _rounded_path, text)
+    text = re.sub(r'\b([xy])="(-?[\d.]+)"', _rounded_coordinate, text)
+    text = re.sub(r"font-size: ([\d.]+)px", r"font-size: calc(\1px * var(--text, 1))", text)
+    text = _rename_ids(text.replace("xlink:href", "href"), identity)
+    for role, colour in COLOURS.items():
+        text = text.replace(colour, f"var(--map-{role}, {colour})")
+    text = re.sub(r"\s*\n\s*", "\n", text)
+    head, _, body = text.partition(">")
+    box = re.search(r'viewBox="[^"]*"', head)
+    if box is None:
+        raise ValueError("matplotlib wrote an SVG without a viewBox")
+    # The only text from elsewhere is the label.
+    return Markup(  # noqa: S704 - our own
+        f'<svg class="map" xmlns="http://www.w3.org/2000/svg" {box[0]} role="img"'
+        f' aria-label="{escape(label)}">{body.strip()}'
+    )
+
+
+def _rounded_path(match: re.Match[str]) -> str:
+    """Round a path's coordinates to a tenth of a point, on one line."""
+    path = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}", match[1])
+    path = re.sub(r"\.0\b", "", path)
+    path = re.sub(r" ?([MLCQzZ]) ?", r"\1", " ".join(path.split()))
+    return f'd="{path}"'
+
+
+def _rounded_coordinate(match: re.Match[str]) -> str:
+    """Round a coordinate to a tenth of a point."""
+    return f'{match[1]}="{float(match[2]):.1f}"'.replace(".0", "")
+
+
+def _rename_ids(text: str, identity: str) -> str:
+    """Drop unused ids and number the others, since matplotlib makes some of them up at random."""
+    used = re.findall(r'(?:url\(#|href="#)([^)"]+)', text)
+    names = {name: f"{identity}-{number}" for number, name in enumerate(dict.fromkeys(used))}
+
+    def renamed(match: re.Match[str]) -> str:
+        return f"{match[1]}{names[match[2]]}"
+
+    text = re.sub(r'(url\(#|href="#)([^)"]+)', renamed, text)
+    return re.sub(
+        r' id="([^"]+)"',
+        lambda match: f' id="{names[match[1]]}"' if match[1] in names else "",
+        text,
+    )

@@ -1,28 +1,40 @@
-"""Figures of the method, as in the paper: the mesh of triangles, and the channels of classes.
+"""Figures of the method, as in the paper: triangles, channels of classes, and the padding.
 
 RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+import renew
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import draw_island_labels, lines, patch
-from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
-from pipeline.formats.figures.maps.layers import chart_layers, haloed, land_handles, line_handle
-from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.formats.figures import artists, chart_map, map_layers
+from pipeline.formats.shared.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, fuel
-from renew.classes.triangulation import Triangulation
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from renew.classes.triangulation import Triangulation, triangulate
+from renew.turns.contingency import fly_turns
 
 _CHANNEL_ALPHA = 0.3
+
+_MAX_WINDOWS = 3
+# Widths of the route's halo, and of the route.
+_ROUTE_PT = (3.2, 1.8)
+_GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0
+# Half width of a window, as a factor on the padding and turns that it shows.
+_WINDOW_FACTOR = 1.4
+# Minimum distance between windows, as a share of the route: closer ones would show the same coast.
+_MIN_SPACING = 0.1
+# Minimum padding of a place other than the tightest, as a share of its distance to the coast.
+_MIN_PADDING_SHARE = 0.25
+# Number of stations along the route at which the distance to the padding is measured.
+_STATIONS = 400
+# Maximum number of stations with turns on either side of a place.
+_MAX_BESIDE = 4
 
 
 def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
@@ -30,17 +42,17 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
     mesh = _triangulation(result, season)
     passing, constrained = _passing_edges(mesh), mesh.constrained_edges
     handles = [
-        *land_handles(result),
-        line_handle("other", 0.8, f"{len(passing):,} passing edges"),
-        line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
+        *map_layers.land_handles(result),
+        map_layers.line_handle("other", 0.8, f"{len(passing):,} passing edges"),
+        map_layers.line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
     ]
-    figure, [(axes, sea)] = map_figure(result, handles, width_pt=width_pt)
+    figure, [(axes, sea)] = chart_map.map_figure(result, handles, width_pt=width_pt)
     layers = [
-        *chart_layers(axes, result),
-        lines(passing, COLOURS["other"], 0.5, 5),
-        lines(constrained, COLOURS["ink"], 1.1, 6),
+        *map_layers.chart_layers(axes, result),
+        artists.lines(passing, COLOURS["other"], 0.5, 5),
+        artists.lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
-    draw_map(axes, sea, result, layers)
+    chart_map.draw_map(axes, sea, result, layers)
     return figure
 
 
@@ -51,7 +63,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
     """
     chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
-    figure, maps = map_figure(
+    figure, maps = chart_map.map_figure(
         result,
         titles=[_class_title(ranked) for ranked in chosen],
         columns=min(2, len(chosen)),
@@ -60,28 +72,26 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
         layers = [
-            *chart_layers(axes, result),
-            lines(passing, COLOURS["grid"], 0.5, 2),
-            patch(
+            *map_layers.chart_layers(axes, result),
+            artists.lines(passing, COLOURS["grid"], 0.5, 2),
+            artists.patch(
                 shapely.polygons(channel),
                 facecolor=colour,
                 edgecolor="none",
                 alpha=_CHANNEL_ALPHA,
                 zorder=3,
             ),
-            lines(_edges(channel), colour, 0.7, 3.2),
-            *haloed(ranked.route.path, colour),
+            artists.lines(_edges(channel), colour, 0.7, 3.2),
+            *map_layers.haloed(ranked.route.path, colour),
         ]
-        draw_island_labels(axes, result)
-        draw_map(axes, sea, result, layers, [ranked.route.path])
+        artists.draw_island_labels(axes, result)
+        chart_map.draw_map(axes, sea, result, layers, [ranked.route.path])
     return figure
 
 
 def _triangulation(result: RunResult, season: str) -> Triangulation:
     """Triangulate as the planner did, without the overpowered water."""
-    from renew.classes.triangulation import triangulate
-
-    plan = next((entry.plan for entry in result.plans if entry.season == season), None)
+    plan = result.plan_of(season)
     return triangulate(result.scene.chart, closed=plan.overpowering if plan else None)
 
 
@@ -111,3 +121,160 @@ def _class_title(ranked: RankedRoute) -> tuple[str, str]:
     metrics = ranked.metrics
     way = metrics.way or f"class {metrics.rank}"
     return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel)}"
+
+
+def padding_map_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+    """Draw the best route's soft no-go zone, and hard-over turns at its tightest places."""
+    best = result.season_routes(season)[0]
+    places = _tightest(best.route)
+    handles = [
+        *map_layers.land_handles(result),
+        map_layers.soft_handle(),
+        map_layers.line_handle("best", 2.2, "best route"),
+        map_layers.line_handle("ink", 1.0, "hard-over turns in the current"),
+    ]
+    margins = chart_map.Margins.of(result)
+    width = (width_pt or chart_map.WIDTH_PT) - margins.left - margins.right
+    side = (width - (_MAX_WINDOWS - 1) * _GAP_PT) / _MAX_WINDOWS
+    first = margins.left + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
+    below = side + _BAR_PT if places else 0.0
+    figure, [(axes, sea)] = chart_map.map_figure(result, handles, below_pt=below, width_pt=width_pt)
+    layers = [
+        *map_layers.chart_layers(axes, result),
+        map_layers.soft_layer(axes, best.route.soft_no_go),
+        *map_layers.haloed(best.route.path, COLOURS["best"], _ROUTE_PT),
+    ]
+    chart_map.draw_map(axes, sea, result, layers, [best.route.path])
+    map_bottom = axes.get_window_extent().y0 * artists.POINTS_PER_INCH / figure.dpi
+    for number, place in enumerate(places, start=1):
+        left = first + (number - 1) * (side + _GAP_PT)
+        window = artists.axes_at(
+            figure, (left, map_bottom - chart_map.BOTTOM_PT - side, side, side)
+        )
+        _draw_window(window, result, best, place)
+        _draw_number(axes, _point_at(best.route, place.along), number)
+        corner = np.array([window.get_xlim()[0], window.get_ylim()[1]])
+        _draw_number(
+            window, corner + _CORNER_PT * artists.point(window) * np.array([1, -1]), number
+        )
+    return figure
+
+
+@dataclass(frozen=True)
+class _TightPlace:
+    """Distance of a place along the path, and minimum half width of its window, planar metres."""
+
+    along: float
+    min_half_width: float
+
+
+def _tightest(route: renew.Route) -> list[_TightPlace]:
+    """Places where a route is closest to the edge of its soft no-go zone, the tightest first."""
+    padded = route.padding_used
+    if not len(padded):
+        return []
+    line = shapely.LineString(route.path)
+    # Start and goal are left out: harbours lie in the padding.
+    along = np.linspace(_MIN_SPACING, 1 - _MIN_SPACING, _STATIONS) * line.length
+    edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
+    apart = shapely.distance(shapely.line_interpolate_point(line, along)[:, None], edges)
+    margins = apart - padded[:, 4]
+    edge, margin = margins.argmin(axis=1), margins.min(axis=1)
+    rows = np.arange(_STATIONS)
+    tight = padded[edge, 4] >= _MIN_PADDING_SHARE * apart[rows, edge]
+    tight[margin.argmin()] = True
+    neighbours = np.pad(margin, 1, constant_values=np.inf)
+    minima = np.flatnonzero(tight & (margin <= neighbours[:-2]) & (margin <= neighbours[2:]))
+    chosen: list[int] = []
+    for station in minima[np.argsort(margin[minima], kind="stable")].tolist():
+        if len(chosen) < _MAX_WINDOWS and all(
+            abs(along[station] - along[other]) >= _MIN_SPACING * line.length for other in chosen
+        ):
+            chosen.append(station)
+    return [
+        _TightPlace(
+            float(along[i]), _WINDOW_FACTOR * float(max(apart[i, edge[i]], padded[edge[i], 4]))
+        )
+        for i in chosen
+    ]
+
+
+def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _TightPlace) -> None:
+    """Draw the surroundings of a tight place, and hard-over turns from there and nearby."""
+    scene, route = result.scene, ranked.route
+    middle = _point_at(route, place.along)
+    (turn,) = _turns(result, ranked, np.array([place.along]))
+    reach = float(np.linalg.norm(turn - middle, axis=-1).max())
+    half = max(place.min_half_width, _WINDOW_FACTOR * reach)
+    low, high = middle - half, middle + half
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    box = shapely.box(*low, *high)
+    sea = artists.patch(box, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
+    axes.add_artist(sea)
+    # Turns are one reach apart, so that they don't overlap much.
+    count = min(_MAX_BESIDE, int(half / reach))
+    stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
+    turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
+    layers = [
+        *map_layers.chart_layers(axes, result, box),
+        map_layers.soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
+        *map_layers.haloed(route.path, COLOURS["best"], _ROUTE_PT, zorder=6.1),
+        artists.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
+    ]
+    chart_map.add_layers(axes, layers, sea)
+    frame = artists.patch(
+        box, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=9
+    )
+    axes.add_artist(frame)
+    frame.set_clip_on(False)
+    artists.draw_scale_bar(axes, scene.projection, drop_pt=8)
+
+
+def _point_at(route: renew.Route, along: float) -> FloatArray:
+    """Point (2,) of a route at a distance from its start, planar metres; its ends beyond them."""
+    line = shapely.LineString(route.path)
+    # Shapely counts a negative distance from the goal.
+    return np.asarray(shapely.get_coordinates(line.interpolate(max(along, 0.0)))[0])
+
+
+def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatArray:
+    """Tracks (n, 2, steps, 2) of turns to port and starboard from distances (n,) along a route."""
+    points = np.stack([_point_at(ranked.route, at) for at in along])
+    step = ranked.route.length / _STATIONS / 2
+    ahead = np.stack(
+        [_point_at(ranked.route, at + step) - _point_at(ranked.route, at - step) for at in along]
+    )
+    passed = np.cumsum(np.linalg.norm(np.diff(ranked.route.path, axis=0), axis=1))
+    return fly_turns(
+        points,
+        np.arctan2(ahead[:, 1], ahead[:, 0]),
+        result.scene.currents[ranked.season],
+        result.scene.vessel_in(ranked.season),
+        np.zeros((1, 1, 2)),
+        np.interp(along, np.append(0.0, passed), ranked.route.times),
+        speeds=ranked.route.speeds[
+            np.minimum(np.searchsorted(passed, along, "right"), len(passed) - 1)
+        ],
+    )
+
+
+def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:
+    """Write a window's number in a circle."""
+    x, y = position
+    axes.annotate(
+        str(number),
+        (float(x), float(y)),
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        fontweight="bold",
+        color=COLOURS["ink"],
+        bbox={
+            "boxstyle": "circle,pad=0.18",
+            "facecolor": COLOURS["halo"],
+            "edgecolor": COLOURS["ink"],
+            "linewidth": 0.8,
+        },
+        zorder=9.5,
+    )

@@ -3,30 +3,25 @@
 They are as wide as a phone, in the maps' colours by role, which the page sets (see `page_svg`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.transforms import Transform
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import text_width
-from pipeline.formats.figures.page_svg import page_svg
-from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.artists import page_svg, text_width
+from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, route_profile
 from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
-from pipeline.formats.shared.trade_offs import still_fuel_per_metre
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.transforms import Transform
 
 _WIDTH_PT, _POINTS_PER_INCH = 374.0, 72.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
@@ -183,9 +178,6 @@ def plot_panels(
     count: int, height_pt: float, gap_pt: float, width_pt: float = _WIDTH_PT
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of a width, with panels of equal height below each other."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import MaxNLocator
-
     whole = _TOP_PT + count * height_pt + (count - 1) * gap_pt + _BOTTOM_PT
     figure = Figure(
         figsize=(width_pt / _POINTS_PER_INCH, whole / _POINTS_PER_INCH), facecolor=COLOURS["halo"]
@@ -304,8 +296,6 @@ def _set_range(axes: Axes, values: Sequence[float], min_range: float) -> None:
 
 def _round_ticks(axes: Axes) -> None:
     """Mark a logarithmic axis at 1, 2, 5, 10, ..., or with fewer ticks if those are too many."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-
     low, high = axes.get_ylim()
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for factors in ([1, 2, 5], [1, 3], [1]):

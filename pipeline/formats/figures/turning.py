@@ -4,28 +4,23 @@ The padding of an edge is the quantile of the reaches of turns in draws of the c
 AAAI 2026); both figures are of the draws that set it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT
-from pipeline.formats.figures.maps.chart_map import WIDTH_PT
-from pipeline.formats.figures.palette import COLOURS
-from pipeline.formats.figures.plots import DASHES, distance_unit
-from pipeline.formats.figures.reach_histogram import tightest_place
+from pipeline.formats.figures import plots
+from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT, page_svg
+from pipeline.formats.figures.chart_map import WIDTH_PT
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import distance
+from pipeline.formats.shared.text import distance, percent
 from renew.voyage.fuel import speeds_along
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Number of drawn turns to either side, and of points of each.
 _TURNS, _TRACK_POINTS = 60, 181
@@ -33,6 +28,16 @@ _POINTS_PER_INCH = 72.0
 _HEIGHT_SHARE, _MIN_HEIGHT_PT = 0.62, 190.0
 # Share of a turn by which the picture reaches beyond the turns and the edge.
 _MARGIN = 0.15
+
+_HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
+_BINS = 30
+# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; a greater one
+# is only written.
+_MAX_GAP_REACHES = 2.0
+# Position of a line, as a share of the axis, from which its text is on the left.
+_TEXT_LEFT_FROM = 0.4
+# Length of an axis, as a factor on the greatest value.
+_AXIS_FACTOR = 1.06
 
 
 class NothingToDrawError(Exception):
@@ -46,7 +51,7 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     vessel = _at_place(result, season, found)
     tracks = turn_tracks(found, vessel)[:, :: max(1, len(found.headings) // _TURNS)]
     tracks = tracks.reshape(-1, *tracks.shape[2:])
-    unit, unit_m = distance_unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
+    unit, unit_m = plots.distance_unit(scale * float(np.ptp(tracks.reshape(-1, 2), axis=0).max()))
     # Along the edge to the right, and away from it upwards.
     along = found.edge[1] - found.edge[0]
     along = along / np.linalg.norm(along)
@@ -117,7 +122,7 @@ def reach_figure(result: RunResult, season: str, width_pt: float | None = None) 
     found = _tightest(result, ranked)
     scale, risk = result.scene.projection.scale, result.scenario.planner.risk
     reach_m = np.asarray(found.reaches, dtype=float) * scale
-    unit, unit_m = distance_unit(float(reach_m.max()))
+    unit, unit_m = plots.distance_unit(float(reach_m.max()))
     figure, axes = _axes(width_pt)
     draw_reaches(axes, [("", reach_m / unit_m, COLOURS["other"])], risk)
     for value, name, colour in (
@@ -149,7 +154,7 @@ def draw_reaches(
         shares = np.arange(1, len(ordered) + 1) / len(ordered)
         axes.plot(ordered, shares, color=colour, label=label or "_reaches")
         quantiles.append(float(np.quantile(ordered, 1 - risk)))
-    axes.axhline(1 - risk, color=COLOURS["frame"], linewidth=0.8, linestyle=DASHES)
+    axes.axhline(1 - risk, color=COLOURS["frame"], linewidth=0.8, linestyle=plots.DASHES)
     axes.set_ylim(0, 1.05)
     return quantiles
 
@@ -174,8 +179,6 @@ def _at_place(result: RunResult, season: str, found: renew.Tightest) -> renew.Ve
 
 def _axes(width_pt: float | None) -> tuple[Figure, Axes]:
     """A figure with one plot."""
-    from matplotlib.figure import Figure
-
     width = width_pt or WIDTH_PT
     height = max(_MIN_HEIGHT_PT, _HEIGHT_SHARE * width)
     figure = Figure(
@@ -196,4 +199,88 @@ def _title(axes: Axes, text: str) -> None:
     """Write a plot's title, in two lines where it would be wider than the figure."""
     axes.set_title(
         text, fontsize=PLAIN_PT, fontweight="bold", color=COLOURS["ink"], loc="left", wrap=True
+    )
+
+
+def padding_svg(
+    result: RunResult, ranked: RankedRoute, *, identity: str, label: str
+) -> Markup | str:
+    """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
+    found = tightest_place(result, ranked)
+    if found is None:
+        return ""
+    figure = padding_figure(found, result.scene.projection.scale)
+    return page_svg(figure, identity=identity, label=label)
+
+
+def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:
+    """The place where a route leaves its turns the least room; None without padding."""
+    return renew.tightest(
+        ranked.route,
+        result.scene.currents[ranked.season],
+        result.scene.vessel_in(ranked.season),
+        seed=result.scenario.planner.seed,
+    )
+
+
+def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
+    """Histogram of the reaches of hard-over turns, with the padding and the distance to the coast.
+
+    `scale` is true metres to a planar metre.
+    """
+    reach_m = np.asarray(tightest.reaches, dtype=float) * scale
+    padding_m, gap_m = tightest.padding * scale, tightest.gap * scale
+    beyond = float((reach_m > padding_m).mean())
+    marks = [
+        _Mark(float(np.median(reach_m)), "median", "ink"),
+        _Mark(padding_m, "padding", "other", f", exceeded by {percent(beyond)}"),
+        _Mark(gap_m, "route to no-go zone", "best"),
+    ]
+    furthest_m = max(float(reach_m.max()), padding_m)
+    shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
+    end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
+    unit, unit_m = plots.distance_unit(end_m)
+
+    figure, (axes,) = plots.plot_panels(1, _HISTOGRAM_PT, 0.0)
+    counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
+    shares = 100 * counts / reach_m.size
+    axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
+    over = np.maximum(edges, padding_m / unit_m)
+    axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
+    # Above the bars, each mark has a row for its text.
+    rows = len(marks) * _ROW_PT / _HISTOGRAM_PT
+    axes.set_xlim(0, end_m / unit_m)
+    axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
+    # The nearest mark is the lowest, so that text left of a line crosses no other line.
+    for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
+        _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _ROW_PT / _HISTOGRAM_PT)
+    plots.plot_title(axes, "How far hard-over turns reach", "% of turns")
+    plots.plot_x_label(axes, f"reach from the tightest place, {unit}")
+    return figure
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
+
+    value_m: float
+    name: str
+    role: str
+    remark: str = ""
+
+
+def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
+    """Draw a mark as a line up to its text, at a share of the panel's height."""
+    x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
+    text = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
+    if x <= end:
+        axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
+    else:
+        text += " \N{RIGHTWARDS ARROW}"
+    plots.plot_text(
+        axes,
+        text,
+        (min(x, end), height),
+        on_left=x > _TEXT_LEFT_FROM * end,
+        coordinates=axes.get_xaxis_transform(),
     )

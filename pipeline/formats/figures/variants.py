@@ -1,30 +1,19 @@
 """A season planned in several ways, side by side: few and many classes, kinds of padding."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pipeline.formats.figures import map_layers
 from pipeline.formats.figures.artists import SMALL_PT, drawable
-from pipeline.formats.figures.maps.chart_map import draw_map, map_figure
-from pipeline.formats.figures.maps.layers import (
-    chart_layers,
-    land_handles,
-    line_handle,
-    route_layers,
-    soft_handle,
-    soft_layer,
-)
-from pipeline.formats.figures.palette import COLOURS
+from pipeline.formats.figures.chart_map import draw_map, map_figure
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import clearance, distance, fuel
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Characters of a reason, and least number in a line; mean width of a letter, as a share of its size
 # with the box's edges.
@@ -52,12 +41,12 @@ def variants_figure(
 
     A variant without a route says what rejected it: in short in its title, and on its map.
     """
-    handles = land_handles(result)
+    handles = map_layers.land_handles(result)
     if any(_ranked(one, season) for one in variants):
-        handles += [soft_handle()] if with_padding else []
+        handles += [map_layers.soft_handle()] if with_padding else []
         handles += [
-            line_handle("best", 2.2, "best route"),
-            line_handle("other", 0.8, "other classes"),
+            map_layers.line_handle("best", 2.2, "best route"),
+            map_layers.line_handle("other", 0.8, "other classes"),
         ]
     figure, maps = map_figure(
         result,
@@ -68,9 +57,12 @@ def variants_figure(
     )
     for one, (axes, sea) in zip(variants, maps, strict=True):
         ranked = _ranked(one, season)
-        layers = [*chart_layers(axes, one.result or result), *route_layers(ranked)]
+        layers = [
+            *map_layers.chart_layers(axes, one.result or result),
+            *map_layers.route_layers(ranked),
+        ]
         if with_padding and ranked:
-            layers.append(soft_layer(axes, ranked[0].route.soft_no_go))
+            layers.append(map_layers.soft_layer(axes, ranked[0].route.soft_no_go))
         draw_map(axes, sea, result, layers, [r.route.path for r in ranked])
         if not ranked:
             _write_reason(axes, _reason(one, season))

@@ -8,15 +8,18 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
-from pipeline.formats.exchange.text import attribution, document_title
-from pipeline.formats.gis.layers.all_layers import LAYERS
-from pipeline.formats.gis.layers.frames import GeoDataFrame
-from pipeline.formats.gis.layers.passage_layers import waypoint_frame
+from pipeline.formats.exchange.nautical import (
+    attribution,
+    document_title,
+    split_at_antimeridian,
+    within_180,
+)
+from pipeline.formats.gis.frames import GeoDataFrame
+from pipeline.formats.gis.layers import LAYERS, waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
-from pipeline.formats.shared.antimeridian import split_at_antimeridian, within_180
-from pipeline.formats.shared.json_values import write_json
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.writing import write_json
 
 # Decimals of degrees, to resolve a centimetre: RFC 7946 asks for no more than is needed.
 _DECIMALS = 7

@@ -7,21 +7,27 @@ lines in degrees, then shows and measures the planned line.
 The QGIS project inside refers to the file by its name: the file may be moved, but not renamed.
 """
 
+import json
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from importlib.resources import files
 from pathlib import Path
 
-from pipeline.formats.gis import records
-from pipeline.formats.gis.layer_file import check_count, dated, opened, system_errors, write_layer
-from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.fields import FIELDS
+from pipeline.formats.gis.frames import check_count, dated, opened, system_errors, write_layer
+from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.gis.qgis import project
 from pipeline.formats.gis.qgis.styles import qml
 from pipeline.formats.gis.qgis.view import view
+from pipeline.formats.manifest import manifest
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.tables.manifest import manifest
 
 # Name of the project inside the file, as QGIS lists it.
 PROJECT = "RENEW"
+
+# Standard of the metadata's form: JSON.
+_METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 
 
 def write_geopackage(result: RunResult, path: Path) -> None:
@@ -59,20 +65,83 @@ def _add_records(
     file_name: str,
 ) -> None:
     """Add everything but the layers: provenance, meanings of columns, styles, the project."""
-    records.create(database)
+    _create_tables(database)
     content = manifest(result, ())
     del content["outputs"]  # not complete yet: this file is one of them
-    records.put_provenance(database, content)
+    _put_provenance(database, content)
     for name, names in columns.items():
-        records.put_meanings(database, name, names)
+        _put_meanings(database, name, names)
     map_view = view(result)
-    records.put_styles(
+    _put_styles(
         database,
         [
             (layer.name, layer.title, qml(layer.name, map_view, columns[layer.name]))
             for layer in LAYERS
         ],
     )
-    records.put_dates(database, result.created)
+    _put_dates(database, result.created)
     packed = project.qgz(result, map_view, columns, file_name)
-    records.put_project(database, PROJECT, packed, result.created)
+    _put_project(database, PROJECT, packed, result.created)
+
+
+def _create_tables(database: sqlite3.Connection) -> None:
+    """Create the tables and register their extensions."""
+    script = files("pipeline.formats.gis") / "records.sql"
+    database.executescript(script.read_text(encoding="utf-8"))
+
+
+def _put_provenance(database: sqlite3.Connection, content: Mapping[str, object]) -> None:
+    """Store inputs, credits and versions as JSON in the metadata of the whole file."""
+    row = database.execute(
+        "INSERT INTO gpkg_metadata (md_scope, md_standard_uri, mime_type, metadata)"
+        " VALUES ('dataset', ?, 'application/json', ?)",
+        (_METADATA_STANDARD, json.dumps(content, ensure_ascii=False, allow_nan=False)),
+    )
+    database.execute(
+        "INSERT INTO gpkg_metadata_reference (reference_scope, md_file_id)"
+        " VALUES ('geopackage', ?)",
+        (row.lastrowid,),
+    )
+
+
+def _put_meanings(database: sqlite3.Connection, layer: str, columns: Iterable[str]) -> None:
+    """Store the meanings of a layer's columns; software shows either the name or the title."""
+    database.executemany(
+        "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
+        " VALUES (?, ?, ?, ?, ?)",
+        [
+            (layer, column, FIELDS[column].alias, FIELDS[column].alias, FIELDS[column].meaning)
+            for column in columns
+        ],
+    )
+
+
+def _put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, str]]) -> None:
+    """Store a default style for each layer, given as (layer, description, QML)."""
+    database.executemany(
+        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
+        " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
+        " VALUES ('', '', ?, 'geom', 'RENEW', ?, '', 1, ?, 'RENEW')",
+        [(layer, text, description) for layer, description, text in styles],
+    )
+    database.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description)"
+        " VALUES ('layer_styles', 'attributes', 'Styles', 'How QGIS draws each layer')"
+    )
+
+
+def _put_dates(database: sqlite3.Connection, created: datetime) -> None:
+    """Date layers, styles and provenance by the run, so that the same run is the same file."""
+    stamp = (created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
+    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
+    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
+    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
+
+
+def _put_project(database: sqlite3.Connection, name: str, packed: bytes, created: datetime) -> None:
+    """Store a QGIS project as QGIS does: its .qgz in hexadecimal."""
+    about = {"last_modified_time": created.strftime("%Y-%m-%dT%H:%M:%S"), "last_modified_user": ""}
+    database.execute(
+        "INSERT INTO qgis_projects (name, metadata, content) VALUES (?, ?, ?)",
+        (name, json.dumps(about), packed.hex()),
+    )

@@ -1,8 +1,7 @@
 """Cross-track limits to either side of the legs, and radii of the turns at the waypoints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import shapely
@@ -100,7 +99,7 @@ class _Sides:
     offsets: FloatArray
 
     @classmethod
-    def of(cls, legs: Tracks, width: float) -> _Sides:
+    def of(cls, legs: Tracks, width: float) -> Self:
         """Sides of legs, reaching at least a width away from them."""
         starts = np.flatnonzero(np.diff(legs.leg, prepend=-1))
         ends = np.append(starts[1:], len(legs.leg)) - 1

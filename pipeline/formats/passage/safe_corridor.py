@@ -3,8 +3,6 @@
 Waypoints are chosen so that the legs between them stay inside this corridor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +26,15 @@ _MAX_ERROR_RADII = 2e-3
 # Distance outside V, in turning radii, at which a leg that leaves V ends.
 _EXIT_RADII = 0.1
 _QUADRANT_SEGMENTS = 4
+
+
+class IndexedEdges:
+    """Edges with their endpoints `ends` (n, 2, 2), as `lines` (n,), and a `tree` of these."""
+
+    def __init__(self, ends: FloatArray) -> None:
+        self.ends = ends
+        self.lines: npt.NDArray[np.object_] = np.asarray(shapely.linestrings(ends))
+        self.tree = shapely.STRtree(self.lines)
 
 
 class Obstacles:
@@ -58,15 +65,6 @@ class Obstacles:
     def edges(self) -> IndexedEdges:
         """Edges of the hard no-go zone, which covers all land, and of the chart."""
         return IndexedEdges(edges_of([*self.scene.chart.no_go, *self._areas, self._extent]))
-
-
-class IndexedEdges:
-    """Edges with their endpoints `ends` (n, 2, 2), as `lines` (n,), and a `tree` of these."""
-
-    def __init__(self, ends: FloatArray) -> None:
-        self.ends = ends
-        self.lines: npt.NDArray[np.object_] = np.asarray(shapely.linestrings(ends))
-        self.tree = shapely.STRtree(self.lines)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,18 @@
 """A route as a navigator uses it: few waypoints, with course, speed and limits of each leg."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
+import renew
 from pipeline._types import FloatArray
 from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
-from pipeline.formats.passage.leg_times import steps_along_legs
 from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
-from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.thinning import thin
 from pipeline.formats.passage.tracks import (
+    DECIMALS,
     Curve,
     Drawing,
     Tracks,
@@ -19,10 +20,11 @@ from pipeline.formats.passage.tracks import (
     initial_course_deg,
     tracks,
 )
-from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed
+from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed, steps_along_legs
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
+from renew.voyage.fuel import speeds_along
 
 NAUTICAL_MILE_M = 1852.0
 # Maximum distance of a leg from the planned line, as a share of the route's length: 0.7 km on
@@ -43,6 +45,13 @@ _MAX_RADIUS_M = 5 * NAUTICAL_MILE_M
 # Drawing error of the chosen legs, as a share of the corridor's: their limits are then exact.
 _FINAL_ERROR_SHARE = 0.01
 _CACHE = "_exchange_waypoints"
+
+# Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
+# changes fuel by a few thousandths, by the propeller law.
+_SAME_SPEED = 1.1
+# Number of places along a leg at which its speed is looked up, and the least number of them in its
+# first and its last part.
+_PLACES, _MIN_PART = 200, 10
 
 
 @dataclass(frozen=True)
@@ -191,8 +200,6 @@ def _described(
 
 def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> float:
     """Fuel along a line (n, 2) of the plane, in the planner's units."""
-    import renew
-
     pieces, _, speeds = at_speeds_sailed(line, ranked)
     return renew.fuel(
         pieces,
@@ -201,3 +208,49 @@ def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> flo
         drift=result.scenario.planner.drift,
         speeds=speeds,
     )
+
+
+def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:
+    """Add points to waypoints (n, 2), degrees, where the speed of a route has changed by a tenth.
+
+    Within each part of a leg, speeds then differ by a tenth at the most, or hardly more.
+    """
+    if route.speeds.max() <= _SAME_SPEED * route.speeds.min():
+        return lonlat
+    projection = drawing.projection
+    found = [lonlat[:1]]
+    for begin, end in itertools.pairwise(lonlat):
+        drawn = tracks(begin[None], end[None], drawing.curve, projection, drawing.error_m)
+        places = _places(drawn.xy)
+        middles = (places[:-1] + places[1:]) / 2
+        speeds = speeds_along(middles, np.asarray(route.path, dtype=float), route.speeds)
+        shares = np.array(_changes(speeds)) / _PLACES
+        found += [_at_shares(drawn.lonlat, drawn.xy, shares), end[None]]
+    return np.concatenate(found)
+
+
+def _places(line: FloatArray) -> FloatArray:
+    """Points (_PLACES + 1, 2) evenly along a line."""
+    shares = np.linspace(0.0, 1.0, _PLACES + 1)
+    found = shapely.line_interpolate_point(shapely.LineString(line), shares, normalized=True)
+    return np.asarray(shapely.get_coordinates(found))
+
+
+def _changes(speeds: FloatArray) -> list[int]:
+    """Indices of the speeds at which a new part of a leg begins."""
+    changes = list[int]()
+    least = most = speeds[0]
+    for at, speed in enumerate(speeds):
+        least, most = min(least, speed), max(most, speed)
+        if most > _SAME_SPEED * least:
+            changes.append(at)
+            least = most = speed
+    return [at for at in changes if _MIN_PART <= at <= len(speeds) - _MIN_PART]
+
+
+def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatArray:
+    """Positions (n, 2) at shares of a line's length in the plane, between its points."""
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1)))
+    at = shares * along[-1]
+    between = np.stack([np.interp(at, along, lonlat[:, axis]) for axis in (0, 1)], axis=-1)
+    return np.round(between, DECIMALS)

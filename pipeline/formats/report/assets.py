@@ -6,8 +6,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from pipeline.formats.figures.palette import COLOURS, DARK
-from pipeline.formats.shared.palette import SEASON_COLOURS, SEASON_COLOURS_ON_DARK
+from pipeline.formats.shared.palette import COLOURS, DARK, SEASON_COLOURS, SEASON_COLOURS_ON_DARK
 
 _HERE = Path(__file__).parent
 _LEAFLET = _HERE / "vendor" / "leaflet"

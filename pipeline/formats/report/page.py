@@ -9,20 +9,24 @@ page shows static maps; on a screen the scripts replace them by the interactive 
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
+import numpy as np
 from markupsafe import Markup
 
-from pipeline.formats.report.parts.comparison import Comparison
-from pipeline.formats.report.parts.season import SeasonPart
-from pipeline.formats.report.parts.unknown import Unknown
+from pipeline.formats.figures.arrows import has_arrows, speed_scale
+from pipeline.formats.manifest import versions
+from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
+from pipeline.formats.report.encode import json_for_script, place_on_map
+from pipeline.formats.report.map_data import map_data
+from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.palette import SEASON_COLOURS
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.tables.manifest import versions
-from pipeline.model import Credit, Simplified
-from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.model import PlannerOptions
+from pipeline.formats.shared.result import MAX_STRAITS, RunResult
+from pipeline.formats.shared.text import capitalised, place
+from pipeline.formats.shared.writing import environment
+from pipeline.model import Credit
+from pipeline.scenario.published import PublishedRow
 
 _FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
 
@@ -46,40 +50,104 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Report:
-    """Everything that the template shows."""
+class Comparison:
+    """A season's best route, or a published one; unknown figures are None.
 
-    title: str
-    name: str
-    summary: str
-    created: str
+    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
+    `clearance_m` true metres.
+    """
+
+    season: str
+    planner: str
+    is_ours: bool
     scale: float
-    is_planar: bool
-    vessel: VesselSpec
-    planner: PlannerOptions
+    way: str
+    fuel_per_distance: float | None
+    fuel: float | None
+    length: float | None
+    length_m: float | None
+    clearance_m: float | None
+
+
+@dataclass(frozen=True)
+class RouteShares:
+    """How much of a route is without figures of the current, and without charted depth."""
+
+    season: str
+    rank: int
+    filled: float
+    uncharted: float
+
+
+@dataclass(frozen=True)
+class Strait:
+    """A strait that is shut: its place as text and for the map, widths in true metres, and why."""
+
+    place: str
+    on_map: str
+    width_m: float
+    needed_m: float
+    by: str
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """The part's content; `more_straits` are not among those listed."""
+
+    sentences: tuple[str, ...]
+    routes: tuple[RouteShares, ...]
+    straits: tuple[Strait, ...]
+    more_straits: int
+
+    @classmethod
+    def of(cls, result: RunResult) -> Self:
+        """Gather what is not known of a run, and those of its routes that lack figures."""
+        rows = [
+            RouteShares(
+                result.season_title(row.season), row.rank, row.filled_share, row.uncharted_share
+            )
+            for row in result.evaluation.routes
+            if not result.scenario.is_planar
+        ]
+        return cls(
+            sentences=tuple(f"{capitalised(text)}." for text in note_texts(result.unknowns)),
+            routes=tuple(row for row in rows if row.filled > 0 or row.uncharted > 0),
+            straits=tuple(
+                Strait(
+                    place(one.lon, one.lat),
+                    place_on_map(
+                        result, result.scene.projection.to_plane(np.array([one.lon, one.lat]))
+                    ),
+                    one.width_m,
+                    one.needed_m,
+                    ", ".join((one.by, *map(result.season_title, one.seasons))),
+                )
+                for one in result.straits[:MAX_STRAITS]
+            ),
+            more_straits=max(0, len(result.straits) - MAX_STRAITS),
+        )
+
+    @property
+    def has_depths(self) -> bool:
+        """Whether the chart has depths, by the routes listed."""
+        return any(not math.isnan(row.uncharted) for row in self.routes)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the template shows of a run, beside the run's own figures."""
+
+    result: RunResult
     stand_ins: tuple[StandIn, ...]
     notes: tuple[str, ...]
     unknown: Unknown
     seasons: tuple[SeasonPart, ...]
-    season_colours: int
     speed_labels: tuple[str, ...]
     map_json: Markup
     map_ratio: float
     comparison: tuple[Comparison, ...]
-    comparison_origin: str
-    polygons: int
-    no_go_name: str
-    land_label: str
-    has_shoals: bool
-    has_hazards: bool
-    has_class_islands: bool
-    accuracy_m: float
-    simplified: Simplified
     zones: tuple[str, ...]
-    zone_kinds: frozenset[str]
     sources: tuple[Source, ...]
-    versions: tuple[tuple[str, str], ...]
-    timings: tuple[tuple[str, float], ...]
 
 
 def write_report(result: RunResult, path: Path) -> None:
@@ -89,15 +157,16 @@ def write_report(result: RunResult, path: Path) -> None:
 
 def render(report: Report) -> str:
     """Fill in the template; everything but our own figures, scripts and styles is escaped."""
-    from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
-    from pipeline.formats.shared.templates import environment
-
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
     loaded.filters.update(distance=_distance, clearance=_clearance)
-    template = loaded.get_template("report.html.jinja")
-    return template.render(
+    result = report.result
+    return loaded.get_template("report.html.jinja").render(
         report=report,
+        result=result,
+        scenario=result.scenario,
+        land=result.fetched.land,
+        versions=versions(),
         **style_colours(),
         # Files of this package, without text from elsewhere.
         script=Markup(script()),  # noqa: S704 - our own
@@ -117,7 +186,6 @@ def _clearance(metres: float | None) -> Markup:
 
 
 def _quantity(kind: str, written: str, value: float | None) -> Markup:
-
     if value is None or not math.isfinite(value):
         return Markup(written)  # noqa: S704 - our own
     return Markup('<span data-{}="{}">{}</span>').format(kind, f"{value:.9g}", written)
@@ -125,55 +193,25 @@ def _quantity(kind: str, written: str, value: float | None) -> Markup:
 
 def gather(result: RunResult) -> Report:
     """Gather the page's content."""
-    from pipeline.formats.figures.maps.arrows import has_arrows, speed_scale
-    from pipeline.formats.report.live_map.encode import json_for_script
-    from pipeline.formats.report.live_map.map_data import map_data
-    from pipeline.formats.report.parts.comparison import comparison
-    from pipeline.formats.report.parts.season import season_part
-
-    scenario, speeds = result.scenario, speed_scale(result)
+    speeds = speed_scale(result)
+    xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return Report(
-        title=scenario.title or scenario.name,
-        name=scenario.name,
-        summary=scenario.description,
-        created=result.created.strftime("%Y-%m-%d %H:%M UTC"),
-        scale=scenario.scale,
-        is_planar=scenario.is_planar,
-        vessel=scenario.vessel,
-        planner=scenario.planner,
+        result,
         stand_ins=_stand_ins(result),
         notes=_other_notes(result),
         unknown=Unknown.of(result),
         seasons=tuple(
             season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
         ),
-        season_colours=len(SEASON_COLOURS),
         speed_labels=speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
         map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
-        map_ratio=_ratio(result.scene.chart.bounds),
+        # The interactive map's width to its height, so that the chart fills it.
+        map_ratio=min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
         comparison=comparison(result),
-        comparison_origin=scenario.published.origin if scenario.published else "",
-        polygons=len(result.fetched.land.polygons),
-        no_go_name=result.fetched.land.no_go_name,
-        land_label=result.land_label,
-        has_shoals=bool(result.shoals),
-        has_hazards=bool(result.hazards),
-        has_class_islands=bool(result.evaluation.class_islands),
-        accuracy_m=result.fetched.land.accuracy_m,
-        simplified=result.simplified,
         zones=tuple(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
-        zone_kinds=frozenset(zone.kind for zone, _ in result.open_zones),
         sources=_sources(result),
-        versions=tuple(versions().items()),
-        timings=tuple(result.timings.items()),
     )
-
-
-def _ratio(bounds: tuple[float, float, float, float]) -> float:
-    """Ratio of the interactive map's width to its height, so that the chart fills it."""
-    xmin, ymin, xmax, ymax = bounds
-    return min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin)))
 
 
 def _sources(result: RunResult) -> tuple[Source, ...]:
@@ -206,3 +244,53 @@ def _other_notes(result: RunResult) -> tuple[str, ...]:
     """Notes of the run, without those that `_stand_ins` and `Unknown` show already."""
     shown = {*result.fetched.stand_in_notes, *result.unknowns}
     return tuple(note_texts(note for note in result.fetched.notes if note not in shown))
+
+
+def comparison(result: RunResult) -> tuple[Comparison, ...]:
+    """Each season's best route, followed by the published ones of that season."""
+    published = result.scenario.published
+    if published is None:
+        return ()
+    rows = []
+    seasons = {entry.season for entry in result.plans}
+    for entry in result.plans:
+        for ranked in result.season_routes(entry.season)[:1]:
+            metrics = ranked.metrics
+            rows.append(
+                Comparison(
+                    season=result.season_title(entry.season),
+                    planner="This run",
+                    is_ours=True,
+                    scale=result.scenario.scale,
+                    way=metrics.main_passage,
+                    fuel_per_distance=metrics.fuel_per_distance,
+                    fuel=metrics.fuel,
+                    length=metrics.length,
+                    length_m=metrics.length_m,
+                    clearance_m=metrics.clearance_m,
+                )
+            )
+        rows += [
+            Comparison(
+                season=result.season_title(row.season) if row.season in seasons else row.season,
+                planner=row.label,
+                is_ours=False,
+                scale=published.scale,
+                way=row.side,
+                fuel_per_distance=_published_ratio(row),
+                fuel=row.fuel,
+                length=row.length,
+                length_m=None if row.length is None else row.length * published.scale,
+                clearance_m=None if row.clearance is None else row.clearance * published.scale,
+            )
+            for row in published.rows
+            if row.season == entry.season or (not row.season and entry is result.plans[0])
+        ]
+    return tuple(rows)
+
+
+def _published_ratio(row: PublishedRow) -> float | None:
+    """F/D as published, or from fuel and length."""
+    if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
+        return row.fuel / row.length
+    return row.fuel_per_distance

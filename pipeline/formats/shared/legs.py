@@ -4,18 +4,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pyproj
 
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.projection import cut, densified
 from pipeline.model import Scene
 from renew.inputs.options import Drift
+from renew.voyage.fuel import passage, speeds_along
 
 # Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
 # one course: the planner's straight line is then as long as the geodesic, to a millionth.
 _PIECE_M = 10_000.0
 # Number of pieces, at least, into which a line is cut that is sailed at several speeds.
 _PIECES = 500
+
+# Difference from the planned arrival that counts as none, as a share of the time under way (a
+# second in 11 days), and the number of rounds of Newton's method in which it is reached.
+_IN_TIME, _ROUNDS = 1e-6, 6
 
 
 @dataclass(frozen=True)
@@ -53,8 +59,6 @@ class Steps:
 
 def legs(ranked: RankedRoute, result: RunResult) -> Legs:
     """Legs of a route as planned; they add up to the route's length and duration."""
-    import pyproj
-
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     longest = _PIECE_M / projection.scale
@@ -117,8 +121,6 @@ def sailed(
     The pieces' ends (m, 2) are in the plane, and their speeds (m - 1,) through water. Where the
     plane is stretched, a planar metre takes less true time.
     """
-    from renew.voyage.fuel import passage
-
     projection = scene.projection
     planar = passage(
         pieces, scene.currents[season], scene.vessel_in(season), drift=drift, speeds=speeds
@@ -144,8 +146,6 @@ def at_speeds_sailed(
     Returns the pieces' ends (m, 2), the first piece (n - 1,) of each step, and the speed (m - 1,)
     through water at which each piece is sailed, m/s.
     """
-    from renew.voyage.fuel import speeds_along
-
     path, speeds = np.asarray(ranked.route.path, dtype=float), ranked.route.speeds
     longest = float(metres_along(points)[-1]) / _PIECES if np.ptp(speeds) > 0 else np.inf
     pieces, first = cut(points, longest)
@@ -168,3 +168,35 @@ def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         speed: FloatArray = np.where(passage > 0, length_m / passage, np.nan)
     return speed
+
+
+def steps_along_legs(line: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
+    """Steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
+    pieces, first, speeds = at_speeds_sailed(line, ranked)
+
+    def at(speeds: FloatArray) -> Steps:
+        return sailed(pieces, first, speeds, result.scene, ranked.season, "crab")
+
+    choice = result.scene.speeds.get(ranked.season)
+    if choice is None:
+        return at(speeds)
+    found = at(speeds)
+    if not np.isfinite(found.true_s).all():
+        # A speed chosen by the projected drift can be too low to head into the cross-current.
+        speeds = np.full_like(speeds, choice.most)
+        found = at(speeds)
+    length = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    moved = length > 0
+    for _ in range(_ROUNDS):
+        late = found.true_s.sum() / ranked.metrics.duration_s
+        if abs(late - 1) <= _IN_TIME:
+            break
+        # Relative change of the time, for a relative change of all speeds.
+        slopes = (found.through_water_m_s * found.planner_s**2)[moved] / length[moved]
+        change = late ** (found.planner_s.sum() / slopes.sum())
+        speeds = np.clip(speeds * change, choice.least, choice.most)
+        nearer = at(speeds)
+        if not np.isfinite(nearer.true_s).all():
+            break
+        found = nearer
+    return found

@@ -1,9 +1,9 @@
-"""The words of notes: the one place where they are put to a note's values.
+"""The words of notes, and how a note's values are put into them.
 
 A note's words are a sentence for `str.format`, or a function of its values where the sentence
 depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
-`{n:route|routes}` for a count with its noun, `{list:, }` for a list and what separates it, and
-`{list:, /3/ and # more}` for a list of which three are named.
+`{n:route|routes}` for a count with its noun, `{list:, }` for a list with its separator, and
+`{list:, /3/ and # more}` for a list of which only three entries are named.
 """
 
 import string
@@ -12,10 +12,12 @@ from dataclasses import fields, is_dataclass
 from datetime import datetime
 from typing import Any, TypeAlias
 
+import renew
 from pipeline.formats.shared import text
-from pipeline.formats.shared.departure_text import departure_text
-from pipeline.formats.shared.trade_offs import trade_off_text
+from pipeline.formats.shared.departures_and_speeds import departure_text, trade_off_text
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Note, Place
+from renew.errors import Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
@@ -51,7 +53,7 @@ def note_json(note: Note) -> dict[str, object]:
 
 
 def note_value(value: object) -> object:
-    """Return a value of a note for JSON; of an object, its figures and names."""
+    """Return a value of a note for JSON: an object becomes its figures and names."""
     if isinstance(value, Note):
         return {"kind": value.kind, **{name: note_value(one) for name, one in value.values}}
     if isinstance(value, Place):
@@ -91,7 +93,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
 
 
 def _first(items: Sequence[str], separator: str, most: str = "", more: str = "") -> str:
-    """Name items, at most some of them, and count the others in the place of a #."""
+    """Join items; beyond `most` of them, `more` follows, with the number of the others for #."""
     named = items[: int(most)] if most else items
     rest = more.replace("#", str(len(items) - len(named))) if len(named) < len(items) else ""
     return separator.join(named) + rest
@@ -103,7 +105,7 @@ def _moment(moment: datetime | float) -> str:
 
 
 def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
-    """Say from when until when; `on` stands for an end that is not known."""
+    """Say from when until when; `on` takes the place of an unknown end."""
     first = "" if begin is None else f" from {_moment(begin)}"
     return first + (on if until is None else f" until {_moment(until)}")
 
@@ -117,8 +119,8 @@ def _area_shut(area: str, begin: _Moment, until: _Moment) -> str:
     hours = _from_until(begin, until, "")
     when = f", which is shut{hours}" if hours else ", always shut"
     return (
-        f"a way of less fuel leads through {name}{when}, and might meet it then, early, on time "
-        "or late: the routes keep out of it (best without waiting)"
+        f"a way of less fuel leads through {name}{when}; a vessel that is early, on time or late "
+        "might find it shut: the routes keep out of it (best without waiting)"
     )
 
 
@@ -139,7 +141,7 @@ def _water_shut_for_hours(
 
 
 def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
-    """Spell the shares of the routes that have any: of the first, and the largest of the others."""
+    """Spell the share of the first route, and the largest share among the others."""
     texts = [f"{text.percent(share)} of route {rank}" for rank, share in shares if rank == first]
     if others := [one for one in shares if one[0] != first]:
         rank, largest = max(others, key=lambda one: one[1])
@@ -151,8 +153,8 @@ def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
-        f"region's water, which lies up to {distance_m / 1000:.0f} km from the nearest value: it "
-        "is filled from the water around"
+        f"region's water, up to {distance_m / 1000:.0f} km from the nearest value: it was filled "
+        "from the water around"
     )
 
 
@@ -163,7 +165,7 @@ def _offing(offing_m: float, wanted_m: float) -> str:
         why = f"as {wanted_m:.0f} m would leave no way"
     return (
         f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance (--clearance) "
-        "sets another, 0 none"
+        "sets another offing; 0 sets none"
     )
 
 
@@ -183,32 +185,32 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "accuracy is given (accuracy_m)",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
-    "chart-no-go": "no-go: all that is not charted as {safety_depth_m:g} m deep or more (draught "
-    "plus under-keel clearance, at chart datum, without tide)",
-    "depths-lacking": "{source} has no depths for {share:.1%} of the region (land may be among "
-    "it): water there is not no-go, whatever its depth",
-    "depths-no-go": "no-go: all that {source} shows less than {safety_depth_m:g} m deep (draught "
-    "plus under-keel clearance, as the grid counts depths, without tide), and one cell of "
-    "{cell_m:.0f} m around; smaller shoals than a cell are not in such a grid",
+    "chart-no-go": "no-go: all water except where the chart gives a depth of "
+    "{safety_depth_m:g} m or more (draught plus under-keel clearance, at chart datum, without "
+    "tide)",
+    "depths-lacking": "{source} has no depths for {share:.1%} of the region (some of it may be "
+    "land): routes may cross the water there, whatever its depth",
+    "depths-no-go": "no-go: all water that is less than {safety_depth_m:g} m deep in {source} "
+    "(draught plus under-keel clearance, at the grid's own datum, without tide), and one cell of "
+    "{cell_m:.0f} m around it; shoals smaller than a cell are not in such a grid",
     "entry-prohibited": "routes may cross areas where entry is prohibited or to be avoided: "
     "{areas:, }",
     "features-without-geometry": "{source}: {count:feature has|features have} no geometry, and so "
     "no land",
     "gdal-warning": "{source}: GDAL warns: {warning}",
     "land-not-cached": "the world's land could not be kept in the user's cache ({problem}): it is "
-    "unpacked anew for each region, which takes some seconds; set XDG_CACHE_HOME to a folder that "
-    "can be written",
+    "unpacked again for each region, which takes some seconds; set XDG_CACHE_HOME to a writable "
+    "folder",
     "margin-narrowed": "the margin of {margin_m:g} m would close every passage between start and "
-    "goal: it was narrowed on the way; the narrowest place has {width_m:.0f} m between its sides, "
-    "at {place}",
-    "margin-raised": "chart.margin_m is {margin_m:g} m, below the {accuracy_m:g} m by which the "
-    "coast may be off: {accuracy_m:g} m were added",
+    "goal: it was reduced along the way; the narrowest place, at {place}, is {width_m:.0f} m wide",
+    "margin-raised": "chart.margin_m is {margin_m:g} m, but the coast may be off by "
+    "{accuracy_m:g} m: a margin of {accuracy_m:g} m was used",
     "no-cell": "no S-57 cell covers {share:.1%} of the region: it is no-go",
     "poor-survey": "{share:.0%} of the water is charted from poor or unassessed surveys (zones of "
     "confidence C, D, U): objects may lie 500 m or more off their charted place",
     # The currents.
-    "climatology-stands-in": "planned on {source}: {valid} stands for {asked}",
-    "current-at-depth": "the currents are those at {depth_m:g} m depth",
+    "climatology-stands-in": "planned on {source}: {valid} stands in for {asked}",
+    "current-at-depth": "the currents are from {depth_m:g} m depth",
     "current-changes": "the current changes on the way, by {steps} time steps",
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
@@ -219,8 +221,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "steps-are-means": "its time steps are means of a {step}, without the tide",
     "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
     "{steps: to }",
-    "still-water": "planned without currents, as in still water",
-    "time-assumed": "the file gives no time: it is assumed to be for the time asked for",
+    "still-water": "planned without currents, in still water",
+    "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
     "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
@@ -228,24 +230,24 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "water-shut-for-hours": _water_shut_for_hours,
     "zeros-are-land": "zeros in the file are treated as land",
     # What was chosen.
-    "currents-end": "in the {sides: and } it ends where {source} does",
+    "currents-end": "in the {sides: and } the region ends where the data of {source} end",
     "departure-chosen": lambda choice: " ".join(departure_text(choice)),
     "departures-asked": "{count} departures are planned to choose from",
     "departures-planned": "{count} of {asked} departures are planned",
-    "departures-refined": "{count} departures are planned; another may still be better by "
+    "departures-refined": "{count} departures are planned; another one may still save up to "
     "{unproven_s:hours}",
     "offing-chosen": _offing,
     "region-chosen": _region_chosen,
-    "region-opened": f"region widened to {_BOUNDS}, as no way joins start and goal in a smaller "
-    "one",
-    "region-widened": f"region widened to {_BOUNDS}, as the best route came near its "
+    "region-opened": f"region widened to {_BOUNDS}, because no way joins start and goal in a "
+    "smaller region",
+    "region-widened": f"region widened to {_BOUNDS}, because the best route came near its "
     "{near: and } edge",
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     # The routes.
     "area-shut": _area_shut,
-    "classes-shut-for-hours": "without a route, and with water on the way that the current shuts "
-    "for a while: {ways:; /3/, and of # more}. At another departure it may be open",
+    "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
+    "while: {ways:; /3/, and of # more}. At another departure the water may be open",
     "crossing": "{length_m:.0f} m at {place} on route {routes:, }",
     "current-filled": lambda first, shares: (
         f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
@@ -254,19 +256,56 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
-    "the best route met {no_go}, the first from {place}; it was planned with padding = "
+    "the best route met {no_go}, the first one from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" is verified',
     "place-shut": _place_shut,
     "routes-shut-for-hours": "the current shuts water for a while on the way of "
     "{ways:; /3/, and of # more}. The routes are the best without waiting",
     "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
-    "where routes cross water of this chart; look there at an official one: "
+    "where routes cross water of this chart; check these places on an official chart: "
     "{crossings:; /8/; and # shorter places}",
-    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
-    "current {cell_m:distance}: its tide is not resolved, and may run harder and turn at another "
-    "time than planned",
-    "straits-shut": "{count:strait is|straits are} shut by margin or padding, the widest at "
-    "{widest}: {width_m:distance} between its sides, and {needed_m:distance} are needed",
+    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, but a cell of the "
+    "current {cell_m:distance}: the tide in the strait is not resolved, and may run harder and "
+    "turn at another time than planned",
+    "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
+    "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
     "way-shut": "{way} {places:, /3/ and at # more places}",
 }
 """The words of each kind of note."""
+
+
+def rejections(result: RunResult, season: str) -> list[dict[str, object]]:
+    """Describe the rejected classes of a season for JSON, in the order of their rejection.
+
+    `kind` is the class of the error behind a reason; `places` are the positions that the reason
+    names, in degrees, or metres in a plane; `moments` are dates, or seconds if no date is known;
+    `lengths_m` are true metres.
+    """
+    plan = result.plan_of(season)
+    return [_rejection(result, season, one) for one in plan.rejected] if plan else []
+
+
+def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict[str, object]:
+    """Describe one rejected class for JSON."""
+    return {
+        "class": rejected.homotopy,
+        "kind": type(rejected.cause).__name__ if rejected.cause else None,
+        "reason": result.rejection_reason(season, rejected),
+        "places": [note_value(result.scene.place(place)) for place in rejected.text.places],
+        "moments": [
+            note_value(result.scene.moment(season, one.seconds)) for one in rejected.text.moments
+        ],
+        "lengths_m": [result.scene.projection.scale * one.metres for one in rejected.text.lengths],
+        "strait": None if rejected.strait is None else _strait(result, rejected.strait),
+    }
+
+
+def _strait(result: RunResult, strait: Strait) -> dict[str, object]:
+    """The gap that padding fills: its banks, its width, and both paddings, in true metres."""
+    scale = result.scene.projection.scale
+    return {
+        "banks": [note_value(result.scene.place(bank)) for bank in strait.gap],
+        "width_m": result.scene.projection.geodesic_length_m(strait.gap),
+        "padding_left_m": strait.padding_left * scale,
+        "padding_right_m": strait.padding_right * scale,
+    }

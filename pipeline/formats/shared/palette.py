@@ -1,8 +1,57 @@
-"""Colours of seasons, the same in the report, in QGIS, in figures and on paper.
+"""Colours of maps by role, of classes and of seasons."""
 
-In the manner of Okabe and Ito (2008), from vermillion on: they differ in lightness as well as in
-hue, so that they stay apart with protanopia, deuteranopia and tritanopia.
-"""
+COLOURS = {
+    "water": "#eef4f8",
+    "land": "#c9a97c",
+    "coast": "#8d6c42",
+    "nogo": "#e2d3b8",
+    "shoal": "#a9c8ae",
+    "hazard": "#7a1f1f",
+    "soft": "#6b7078",
+    "restricted": "#8e24aa",
+    "traffic": "#00796b",
+    "shut": "#b3261e",
+    "grid": "#c3d0d9",
+    "ink": "#26323c",
+    "frame": "#5c6b77",
+    "halo": "#fdfefe",
+    "best": "#c2185b",
+    "other": "#4d5f8f",
+    "speed0": "#a9c6d9",
+    "speed1": "#7dacce",
+    "speed2": "#4a8fbe",
+    "speed3": "#2070a6",
+    "speed4": "#0b4878",
+}
+"""Role -> colour on a light background; each role has a colour of its own."""
+
+DARK = {
+    "water": "#14222e",
+    "land": "#6d5a3e",
+    "coast": "#b39365",
+    "nogo": "#3b3a35",
+    "shoal": "#3d5a47",
+    "hazard": "#ff8a80",
+    "soft": "#a9b2bb",
+    "restricted": "#d08bf0",
+    "traffic": "#5fd0c0",
+    "shut": "#ff9488",
+    "grid": "#2c3e4c",
+    "ink": "#dbe4eb",
+    "frame": "#7f909d",
+    "halo": "#10171d",
+    "best": "#ff6a9e",
+    "other": "#9db0e0",
+    "speed0": "#2f536b",
+    "speed1": "#3b7596",
+    "speed2": "#4f9cc2",
+    "speed3": "#7cc2e4",
+    "speed4": "#bfe6fb",
+}
+"""Role -> colour on a dark background."""
+
+CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+"""Colours of classes, distinguishable with any colour vision (Okabe and Ito, 2008)."""
 
 SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#006666")
 """Colours of seasons on a light background, in the order of the scenario's seasons."""

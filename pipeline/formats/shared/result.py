@@ -1,9 +1,10 @@
 """The finished run, as all formats read it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import shapely
@@ -12,21 +13,30 @@ from shapely.geometry.base import BaseGeometry
 import renew
 from pipeline._types import FloatArray
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
-from pipeline.formats.shared.unknowns import unknowns
 from pipeline.model import (
     Credit,
+    CurrentGrid,
     DepartureChoice,
     Evaluation,
     Fetched,
     Note,
+    Place,
     RouteMetrics,
     Scene,
     SeasonPlan,
     ShutStrait,
     Simplified,
     Zone,
+    of_seasons,
 )
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
+
+MAX_STRAITS = 10
+"""Largest number of straits that are listed, the widest first."""
+
+# Shares of a route below this count as none: a thousandth, as percentages have one decimal.
+_NONE = 5e-4
 
 
 @dataclass(frozen=True)
@@ -41,11 +51,11 @@ class RankedRoute:
 
 @dataclass(frozen=True)
 class RunResult:
-    """All artefacts of a run; `created` is the time of writing (UTC), `timings` in seconds.
+    """All artefacts of a run; `created` is the time of writing (UTC), `timings` are in seconds.
 
-    The scenario is complete: `choices` say what was chosen where it left something out. They are
-    among the notes of `fetched`, too. `straits` are those that are shut, the widest first.
-    `departures` are the choices of when to leave, of the seasons that left it open.
+    The scenario is complete: `choices` say what was chosen for the parts that it left out, and are
+    among the notes of `fetched`, too. `straits` are the shut straits, the widest first.
+    `departures` are the choices of when to leave, for the seasons that leave it open.
     """
 
     scenario: Scenario
@@ -64,7 +74,7 @@ class RunResult:
     def routes(self) -> tuple[RankedRoute, ...]:
         """Every planned route with its metrics, by season in the plans' order, then by rank.
 
-        Ranks are the evaluation's. A plan's own order is by fuel, and the sampled method may choose
+        The evaluation sets the ranks: a plan is sorted by fuel, but the sampled method may choose
         another route than the first.
         """
         ranked = []
@@ -81,12 +91,24 @@ class RunResult:
 
     @cached_property
     def unknowns(self) -> tuple[Note, ...]:
-        """What is not known of the routes; among the notes, too."""
+        """Notes of what is not known about the routes; they are among all notes, too."""
         return unknowns(self)
 
     def departure_choice(self, season: str) -> DepartureChoice | None:
-        """When to leave in a season, and what that was chosen from; None where it was given."""
+        """When to leave in a season, and the alternatives; None if the departure was given."""
         return next((one for one in self.departures if one.season == season), None)
+
+    def spec_of(self, season: str) -> Season:
+        """A season as the scenario describes it."""
+        return next(one for one in self.scenario.seasons if one.name == season)
+
+    def plan_of(self, season: str) -> renew.Plan | None:
+        """A season's plan; None if it could not be planned."""
+        return next((entry.plan for entry in self.plans if entry.season == season), None)
+
+    def grid_of(self, season: str) -> CurrentGrid | None:
+        """A season's current on its source's grid; None if it is a formula, or was not found."""
+        return next((grid for grid in self.fetched.currents if grid.season == season), None)
 
     def season_routes(self, season: str) -> tuple[RankedRoute, ...]:
         """One season's routes, best first; empty where the season could not be planned."""
@@ -109,7 +131,7 @@ class RunResult:
 
     @cached_property
     def land_label(self) -> str:
-        """Legend of all that no route may enter, where shoals and hazards are drawn over it."""
+        """Name in legends for the land, which includes water that no chart covers."""
         return "land or uncharted" if self._zones_in_chart({"uncharted"}) else "land"
 
     @property
@@ -119,14 +141,14 @@ class RunResult:
 
     @cached_property
     def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
-        """Restricted and shut areas, and traffic schemes: those in the chart, with planar areas.
+        """The chart's restricted areas, traffic schemes and shut areas, with planar areas.
 
-        They may be entered, and routes may pass through them.
+        Routes may pass through them.
         """
         return self._zones_in_chart({"restricted", "traffic", "shut"})
 
     def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[Zone, BaseGeometry], ...]:
-        """Zones of some kinds that lie in the chart, if only in part, with planar areas."""
+        """Zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
             np.array([zone.area for zone in zones], dtype=object)
@@ -139,20 +161,20 @@ class RunResult:
         )
 
     def is_stand_in(self, season: str) -> bool:
-        """Whether the season's current is not the one that the scenario asks for first."""
-        return any(grid.is_stand_in for grid in self.fetched.currents if grid.season == season)
+        """Whether the season's current is not the scenario's first choice."""
+        grid = self.grid_of(season)
+        return grid is not None and grid.is_stand_in
 
     def season_index(self, season: str) -> int:
-        """Position of a season among the scenario's, from 0: of its colour in the palette."""
+        """Position of a season among the scenario's, from 0; it sets the season's colour."""
         return [entry.season for entry in self.plans].index(season)
 
     def season_title(self, season: str) -> str:
         """The season's name for readers, with its title if that adds anything.
 
-        A stand-in goes without the title: "July 2024" would be wrong for it.
+        A stand-in has no title: "July 2024" would be wrong for it.
         """
-        name = season_name(season)
-        name = capitalised(name)
+        name = capitalised(season_name(season))
         title = next((spec.title for spec in self.scenario.seasons if spec.name == season), "")
         if not title or self.is_stand_in(season):
             return name
@@ -161,16 +183,16 @@ class RunResult:
 
     def valid_text(self, season: str) -> str:
         """Period that a season's current represents; empty if the source does not state it."""
-        for grid in self.fetched.currents:
-            if grid.season == season and grid.valid:
-                shown = "; maps show it at departure" if grid.changes else ""
-                return f"valid {self.period_text(season)}{shown}"
-        return ""
+        grid = self.grid_of(season)
+        if grid is None or not grid.valid:
+            return ""
+        shown = "; maps show it at departure" if grid.changes else ""
+        return f"valid {self.period_text(season)}{shown}"
 
     def period_text(self, season: str) -> str:
         """Dates of a season's current, "2024-01-03 to 2024-01-28"; empty if not stated."""
-        valid = (grid.valid for grid in self.fetched.currents if grid.season == season)
-        return next((dates.replace("/", " to ") for dates in valid if dates), "")
+        grid = self.grid_of(season)
+        return grid.valid.replace("/", " to ") if grid is not None else ""
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
         """Why a class of a season has no route, as text for readers."""
@@ -179,19 +201,18 @@ class RunResult:
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
         """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).
 
-        A current that changes is given as at departure. Velocity is in m/s towards east and north.
-        The points are those of the source's grid that have figures; without a grid, 25 by 25 over
-        the chart; none if the season has no current.
+        A changing current is sampled at departure. Velocity is in m/s towards east and north. The
+        points are those of the source's grid that have data, or 25 by 25 over the chart if there
+        is no grid; none if the season has no current.
         """
-        for grid in self.fetched.currents:
-            if grid.season == season:
-                lon, lat = np.meshgrid(grid.lon, grid.lat)
-                u, v = grid.at_departure
-                known = np.isfinite(u) & np.isfinite(v)
-                return (
-                    np.stack([lon[known], lat[known]], axis=-1),
-                    np.stack([u[known], v[known]], axis=-1),
-                )
+        if (grid := self.grid_of(season)) is not None:
+            lon, lat = np.meshgrid(grid.lon, grid.lat)
+            u, v = grid.at_departure
+            known = np.isfinite(u) & np.isfinite(v)
+            return (
+                np.stack([lon[known], lat[known]], axis=-1),
+                np.stack([u[known], v[known]], axis=-1),
+            )
         if season not in self.scene.currents:
             return np.empty((0, 2)), np.empty((0, 2))
         xmin, ymin, xmax, ymax = self.scene.chart.bounds
@@ -200,3 +221,81 @@ class RunResult:
         lonlat = self.scene.projection.to_lonlat(points)
         velocity = np.asarray(self.scene.currents[season](points), dtype=float)
         return lonlat, self.scene.projection.rotate_to_lonlat(lonlat, velocity)
+
+
+class Planned(Protocol):
+    """A run's whole result, or its outcome."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+
+    @property
+    def fetched(self) -> Fetched:
+        """Land and currents."""
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """The routes' figures."""
+
+    @property
+    def straits(self) -> tuple[ShutStrait, ...]:
+        """The shut straits."""
+
+
+def unknowns(planned: Planned) -> tuple[Note, ...]:
+    """Note what is not known about a run's routes; nothing in a planar scenario."""
+    if planned.scenario.is_planar:
+        return ()
+    rows = planned.evaluation.routes
+    seasons = dict.fromkeys(row.season for row in rows)
+    by_season = {
+        season: _of_routes([row for row in rows if row.season == season]) for season in seasons
+    }
+    return (*_of_chart(planned), *of_seasons(by_season), *_of_straits(planned.straits))
+
+
+def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[Note, ...]:
+    """Note what is not known about one route."""
+    if planned.scenario.is_planar:
+        return ()
+    return (*_of_chart(planned), *_of_routes([metrics]))
+
+
+def has_all_depths(metrics: RouteMetrics) -> bool:
+    """Whether depths are charted all along a route."""
+    return metrics.uncharted_share <= _NONE
+
+
+def _of_chart(planned: Planned) -> Iterator[Note]:
+    """Yield a note if the chart has no depths."""
+    if planned.fetched.land.depths is None:
+        yield Note.of("no-depths")
+
+
+def _of_routes(rows: Sequence[RouteMetrics]) -> list[Note]:
+    """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
+    found = {
+        "current-filled": [(row.rank, row.filled_share) for row in rows],
+        "depth-uncharted": [(row.rank, row.uncharted_share) for row in rows],
+    }
+    some = {
+        kind: tuple((rank, share) for rank, share in shares if share > _NONE)
+        for kind, shares in found.items()
+    }
+    return [
+        Note.of(kind, first=rows[0].rank, shares=shares) for kind, shares in some.items() if shares
+    ]
+
+
+def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[Note]:
+    """Yield a note on the shut straits, with the place of the widest."""
+    if straits:
+        widest = straits[0]
+        yield Note.of(
+            "straits-shut",
+            count=len(straits),
+            widest=Place(widest.lon, widest.lat),
+            width_m=widest.width_m,
+            needed_m=widest.needed_m,
+        )

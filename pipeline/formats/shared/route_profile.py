@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import pyproj
 import shapely
 from shapely.geometry import Polygon
 
@@ -59,8 +60,6 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
     Fuel and time end at the route's own figures, and the least clearance is the route's. The index
     of the coast is shared by all routes of a scene.
     """
-    import pyproj
-
     scene, metrics = result.scene, ranked.metrics
     projection = scene.projection
     path = _without_repeats(np.asarray(ranked.route.path, dtype=float))
@@ -122,8 +121,6 @@ class CoastIndex:
         self, sampled: FloatArray, projection: Projection, *, crosses_land: bool
     ) -> FloatArray:
         """True metres (n,) from points (n, 2) to the coast; 0 on land, if the route crosses any."""
-        import pyproj
-
         if not len(self.edges):
             return np.full(len(sampled), math.inf)
         points = shapely.points(sampled)

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.formats.gis.layer_file import check_count, opened, system_errors, write_layer
-from pipeline.formats.gis.layers.frames import GeoDataFrame
+from pipeline.formats.gis.frames import (
+    GeoDataFrame,
+    check_count,
+    opened,
+    system_errors,
+    write_layer,
+)
 from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.publishing.changes import rows_of
 

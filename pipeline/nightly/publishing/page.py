@@ -186,7 +186,7 @@ def _add_lines(
 
 def _rendered(page: NightPage) -> str:
     """Render the template; all values except our own styles are escaped."""
-    from pipeline.formats.shared.templates import environment
+    from pipeline.formats.shared.writing import environment
 
     loaded = environment("pipeline.nightly.publishing", "pipeline.formats.report")
     loaded.filters.update({"number": text.number, "distance": text.distance})

@@ -1,17 +1,13 @@
 """QGIS's XML, filled into the templates of this folder; all that is filled in is escaped."""
 
-from __future__ import annotations
-
 import re
 import uuid
 from functools import cache
-from typing import TYPE_CHECKING
 
-from pipeline.formats.shared.templates import XML_FORBIDDEN, xml_environment, xml_text
+from jinja2 import Environment
+
 from pipeline.formats.shared.text import shortened
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from pipeline.formats.shared.writing import XML_FORBIDDEN, xml_environment, xml_text
 
 # Maximum number of characters of a name in the list of layers.
 _MAX_TITLE_LENGTH = 60

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from PIL import Image
 
 from pipeline.formats.figures.kinds import Kind, figure
-from pipeline.formats.figures.maps.season_map import overview_figure
+from pipeline.formats.figures.season_map import overview_figure
 from pipeline.formats.shared.result import RunResult
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario

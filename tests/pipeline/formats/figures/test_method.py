@@ -20,9 +20,8 @@ from matplotlib.text import Annotation, Text
 import renew
 from pipeline._types import FloatArray
 from pipeline.formats.figures.kinds import Form, Kind, figure
-from pipeline.formats.figures.method import channels_figure, mesh_figure
-from pipeline.formats.figures.padding_map import padding_map_figure
-from pipeline.formats.figures.palette import CLASS_COLOURS, COLOURS
+from pipeline.formats.figures.method import channels_figure, mesh_figure, padding_map_figure
+from pipeline.formats.shared.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Passage
 from tests.pipeline.formats import small_run

@@ -14,9 +14,9 @@ from matplotlib.text import Text
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.plots import profile_figure, profile_svg
-from pipeline.formats.figures.reach_histogram import padding_figure, padding_svg
+from pipeline.formats.figures.turning import padding_figure, padding_svg
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import route_profile
 

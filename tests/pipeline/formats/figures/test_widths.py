@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from pipeline.formats.figures.kinds import Kind, Width, figure
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.figures.variants import Variant
-from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 

@@ -15,10 +15,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.formats.exchange.nautical import split_at_antimeridian
 from pipeline.formats.gis.geojson import bounding_box, write_geojson
-from pipeline.formats.gis.layers.all_layers import LAYERS
+from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.passage.waypoints import season_waypoints
-from pipeline.formats.shared.antimeridian import split_at_antimeridian
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
 

@@ -17,10 +17,10 @@ import pytest
 import shapely
 
 from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.manifest import manifest
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.tables.manifest import manifest
 from pipeline.model import Evaluation, SeasonPlan, Zone
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east

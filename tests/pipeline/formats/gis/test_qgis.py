@@ -15,9 +15,8 @@ import numpy.typing as npt
 import pytest
 from matplotlib.image import imread
 
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
 from pipeline.stages.projecting.planar import unsimplified
 from tests.pipeline.formats.gis.cases import badly_named, moved_east

@@ -20,15 +20,14 @@ from hypothesis import strategies as st
 from lxml import etree
 
 import renew
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.qgis.map_crs import map_crs
 from pipeline.formats.gis.qgis.styles import style
 from pipeline.formats.gis.qgis.symbols import Rule, Style
-from pipeline.formats.gis.qgis.view import view
+from pipeline.formats.gis.qgis.view import map_crs, view
 from pipeline.formats.gis.qgis.xml import clean, literal, rendered
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.templates import xml_text
+from pipeline.formats.shared.writing import xml_text
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named, moved_east

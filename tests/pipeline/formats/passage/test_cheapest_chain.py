@@ -8,10 +8,9 @@ import pytest
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.formats.passage import cheapest_chain as module
-from pipeline.formats.passage.candidates import Candidates, with_candidates
-from pipeline.formats.passage.cheapest_chain import cheapest_chain
+from pipeline.formats.passage import thinning as module
 from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
+from pipeline.formats.passage.thinning import Candidates, cheapest_chain, with_candidates
 from pipeline.formats.passage.tracks import Drawing, curve_for
 from pipeline.formats.shared.legs import metres_along
 from tests.pipeline.formats import runs

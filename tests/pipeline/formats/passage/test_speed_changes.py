@@ -16,13 +16,12 @@ from pymavlink import mavutil, mavwp
 import renew
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.missions import write_mission, write_plan
+from pipeline.formats.exchange.nautical import KNOTS_PER_M_S
 from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.exchange.text import KNOTS_PER_M_S
 from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.passage.speed_changes import with_speed_changes
 from pipeline.formats.passage.tracks import Drawing
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints, with_speed_changes
 from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import route_profile

@@ -147,7 +147,7 @@ def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> N
 def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("pipeline.formats.passage.cheapest_chain._CLEARANCE_WEIGHT", 0.0)
+    monkeypatch.setattr("pipeline.formats.passage.thinning._CLEARANCE_WEIGHT", 0.0)
     result = runs.random_run(2)
     obstacles = Obstacles(result.scene)
     for ranked in result.routes:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from pipeline.formats.figures.palette import COLOURS
 from pipeline.formats.report import assets
-from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, written

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.formats.report.live_map.encode import (
+from pipeline.formats.report.encode import (
     Lattice,
     coarser,
     json_for_script,

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.formats.report.live_map.encode import Lattice
-from pipeline.formats.report.live_map.map_data import map_data
+from pipeline.formats.report.encode import Lattice
+from pipeline.formats.report.map_data import map_data
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation
 from tests.pipeline.formats import small_run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pipeline.formats.report.parts.sentences import Season, clock_text
+from pipeline.formats.report.sentences import Season, clock_text
 from pipeline.formats.shared.text import gap_figure, gap_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 

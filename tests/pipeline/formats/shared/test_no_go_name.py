@@ -16,7 +16,7 @@ from pipeline.cli.summary import season_table
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.figures.kinds import Kind, figure
-from pipeline.formats.paper.passage_plan import write_passage_plan
+from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult

@@ -78,16 +78,16 @@ def test_values_are_in_the_sentence_and_in_json() -> None:
 def test_moments_are_dates_or_seconds_and_braces_in_names_are_left() -> None:
     begin = datetime(2026, 11, 22, 6, tzinfo=UTC)
     dated = Note.of("area-shut", area="{0}", begin=begin, until=None)
-    assert "area '{0}', which is shut from 2026-11-22 06:00 UTC, and" in note_text(dated)
+    assert "area '{0}', which is shut from 2026-11-22 06:00 UTC; a vessel" in note_text(dated)
     assert note_json(dated)["values"] == {"area": "{0}", "begin": begin.isoformat(), "until": None}
     counted = Note.of("area-shut", area="", begin=None, until=1800.0)
-    assert "an area, which is shut until 1800 s, and" in note_text(counted)
+    assert "an area, which is shut until 1800 s; a vessel" in note_text(counted)
     always = Note.of("area-shut", area="", begin=None, until=None)
-    assert "an area, always shut, and" in note_text(always)
+    assert "an area, always shut; a vessel" in note_text(always)
     planar = Note.of(
         "margin-narrowed", margin_m=5.0, width_m=3.0, place=Place(1.5, 2, is_planar=True)
     )
-    assert note_text(planar).endswith("at (1.5, 2) m")
+    assert "the narrowest place, at (1.5, 2) m, is 3 m wide" in note_text(planar)
 
 
 def test_counts_take_their_nouns() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.formats.figures.palette import COLOURS, DARK
 from pipeline.formats.shared.palette import (
+    COLOURS,
+    DARK,
     SEASON_COLOURS,
     SEASON_COLOURS_ON_DARK,
     season_colour,

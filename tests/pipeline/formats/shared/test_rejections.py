@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.json_values import json_value
-from pipeline.formats.shared.rejections import rejections
+from pipeline.formats.shared.note_words import rejections
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.writing import json_value
 from pipeline.geo.earth import position_text
 from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
 from tests.pipeline.formats import small_run

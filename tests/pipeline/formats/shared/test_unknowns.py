@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns, unknowns
+from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns, unknowns
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
@@ -67,8 +66,8 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     straits = (widest, replace(widest, width_m=300.0))
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
     assert note_texts(unknowns(result))[1] == (
-        "2 straits are shut by margin or padding, the widest at 119.8710 E 11.5244 N: 1.58 km "
-        "between its sides, and 1.71 km are needed"
+        "2 straits are shut by margin or padding; the widest, at 119.8710 E 11.5244 N, is 1.58 km "
+        "wide, and 1.71 km are needed"
     )
     (one,) = note_texts(unknowns(replace(result, straits=(widest,))))[1:]
     assert one.startswith("1 strait is shut")

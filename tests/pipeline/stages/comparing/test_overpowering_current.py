@@ -99,7 +99,7 @@ def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> No
     assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
     assert note.endswith("The routes are the best without waiting")
     (other,) = note_texts(waiting_notes(scene, [around]))
-    assert other.startswith("tide: without a route, and with water on the way")
+    assert other.startswith("tide: no route was found where the current shuts")
     for text in (note, other):
         place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
         assert place is not None

@@ -33,7 +33,7 @@ def test_a_strait_between_two_islands_is_found_with_its_width() -> None:
     # Cells of 0.01 degrees are 1.1 km: more than half of the strait.
     (note,) = note_texts(unresolved_strait_notes(result))
     assert f"is {distance(narrowest)} wide" in note
-    assert "its tide is not resolved" in note
+    assert "the tide in the strait is not resolved" in note
     grid = result.fetched.currents[0]
     fine = replace(
         grid,

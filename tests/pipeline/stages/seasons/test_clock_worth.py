@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import renew
-from pipeline.formats.report.parts.sentences import clock_text
+from pipeline.formats.report.sentences import clock_text
 from pipeline.formats.shared.text import percent
 from pipeline.model import ClockWorth, SeasonPlan
 from pipeline.stages.seasons.clock_worth import clock_worth, hat_weights, mean_weights

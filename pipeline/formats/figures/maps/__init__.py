@@ -1,1 +1,0 @@
-"""Maps: their frame, layers, arrows of the current and labels of islands."""

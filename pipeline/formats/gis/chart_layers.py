@@ -1,0 +1,84 @@
+"""Layers of the chart: what it has, and what the planner makes of it."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from pipeline._types import Geometries
+from pipeline.formats.gis.frames import GeoDataFrame, frame, multi
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import Zone
+
+
+def coast(result: RunResult) -> GeoDataFrame:
+    """Land before simplification: all that is no-go, less water that is no-go for other reasons."""
+    land = result.fetched.land
+    water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
+    polygons = np.array(land.polygons, dtype=object)
+    if water:
+        # One overlay of all: a shoal has thousands of vertices, and the chart hundreds of islets.
+        left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
+        polygons = shapely.get_parts(left)
+        polygons = polygons[shapely.area(polygons) > 0]
+    return _counted(polygons)
+
+
+def hazards(result: RunResult) -> GeoDataFrame:
+    """Rocks, wrecks and the like, with the room around them."""
+    return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
+
+
+def chart_areas(result: RunResult) -> GeoDataFrame:
+    """Shallow, uncharted and restricted areas, and traffic schemes."""
+    return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
+
+
+def depth_areas(result: RunResult) -> GeoDataFrame:
+    """Areas of equal depth."""
+    found = result.fetched.land.depth_areas
+    return frame(
+        multi([one.area for one in found]),
+        {
+            "kind": [one.kind for one in found],
+            "depth_min_m": [one.least_m for one in found],
+            "depth_max_m": [one.greatest_m for one in found],
+        },
+    )
+
+
+def islands(result: RunResult) -> GeoDataFrame:
+    """Points on the islands by which ways are told apart."""
+    islands = result.evaluation.islands
+    places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
+    return frame(
+        shapely.points(result.scene.projection.to_lonlat(places)),
+        {
+            "number": [island.number for island in islands],
+            "name": [island.name for island in islands],
+        },
+    )
+
+
+def no_go(result: RunResult) -> GeoDataFrame:
+    """Hard no-go zone, the same in every season."""
+    return _counted(result.simplified.polygons)
+
+
+def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
+    """Areas of the chart, with what it says of each."""
+    found = list(zones)
+    return frame(
+        multi([zone.area for zone in found]),
+        {
+            "kind": [zone.kind for zone in found],
+            "name": [zone.name for zone in found],
+            "rule": [zone.rule for zone in found],
+        },
+    )
+
+
+def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
+    """Areas with their numbers of vertices."""
+    vertices = shapely.get_num_coordinates(np.array(polygons, dtype=object))
+    return frame(multi(polygons), {"vertices": vertices})

@@ -1,0 +1,322 @@
+"""The layers of a run in lon/lat: names, descriptions and columns."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pyproj
+import shapely
+
+from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
+from pipeline.formats.exchange.nautical import waypoint_name
+from pipeline.formats.gis import chart_layers, frames
+from pipeline.formats.gis.frames import frame, to_lonlat
+from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.legs import legs as planned_legs
+from pipeline.formats.shared.result import RunResult
+
+# Maximum distance, true metres, between a leg and the line drawn for it.
+_ERROR_M = 1.0
+
+# Maximum number of harmless turns shown per route: at true scale turns are simulated every few
+# metres, and all of them would make a file of a gigabyte.
+_MAX_TURNS = 2_000
+# Figures of a route in its row, by their names in its metrics.
+_MEASURED = (
+    *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
+    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share", "uncharted_share"),
+)
+
+
+def passage(result: RunResult) -> frames.GeoDataFrame:
+    """Waypoints of the routes, each with the leg that leaves it; the goal has none."""
+    return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
+
+
+def legs(result: RunResult) -> frames.GeoDataFrame:
+    """The water within each leg's cross-track limits."""
+    found = _waypoints(result)
+    frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
+    frame = frame[frame.course_deg.notna()].reset_index(drop=True)
+    areas = [area for points in found for area in _areas(points, result)]
+    return frame.set_geometry(frames.multi(areas), crs=frame.crs)
+
+
+def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
+    """Waypoints of some routes, each with the leg that leaves it and its cross-track limits."""
+    counts = [len(points.lonlat) for points in found]
+    return frame(
+        [shapely.points(points.lonlat) for points in found],
+        {
+            **frames.route_key([points.ranked for points in found]),
+            "sequence": [np.arange(count) + 1 for count in counts],
+            "name": [[waypoint_name(at, count) for at in range(count)] for count in counts],
+            "course_deg": [points.course_deg for points in found],
+            "leg_length_m": [points.length_m for points in found],
+            "time_s": [points.time_s for points in found],
+            "speed_over_ground_m_s": [points.speed_m_s for points in found],
+            "speed_through_water_m_s": [points.through_water_m_s for points in found],
+            "turn_radius_m": [points.radius_m for points in found],
+            "port_m": [points.port_m for points in found],
+            "starboard_m": [points.starboard_m for points in found],
+        },
+    )
+
+
+def _waypoints(result: RunResult) -> list[Waypoints]:
+    """Waypoints of all routes; none of a planar scenario, which lies nowhere on earth."""
+    if result.scenario.is_planar:
+        return []
+    seasons = dict.fromkeys(ranked.season for ranked in result.routes)
+    return [points for season in seasons for points in season_waypoints(result, season)]
+
+
+def _areas(points: Waypoints, result: RunResult) -> Geometries:
+    """Area of each leg between its limits; empty where both are 0."""
+    begin, end = points.lonlat[:-1], points.lonlat[1:]
+    drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
+    geod, line = pyproj.Geod(ellps="WGS84"), drawn.lonlat
+    ahead = np.asarray(geod.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0])
+    # A leg's last point has the course by which it is reached.
+    last = np.append(drawn.leg[1:] != drawn.leg[:-1], True)
+    course = np.where(last, np.roll(np.append(ahead, 0.0), 1), np.append(ahead, 0.0))
+    sides = []
+    for turn, limits in ((-90, points.port_m), (90, points.starboard_m)):
+        lon, lat, _ = geod.fwd(line[:, 0], line[:, 1], course + turn, limits[drawn.leg])
+        lon = line[:, 0] + (lon - line[:, 0] + 180) % 360 - 180
+        sides.append(np.stack([lon, lat], axis=-1))
+    areas = [
+        shapely.Polygon(np.vstack([sides[0][drawn.leg == leg], sides[1][drawn.leg == leg][::-1]]))
+        for leg in range(len(begin))
+    ]
+    return np.asarray(shapely.make_valid(areas))
+
+
+def _routes(result: RunResult) -> frames.GeoDataFrame:
+    """Routes, one line each."""
+    ranked = result.routes
+    measured = {name: [getattr(r.metrics, name) for r in ranked] for name in _MEASURED}
+    lines = to_lonlat(
+        result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
+    )
+    routes = frame(lines, {**frames.route_key(ranked), **measured})
+    return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
+
+
+def _path_points(result: RunResult) -> frames.GeoDataFrame:
+    """Vertices of the routes, each with the leg that leaves it; the goal has none."""
+    ranked = result.routes
+    tables = [planned_legs(r, result) for r in ranked]
+    return frame(
+        [shapely.points(t.lonlat) for t in tables],
+        {
+            **frames.route_key(ranked),
+            "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
+            "course_deg": [t.course_deg for t in tables],
+            "leg_length_m": [t.length_m for t in tables],
+            "time_s": [t.time_s for t in tables],
+            "speed_over_ground_m_s": [t.speed_m_s for t in tables],
+            "speed_through_water_m_s": [t.through_water_m_s for t in tables],
+        },
+    )
+
+
+def _channels(result: RunResult) -> frames.GeoDataFrame:
+    """Channels of triangles, of planned and of rejected classes."""
+    rows: list[tuple[str, int, str, str, FloatArray]] = []
+    for entry in result.plans:
+        if entry.plan is None:
+            continue
+        rows += [
+            (entry.season, r.rank, r.metrics.homotopy, "", r.route.channel)
+            for r in result.season_routes(entry.season)
+        ]
+        # A rejected class has no route, so no rank among the routes.
+        rows += [
+            (entry.season, 0, r.homotopy, result.rejection_reason(entry.season, r), r.channel)
+            for r in entry.plan.rejected
+        ]
+    outlines = [shapely.union_all(shapely.polygons(triangles)) for *_, triangles in rows]
+    return frame(
+        to_lonlat(result, outlines, frames.ZONE_STEP_M),
+        {
+            "season": [row[0] for row in rows],
+            "rank": [row[1] for row in rows],
+            "homotopy": [row[2] for row in rows],
+            "rejected_because": [row[3] for row in rows],
+            "triangles": [len(row[4]) for row in rows],
+        },
+    )
+
+
+def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
+    """Soft no-go zone of each route that has one, and the padding that it is made of."""
+    ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
+    scale = result.scene.projection.scale
+    paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
+    return frame(
+        to_lonlat(result, [r.route.soft_no_go for r in ranked], frames.ZONE_STEP_M),
+        {
+            **frames.route_key(ranked),
+            "homotopy": [r.metrics.homotopy for r in ranked],
+            "padding_min_m": [p.min(initial=np.inf) for p in paddings],
+            "padding_max_m": [p.max(initial=-np.inf) for p in paddings],
+        },
+    )
+
+
+def _currents(result: RunResult) -> frames.GeoDataFrame:
+    """Current at the points of the source, towards east and north."""
+    seasons = [entry.season for entry in result.plans]
+    samples = [result.current_samples(season) for season in seasons]
+    currents = frame(
+        [shapely.points(lonlat) for lonlat, _ in samples],
+        {
+            "season": seasons,
+            "u": [velocity[:, 0] for _, velocity in samples],
+            "v": [velocity[:, 1] for _, velocity in samples],
+        },
+    )
+    currents["speed"] = np.hypot(currents.u, currents.v)
+    currents["direction"] = np.degrees(np.arctan2(currents.u, currents.v)) % 360
+    return currents
+
+
+def _contingency(result: RunResult) -> frames.GeoDataFrame:
+    """Points from which hard-over turns were simulated, and whether one met land."""
+    ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
+    turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
+    shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
+    chosen = list(zip(turns, shown, strict=True))
+    return frame(
+        [shapely.points(to_lonlat(np.asarray(t.points)[index])) for t, index in chosen],
+        {
+            **frames.route_key(ranked),
+            "collided": [np.asarray(t.collided)[index] for t, index in chosen],
+        },
+    )
+
+
+def _shown(collided: BoolArray) -> IndexArray:
+    """Indices of the turns to show: all that met land, and an even selection of the others."""
+    harmless = np.flatnonzero(~collided)
+    step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
+    return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
+
+
+LAYERS = (
+    frames.Layer(
+        "routes",
+        "Routes",
+        "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
+        "clearance_m are in true metres, fuel and fuel_per_distance in the planner's scaled "
+        "units, optimality_gap is a share of the fuel, collisions counts those of the trials "
+        "hard-over turns that met land or another no-go area.",
+        "LineString",
+        _routes,
+    ),
+    frames.Layer(
+        "passage",
+        "Waypoints",
+        "Waypoints of the routes, as in RTZ and GPX: few, and clear of the soft no-go zones; each "
+        "with the leg that leaves it: course in degrees true, length in metres, time since "
+        "departure in seconds, mean speed over ground in m/s.",
+        "Point",
+        passage,
+    ),
+    frames.Layer(
+        "legs",
+        "Cross-track limits",
+        "The water beside each leg of a route within its cross-track limits, which stays out of "
+        "the soft no-go zone; none where start or goal lie in the soft no-go zone.",
+        "MultiPolygon",
+        legs,
+    ),
+    frames.Layer(
+        "path_points",
+        "Points of the planned path",
+        "Vertices of the routes as planned, each with the leg that leaves it: course in degrees "
+        "true, length in metres, time since departure in seconds, speed over ground in m/s.",
+        "Point",
+        _path_points,
+    ),
+    frames.Layer(
+        "channels",
+        "Channels",
+        "Channel of triangles of each class; a rejected class has rank 0 and a reason.",
+        "MultiPolygon",
+        _channels,
+    ),
+    frames.Layer(
+        "islands",
+        "Islands",
+        "Islands by which the ways of the routes are told apart: their numbers in homotopy "
+        "classes, and their names in the chart, if it has any.",
+        "Point",
+        chart_layers.islands,
+    ),
+    frames.Layer(
+        "coast",
+        "Land",
+        "Land as the source has it, before simplification.",
+        "MultiPolygon",
+        chart_layers.coast,
+    ),
+    frames.Layer(
+        "hazards",
+        "Hazards",
+        "Rocks, wrecks, obstructions and marks of the chart in water that is deep enough, with the "
+        "room that is left around them: no-go.",
+        "MultiPolygon",
+        chart_layers.hazards,
+    ),
+    frames.Layer(
+        "chart_areas",
+        "Areas of the chart",
+        "Water too shallow for the vessel and areas that no chart covers, both no-go; restricted "
+        "areas and traffic schemes, which may be entered; shut areas, with their hours.",
+        "MultiPolygon",
+        chart_layers.chart_areas,
+    ),
+    frames.Layer(
+        "depth_areas",
+        "Depths",
+        "Depth areas and dredged areas of the chart, by their least and greatest depth in metres "
+        "at chart datum; none of a chart without depths.",
+        "MultiPolygon",
+        chart_layers.depth_areas,
+    ),
+    frames.Layer(
+        "no_go",
+        "Hard no-go zone",
+        "All that no route may enter, as the planner uses it: simplified, and covering all of the "
+        "source's land, shallow water and hazards.",
+        "MultiPolygon",
+        chart_layers.no_go,
+    ),
+    frames.Layer(
+        "soft_no_go",
+        "Soft no-go zones",
+        "Water that a route avoids so that no hard-over turn can reach the hard no-go zone; "
+        "padding in true metres.",
+        "MultiPolygon",
+        _soft_no_go,
+    ),
+    frames.Layer(
+        "currents",
+        "Currents",
+        "Surface current: u towards east, v towards north and speed in m/s; direction towards "
+        "which it sets, in degrees true.",
+        "Point",
+        _currents,
+    ),
+    frames.Layer(
+        "contingency",
+        "Contingency manoeuvres",
+        "Points from which hard-over turns were simulated along each route, and whether one met "
+        "land or another no-go area: all points where one did, and at most 2000 others per route.",
+        "Point",
+        _contingency,
+    ),
+)

@@ -1,0 +1,241 @@
+"""`passage-plan.pdf`: the best route of each season as a navigator files it, A4 to print."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import shapely
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pipeline.formats import legs_table
+from pipeline.formats.exchange import nautical
+from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
+from pipeline.formats.figures.map_layers import DETAIL_PT, visible
+from pipeline.formats.legs_table import headings
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.shared.palette import COLOURS, season_colour
+from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
+from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
+
+# A4, landscape, in points; margins, and the height of a line of text.
+_WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
+_LINE_PT, _ROW_PT = 11.0, 15.0
+_SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
+# Left edges of the table's columns, points from the margin; the last begins a text.
+_COLUMNS = (0, 52, 114, 180, 218, 256, 298, 350, 436, 504, 580, 634)
+# Size of the map on a season's first page, points, and the chart around the route, as a share.
+_MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
+# Characters of a line across the page, and beside the map; rows on a first and a further page.
+_WIDE, _BESIDE_MAP = 190, 100
+_FIRST_ROWS, _MORE_ROWS = 18, 30
+
+
+def write_passage_plan(result: RunResult, path: Path) -> None:
+    """Write the passage plan of every season that has a route.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    """
+    about = {
+        "Title": drawable(f"Passage plan: {result.scenario.title or result.scenario.name}", 120),
+        "Author": "RENEW",
+        "CreationDate": result.created,
+    }
+    with path.open("wb") as file, PdfPages(file, metadata=about) as pages:
+        for index, entry in enumerate(result.plans):
+            if result.season_routes(entry.season):
+                for page in _season_pages(result, entry.season, season_colour(index)):
+                    pages.savefig(page)
+
+
+def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figure]:
+    """Yield the pages of a season: facts, map and table first, then the rest of the table."""
+    departure = result.spec_of(season).departure
+    points = season_waypoints(result, season)[0]
+    table = legs_table.rows(points, result, departure)
+    pages = [table[:_FIRST_ROWS]]
+    pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
+    notes = _notes(points, result)
+    for number, part in enumerate(pages, start=1):
+        page = _page(result, points, f"page {number} of {len(pages)}")
+        top = _HEIGHT - _MARGIN - 30
+        if number == 1:
+            facts = _facts(points, result)
+            _paragraphs(page, facts, top, _BESIDE_MAP)
+            _put_map(page, points, result, colour, top + 6)
+            top -= _MAP_PT[1] + 4
+        top = _put_table(page, headings(points), part, top)
+        if number == len(pages):
+            _paragraphs(page, notes, top - 14, _WIDE, size=_SMALL)
+        yield page
+
+
+def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
+    """Start a page with its title and foot."""
+    page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
+    title = f"Passage plan: {nautical.document_title(result, points.ranked.season)}"
+    _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
+    foot = (
+        f"{nautical.route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
+    )
+    _write(page, drawable(foot, 120), _MARGIN, _MARGIN - 16, _SMALL)
+    _write(page, number, _WIDTH - _MARGIN, _MARGIN - 16, _SMALL, right=True)
+    return page
+
+
+def _facts(points: Waypoints, result: RunResult) -> list[str]:
+    """Facts of the route, a paragraph each."""
+    planned, sailed, vessel = points.ranked.metrics, points.metrics, result.scenario.vessel
+    knots = speed_over_ground(sailed) * nautical.KNOTS_PER_M_S
+    speeds = points.through_water_m_s[:-1] * nautical.KNOTS_PER_M_S
+    through = f"{speeds.min():.2f} kn"
+    if legs_table.has_speeds(points):
+        through = f"{speeds.min():.2f} to {speeds.max():.2f} kn, leg by leg,"
+    length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
+    ship = f"{nautical.vessel_name(result)}; {through} through the water"
+    way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
+    turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
+    least = legs_table.distance_text(planned.clearance_m)
+    gap = f"Optimality gap: {gap_figure(planned.optimality_gap)}."
+    passage = f"{nautical.duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
+    return [
+        f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
+        f"Way: {way}, {passage}.",
+        _times_text(points, result),
+        f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
+        legs_table.tightest_text(points, result),
+        _current_text(result, planned.season),
+        "Depths are charted all along the planned path." if has_all_depths(planned) else "",
+        "Within a leg's cross-track limits the vessel stays out of the soft no-go zone.",
+        f"Legs are {points.curve.lower()}s; positions are WGS 84.",
+    ]
+
+
+def _current_text(result: RunResult, season: str) -> str:
+    """Say which current a season was planned on; empty if it was a formula."""
+    grid = result.grid_of(season)
+    if grid is None:
+        return ""
+    # Still water has no time for which it is valid.
+    moves = np.nan_to_num(grid.u).any() or np.nan_to_num(grid.v).any()
+    parts = (grid.credit.name, result.valid_text(season) if moves else "")
+    return f"Current: {', '.join(part for part in parts if part)}."
+
+
+def _times_text(points: Waypoints, result: RunResult) -> str:
+    """Say when the vessel leaves and arrives by the legs, and how the planned path differs."""
+    planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
+    season = points.ranked.season
+    spec = result.spec_of(season)
+    texts = ["Times are since departure: none was given."]
+    if spec.departure is not None:
+        arrival = nautical.time_after(spec.departure, sailed_s)
+        leaves = moment_text(nautical.time_after(spec.departure, 0))
+        texts = [f"Departure {leaves}, arrival {moment_text(arrival)}."]
+        choice = result.departure_choice(season)
+        by = spec.arrive_by if choice is None else choice.arrive_by
+        if by is not None and to_minute(arrival) > to_minute(by):
+            late = nautical.duration((to_minute(arrival) - to_minute(by)).total_seconds())
+            texts += [f"That is {late} after {moment_text(by)}: leave so much earlier."]
+    if nautical.duration(planned_s) != nautical.duration(sailed_s):
+        planned = nautical.duration(planned_s)
+        texts += [
+            "Times are those of the legs, with the vessel heading into the cross-current;",
+            f"the planned path takes {planned}.",
+        ]
+    return " ".join(texts)
+
+
+def _notes(points: Waypoints, result: RunResult) -> list[str]:
+    """What is not known, and the credits."""
+    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    return [
+        f"Not known: {'; '.join(unknown)}." if unknown else "",
+        f"Sources: {nautical.attribution(result)}.",
+        "Not for navigation without the official charts and the navigator's own judgement.",
+    ]
+
+
+def _put_table(
+    page: Figure, headings: legs_table.Row, part: Sequence[legs_table.Row], top: float
+) -> float:
+    """Write rows of the table below `top`, points, under headings; returns the lower end."""
+    for left, text in zip(_COLUMNS, headings, strict=True):
+        _write(page, text, _MARGIN + left, top, _SMALL, bold=True)
+    level = top - 28
+    for row in part:
+        rule = [(level + 11) / _HEIGHT] * 2
+        span = [_MARGIN / _WIDTH, 1 - _MARGIN / _WIDTH]
+        page.add_artist(Line2D(span, rule, color=COLOURS["grid"], linewidth=0.5))
+        for left, text in zip(_COLUMNS, row, strict=True):
+            _write(page, text, _MARGIN + left, level + 7, _PLAIN)
+        level -= _ROW_PT
+    return level
+
+
+def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, top: float) -> None:
+    """Draw the route with its waypoints' numbers over the land, in the upper right corner."""
+    width, height = _MAP_PT
+    axes = axes_at(page, (_WIDTH - _MARGIN - width, top - height, width, height))
+    way = result.scene.projection.to_plane(points.lonlat)
+    low, high = way.min(axis=0), way.max(axis=0)
+    reach = max((high - low) * np.array([height / width, 1.0])) * (0.5 + _MAP_MARGIN)
+    middle, size = (low + high) / 2, reach * np.array([width / height, 1.0])
+    frame = shapely.box(*(middle - size), *(middle + size))
+    land = np.array(result.scene.land, dtype=object)
+    detail = DETAIL_PT * 2 * size[0] / width
+    near = visible(
+        shapely.clip_by_rect(land[shapely.intersects(land, frame)], *frame.bounds), detail
+    )
+    axes.set_xlim(middle[0] - size[0], middle[0] + size[0])
+    axes.set_ylim(middle[1] - size[1], middle[1] + size[1])
+    water, coast = COLOURS["water"], COLOURS["coast"]
+    axes.add_artist(patch(np.array([frame]), facecolor=water, edgecolor=COLOURS["frame"]))
+    axes.add_artist(patch(near, facecolor=COLOURS["land"], edgecolor=coast, linewidth=0.3))
+    axes.add_line(stroke(way, colour, 1.2, 3))
+    axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
+    for number, (x, y) in enumerate(way, start=1):
+        axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
+
+
+def _paragraphs(
+    page: Figure, texts: Sequence[str], top: float, width: int, size: float = _PLAIN
+) -> None:
+    """Write paragraphs below `top`, points, wrapped at a number of characters."""
+    level = top
+    for text in texts:
+        for line in textwrap.wrap(text, width):
+            _write(page, drawable(line, width), _MARGIN, level, size)
+            level -= _LINE_PT
+        level -= _LINE_PT * 0.3 * bool(text)
+
+
+def _write(
+    page: Figure,
+    text: str,
+    left: float,
+    top: float,
+    size: float,
+    *,
+    bold: bool = False,
+    right: bool = False,
+) -> None:
+    """Write text at a place of the page, points from its lower left corner."""
+    page.text(
+        left / _WIDTH,
+        top / _HEIGHT,
+        text,
+        fontsize=size,
+        weight="bold" if bold else "normal",
+        color=COLOURS["ink"],
+        ha="right" if right else "left",
+        va="top",
+        parse_math=False,
+        linespacing=1.15,
+    )

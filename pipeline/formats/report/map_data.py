@@ -1,0 +1,237 @@
+"""Data of the page's interactive map, ready for JSON.
+
+Coordinates are in the planner's own plane at true scale: angles are true, and nothing is cut at
+180 degrees. They are encoded by `encode` and decoded by `scripts/data.js`.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.formats.figures.arrows import on_water
+from pipeline.formats.figures.graticule import graticule
+from pipeline.formats.report.encode import Lattice, coarser, positions, series, within
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.shared.text import zone_text
+from pipeline.model import RouteKey
+
+_MAX_VERTICES = 60_000
+_MAX_ARROWS = 7_000
+# Maximum number of arrows along each side of a cell of the current's own grid.
+_MAX_ARROWS_PER_CELL = 2.0
+# Maximum number of harmless turns shown per route.
+_MAX_TURNS = 80
+# Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
+# number of vertices of all routes' zones together.
+_SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
+# Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
+_NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
+# Number of points along the best route, and along others.
+_POINTS_BEST, _POINTS = 200, 100
+
+
+def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:
+    """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
+    scene = result.scene
+    lattice = Lattice.of(scene.chart.bounds, scene.projection.scale)
+    shoals, hazards = (
+        scene.projection.geometry_to_plane(np.array(areas, dtype=object))
+        for areas in (result.shoals, result.hazards)
+    )
+    return {
+        "stepM": lattice.step_m,
+        "planar": result.scenario.is_planar,
+        "noGoName": result.fetched.land.no_go_name,
+        "origin": [float(value) * scene.projection.scale for value in lattice.origin],
+        "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
+        "land": _areas(result, np.array(scene.land, dtype=object), lattice),
+        "noGo": _no_go(result, lattice),
+        "shoals": _areas(result, shoals, lattice),
+        "hazards": _areas(result, hazards, lattice),
+        "zones": _zones(result, lattice),
+        "grid": _grid(result, lattice),
+        "start": lattice.line(scene.start[None, :]),
+        "goal": lattice.line(scene.goal[None, :]),
+        "via": [lattice.line(point[None, :]) for point in scene.via],
+        "islands": [
+            {
+                "label": island.label,
+                "names": island in result.evaluation.islands,
+                "place": lattice.line(np.array([[island.x, island.y]])),
+            }
+            for island in (*result.evaluation.islands, *result.evaluation.class_islands)
+        ],
+        "positions": positions(result, lattice),
+        "speedLimits": list(speed_limits),
+        "seasons": _seasons(result, lattice),
+    }
+
+
+def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) -> list[list[int]]:
+    """Rings of planar areas, clipped to the chart."""
+    if not len(areas):
+        return []
+    inside = within(areas, result.scene.chart.extent)
+    return lattice.rings(coarser(inside, lattice.step, _MAX_VERTICES))
+
+
+def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
+    """Rings of the hard no-go zone, in the detail that a screen shows; none in a plane.
+
+    There it is the land itself.
+    """
+    if result.scenario.is_planar:
+        return []
+    no_go = within(np.array(result.scene.chart.no_go, dtype=object), result.scene.chart.extent)
+    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    tolerance = _NO_GO_TOLERANCE * max(xmax - xmin, ymax - ymin)
+    return lattice.rings(coarser(no_go, tolerance, _MAX_NO_GO_VERTICES))
+
+
+def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
+    """Restricted areas and traffic schemes: their areas inside the chart, and their edges.
+
+    Where an area is clipped by the chart it has no edge.
+    """
+    extent = result.scene.chart.extent
+    zones: list[dict[str, object]] = []
+    for zone, area in result.open_zones:
+        simple = coarser(np.array([area]), lattice.step, _MAX_VERTICES)[0]
+        edges = shapely.line_merge(shapely.intersection(shapely.boundary(simple), extent))
+        zones.append(
+            {
+                "kind": zone.kind,
+                "text": zone_text(zone),
+                "area": lattice.rings(np.array([shapely.intersection(simple, extent)])),
+                "edges": [
+                    lattice.line(shapely.get_coordinates(edge))
+                    for edge in shapely.get_parts(edges)
+                    if edge.length > 0
+                ],
+            }
+        )
+    return zones
+
+
+def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
+    """Meridians and parallels, or a grid in metres, each with the position of its label."""
+    scene, is_planar = result.scene, result.scenario.is_planar
+    return [
+        {
+            "label": line.label,
+            "meridian": line.is_meridian,
+            "foot": lattice.line(np.array([line.foot])),
+            "parts": [lattice.line(part) for part in line.parts],
+        }
+        for line in graticule(scene.projection, scene.chart.extent, in_metres=is_planar)
+    ]
+
+
+def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
+    """Current and routes of each season."""
+    soft = _soft_no_go(result)
+    return [
+        {
+            "title": result.season_title(entry.season),
+            "current": _current(result, entry.season, lattice),
+            "routes": [
+                {
+                    **_route(result, ranked, lattice),
+                    "soft": lattice.rings(soft[ranked.season, ranked.rank]),
+                }
+                for ranked in result.season_routes(entry.season)
+            ],
+        }
+        for entry in result.plans
+    ]
+
+
+def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
+    """Soft no-go zone of each route in the plane, simplified and clipped to the chart."""
+    chart = result.scene.chart
+    xmin, ymin, xmax, ymax = chart.bounds
+    tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
+    zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
+    # Tens of thousands of vertices each: it would take ten times as long with topology kept.
+    zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))
+    zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
+    return {
+        (ranked.season, ranked.rank): within(zones[i : i + 1], chart.extent)
+        for i, ranked in enumerate(result.routes)
+    }
+
+
+def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
+    """A route: its profile along it, and its hard-over turns."""
+    profile = route_profile(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
+    whole = lattice.to_steps(result.scene.projection.to_plane(profile.lonlat))
+    turns, hits = _turns(result, ranked)
+    return {
+        "rank": ranked.rank,
+        "way": ranked.metrics.way,
+        "places": [int(value) for value in np.diff(whole, axis=0, prepend=0).ravel()],
+        "lon": series(np.round(profile.lonlat[:, 0], 5)),
+        "lat": series(np.round(profile.lonlat[:, 1], 5)),
+        "time": series(profile.time_s),
+        "distance": series(profile.distance_m),
+        "course": series(profile.course_deg),
+        "fuel": series(profile.fuel),
+        "speed": series(profile.speed_m_s),
+        "current": series(profile.current_along_m_s),
+        "clearance": series(profile.clearance_m),
+        "turns": lattice.line(turns),
+        "hits": lattice.line(hits),
+    }
+
+
+def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) from which hard-over turns begin: some of the harmless ones, and all others."""
+    found = result.evaluation.contingency.get((ranked.season, ranked.rank))
+    if found is None:
+        return np.empty((0, 2)), np.empty((0, 2))
+    harmless = found.points[~found.collided]
+    step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
+    return harmless[::step], found.points[found.collided]
+
+
+def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
+    """The planner's own current on a regular lattice over the water, in whole cm/s.
+
+    A current that changes is given as at departure. `u` and `v` are along the plane's axes, row by
+    row from below; 0, 0 is land or still water.
+    """
+    scene = result.scene
+    if season not in scene.currents:
+        return None
+    field = scene.currents[season]
+    xmin, ymin, xmax, ymax = scene.chart.bounds
+    spacing = max(_min_spacing(field), math.sqrt((xmax - xmin) * (ymax - ymin) / _MAX_ARROWS))
+    columns, rows = max(1, int((xmax - xmin) / spacing)), max(1, int((ymax - ymin) / spacing))
+    x = xmin + spacing * (0.5 + np.arange(columns))
+    y = ymin + spacing * (0.5 + np.arange(rows))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    velocity = np.asarray(field(points), dtype=float)
+    velocity[~on_water(result, points)] = 0.0
+    whole = np.rint(100 * velocity).astype(np.int64)
+    return {
+        "corner": lattice.line(np.array([[x[0], y[0]]])),
+        "spacing": spacing / lattice.step,
+        "columns": columns,
+        "u": [int(value) for value in whole[:, 0]],
+        "v": [int(value) for value in whole[:, 1]],
+    }
+
+
+def _min_spacing(field: object) -> float:
+    """Spacing of arrows below which they show no more than the current's grid; 0 without one."""
+    if isinstance(field, renew.VaryingCurrent):
+        return _min_spacing(field.slices[0]) if field.slices else 0.0
+    if not isinstance(field, renew.GriddedCurrent):
+        return 0.0
+    steps = [np.diff(axis) for axis in (field.x, field.y) if len(axis) > 1]
+    return min((float(step.min()) for step in steps), default=0.0) / _MAX_ARROWS_PER_CELL

@@ -1,0 +1,264 @@
+"""The page's sentences on a season: why this way, how sure that is, how safe it is."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.formats.shared import text
+from pipeline.formats.shared.text import fuel
+from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
+
+# Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
+_SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
+# A current is not mentioned if its mean speed is below this share of the vessel's, and no route
+# gains or loses that much by it.
+_NO_CURRENT = 0.01
+
+
+@dataclass(frozen=True)
+class Season:
+    """What a season's sentences are made from.
+
+    `routes` are best first, at least one; `current_speed` is the current's in the mean over the
+    water, m/s. `gap` says what the best one's optimality gap is made
+    of, `worth` what it saves by knowing how the current changes, and `sides` how little fuel the
+    other sides can need, where that is known.
+    """
+
+    routes: Sequence[RouteMetrics]
+    current_speed: float = math.inf
+    gap: GapShares | None = None
+    worth: ClockWorth | None = None
+    sides: SideBound | None = None
+
+    @property
+    def best(self) -> RouteMetrics:
+        """The route to take."""
+        return self.routes[0]
+
+    @property
+    def rival(self) -> RouteMetrics | None:
+        """Route to compare the best with: the best by another passage, else the next best.
+
+        None if there is only one.
+        """
+        others = self.routes[1:]
+        by_another = (r for r in others if r.main_passage != self.best.main_passage)
+        return next(by_another, others[0] if others else None)
+
+    @property
+    def is_still(self) -> bool:
+        """Whether there is no current to speak of."""
+        gains = [abs(_gain(route)) for route in self.routes]
+        return max([self.current_speed, *gains]) < _NO_CURRENT * self.best.speed_m_s
+
+    def because(self) -> str:
+        """Say in one sentence why the best route is the one to take."""
+        rival = self.rival
+        if rival is None:
+            return "because no other class has a route."
+        if self.is_still:
+            return (
+                f"because there is no current to speak of ({self.current_speed:.3f} m/s in the "
+                f"mean), and {self._shorter(rival)}."
+            )
+        if self.best.fuel > rival.fuel:  # the sampled method
+            return "because the mean fuel of its class is the least, though not its own."
+        ours, theirs = (_gain(route) for route in (self.best, rival))
+        helped = f"the current {_effect_on(ours)} its speed and {_effect_on(theirs)} the other's"
+        if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
+            more = text.distance(self.best.length_m - rival.length_m)
+            return f"because {helped}: that outweighs {more} more."
+        if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
+            return f"because {helped}, over the same distance."
+        but = "and" if ours >= theirs else "which outweighs that"
+        if _signed(ours) == _signed(theirs):
+            helped, but = f"the current {_effect_on(ours)} the speed on either", "and"
+        return f"because {self._shorter(rival)}, {but} {helped}."
+
+    def lead(self) -> str:
+        """Say how much more fuel the closest rival needs; empty where it needs no more."""
+        rival = self.rival
+        if rival is None or rival.fuel <= self.best.fuel:
+            return ""
+        more = text.percent(rival.fuel / self.best.fuel - 1)
+        return f"{text.capitalised(self._rival_name(rival))} needs {more} more fuel"
+
+    def certainty(self) -> str:
+        """Say whether the choice of side is proven; empty where there is none to make."""
+        rival = self.rival
+        if rival is None or rival.main_passage == self.best.main_passage:
+            return ""
+        if self.sides is not None and self.sides.fuel > self.best.fuel:
+            least = text.percent(self.sides.fuel / self.best.fuel - 1)
+            return (
+                "The side is proven, within the chart and in this current: any way on the other "
+                f"needs at least {least} more fuel."
+            )
+        if self.sides is not None:
+            return (
+                "The side is not proven: of the other it is only known that no way there saves "
+                f"more than {text.percent(1 - self.sides.fuel / self.best.fuel)}."
+            )
+        if not self.best.optimality_gap <= text.USEFUL_GAP:
+            return "The side is not proven: the fuel of the other has no useful lower bound."
+        saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
+        return (
+            "The side is not proven: it is only known that no way at all saves more than "
+            f"{text.percent(saved)}."
+        )
+
+    def verdict(self) -> tuple[str, ...]:
+        """Explain why the best route was chosen, how sure that is, and how safe it is."""
+        best, others = self.best, self.routes[1:]
+        sentences = [self._comparison(self.rival)] if self.rival else []
+        if not others:
+            sentences.append("It is the only class that has a route.")
+        if certain := self.certainty():
+            sentences.append(certain)
+        shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
+        if shorter:
+            shortest = min(shorter, key=lambda r: r.length_m)
+            sentences.append(
+                f"{text.count(len(shorter), 'class is', 'classes are')} shorter; the shortest "
+                f"(rank {shortest.rank}) saves {text.distance(best.length_m - shortest.length_m)} "
+                f"and needs {_difference(shortest.fuel, best.fuel)} fuel."
+            )
+        elif others:
+            sentences.append("It is also the shortest route found.")
+        sentences.append(_safety(best))
+        if self.gap is not None:
+            sentences.append(text.gap_text(self.gap, best.no_go_name))
+        if self.worth is not None:
+            sentences.append(clock_text(self.worth))
+        return tuple(sentences)
+
+    def _rival_name(self, rival: RouteMetrics) -> str:
+        """What the rival is called."""
+        if rival.main_passage != self.best.main_passage:
+            return f"the best way {rival.main_passage}"
+        return "the next best route"
+
+    def _shorter(self, rival: RouteMetrics) -> str:
+        """Say how the best route's length compares with its rival's."""
+        less = rival.length_m - self.best.length_m
+        if abs(less) <= _SAME_LENGTH * self.best.length_m:
+            return f"it is as long as {self._rival_name(rival)}"
+        side = "shorter" if less > 0 else "longer"
+        return f"it is {text.distance(abs(less))} {side} than {self._rival_name(rival)}"
+
+    def _comparison(self, rival: RouteMetrics) -> str:
+        """Compare two routes: fuel, length, and the current's effect on each."""
+        best = self.best
+        other = self._rival_name(rival)
+        is_other_side = rival.main_passage != best.main_passage
+        name = f"The way {best.main_passage}" if is_other_side else "The best route"
+        more = rival.fuel / best.fuel - 1
+        if more >= 0:
+            needs = (
+                f"needs the least fuel: {other} (rank {rival.rank}) needs {text.percent(more)} more"
+            )
+        else:  # the sampled method chooses by the mean of each class
+            needs = (
+                f"was chosen over {other} (rank {rival.rank}) by the mean fuel of its class, "
+                f"although that needs {text.percent(-more)} less fuel"
+            )
+        longer = best.length_m - rival.length_m
+        if abs(longer) < _SAME_LENGTH * best.length_m:
+            length = "over the same distance"
+        elif longer > 0:
+            length = f"although it is {text.distance(longer)} shorter"
+        else:
+            length = f"and is {text.distance(-longer)} longer"
+        ours, theirs = text.speed_over_ground(best), text.speed_over_ground(rival)
+        if not (math.isfinite(ours) and math.isfinite(theirs)):
+            return f"{name} {needs}, {length}."
+        gains = _signed(_gain(best)), _signed(_gain(rival))
+        if f"{ours:.2f}" == f"{theirs:.2f}":
+            speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
+        else:
+            speeds = (
+                f"the best averages {ours:.2f} m/s over ground ({gains[0]} m/s from the current), "
+                f"the other {theirs:.2f} m/s ({gains[1]} m/s)"
+            )
+        return f"{name} {needs}, {length}: {speeds}."
+
+
+def clock_text(worth: ClockWorth) -> str:
+    """Say in a sentence what it is worth to know how the current changes."""
+    others = ", ".join(
+        f"{name} {_sailed(fuel, worth)}"
+        for name, fuel in (
+            ("the plan on the current at departure", worth.frozen),
+            ("the plan on its mean over the voyage", worth.mean),
+            ("the shortest safe path", worth.shortest),
+        )
+    )
+    at = ", at speeds that bring it there in time" if worth.in_time else ""
+    sailed = f"Sailed in the changing current from the same departure on{at}, {others}."
+    if worth.best > (1 + text.USEFUL_GAP) * worth.bound:
+        return f"{sailed} There is no useful bound on what a better route could save."
+    return (
+        f"{sailed} No route within the chart saves more than "
+        f"{text.percent(1 - worth.bound / worth.best)}."
+    )
+
+
+def _sailed(fuel: float, worth: ClockWorth) -> str:
+    """Say what a plan needs when it is sailed, against the best route."""
+    best = worth.best
+    if not math.isfinite(fuel):
+        return "comes too late" if worth.in_time else "can't be sailed"
+    if abs(fuel / best - 1) < _SAME_FUEL:
+        return "needs as much fuel as this route"
+    return f"needs {_difference(fuel, best)} fuel than this route"
+
+
+def _safety(best: RouteMetrics) -> str:
+    """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
+    no_go = best.no_go_name
+    safe = (
+        f"It keeps at least {text.clearance(best.clearance_m)} from {no_go}"
+        if best.has_land
+        else f"The chart has no {no_go} to keep clear of"
+    )
+    if best.collisions:
+        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met {no_go}"
+    elif best.has_land:
+        safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
+    gap = ""
+    if best.optimality_gap <= text.USEFUL_GAP:
+        bound = best.fuel / (1 + best.optimality_gap)
+        gap = (
+            f". By the same law of fuel no route within the chart, of any class and however close "
+            f"to {no_go}, needs less than {fuel(bound)}; this one is within "
+            f"{text.percent(best.optimality_gap)} of that bound"
+        )
+    elif math.isfinite(best.optimality_gap):
+        gap = ". There is no useful bound on what a better route could save"
+    return f"{safe}{gap}."
+
+
+def _gain(route: RouteMetrics) -> float:
+    """Mean speed that the current adds, m/s; 0 where a route has no duration."""
+    gain = text.speed_over_ground(route) - route.speed_m_s
+    return gain if math.isfinite(gain) else 0.0
+
+
+def _effect_on(gain: float) -> str:
+    """Say what a current's gain, m/s, does to a speed, which is named next."""
+    if round(gain, 2) == 0:
+        return "adds nothing to"
+    verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")
+    return f"{verb} {abs(gain):.2f} m/s {preposition}"
+
+
+def _difference(value: float, than: float) -> str:
+    """Format a value's difference as a share: 3.1 % more."""
+    share = value / than - 1
+    return f"{text.percent(abs(share))} {'more' if share >= 0 else 'less'}"
+
+
+def _signed(value: float) -> str:
+    """Format a number with its sign, to two decimals."""
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "\N{MINUS SIGN}")

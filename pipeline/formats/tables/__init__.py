@@ -1,1 +1,0 @@
-"""Tables and metadata: metrics.csv, currents (NetCDF), manifest.json."""

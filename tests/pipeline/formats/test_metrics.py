@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import csv
+from dataclasses import fields, replace
+from datetime import datetime
+from pathlib import Path
+
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.tables import METRICS_COLUMNS, write_metrics
+from pipeline.model import Evaluation, RouteMetrics
+
+
+def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
+    write_metrics(result, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(result.evaluation.routes)
+    # Passages are in the file as one text.
+    assert set(METRICS_COLUMNS.values()) - {"way"} == {
+        field.name for field in fields(RouteMetrics)
+    } - {"passages"}
+    for row, metrics in zip(rows, result.evaluation.routes, strict=True):
+        for column, name in METRICS_COLUMNS.items():
+            value = getattr(metrics, name)
+            if value != value:  # noqa: PLR0124 - as only NaN is
+                assert row[column] == ""
+            else:
+                assert type(value)(row[column]) == value
+
+
+def test_departure_and_arrival_stand_where_a_departure_is_given(
+    result: RunResult, tmp_path: Path
+) -> None:
+    departure = datetime.fromisoformat("2026-11-22T14:20:00+08:00")
+    summer, winter = result.scenario.seasons
+    seasons = (summer.model_copy(update={"departure": departure}), winter)
+    dated = replace(result, scenario=result.scenario.model_copy(update={"seasons": seasons}))
+    write_metrics(dated, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        for row, metrics in zip(csv.DictReader(file), result.evaluation.routes, strict=True):
+            if metrics.season == winter.name:
+                assert (row["departure"], row["arrival"]) == ("", "")
+                continue
+            assert row["departure"] == "2026-11-22T06:20:00Z"
+            taken = datetime.fromisoformat(row["arrival"]) - departure
+            assert taken.total_seconds() == round(metrics.duration_s)
+
+
+def test_a_figure_that_does_not_exist_is_blank(result: RunResult, tmp_path: Path) -> None:
+    row = replace(result.evaluation.routes[0], optimality_gap=float("nan"))
+    rows = (row, *result.evaluation.routes[1:])
+    changed = replace(result, evaluation=Evaluation(rows, result.evaluation.contingency))
+    write_metrics(changed, tmp_path / "metrics.csv")
+    with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        assert next(csv.DictReader(file))["optimality_gap"] == ""

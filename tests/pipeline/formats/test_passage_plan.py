@@ -1,0 +1,166 @@
+"""The passage plan: its rows against the waypoints, and its pages as printed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.formats.legs_table import distance_text, position, rows
+from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage_plan import write_passage_plan
+from pipeline.formats.report.page import gather
+from pipeline.formats.shared.result import RunResult
+from tests.pipeline.formats import oracles, runs, small_run
+
+DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
+
+
+def degrees(text: str) -> float:
+    found = re.fullmatch(r"(\d{2,3})° (\d\d\.\d{3})' ([NESW])", text)
+    assert found, text
+    return (int(found[1]) + float(found[2]) / 60) * (-1 if found[3] in "SW" else 1)
+
+
+def texts(path: Path) -> list[str]:
+    """The text of each page, as another program reads it."""
+    if shutil.which("pdftotext") is None:
+        pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
+    command = ["pdftotext", "-layout", str(path), "-"]
+    told = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    return told.split("\f")[:-1]
+
+
+@pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
+def test_rows_are_the_waypoints(name: str) -> None:
+    result = getattr(runs, name)()
+    points = season_waypoints(result, runs.SEASON)[0]
+    found = rows(points, result, DEPARTURE)
+    assert [found[0].name, found[-1].name] == ["Start", "Goal"]
+    at = np.array([[degrees(row.longitude), degrees(row.latitude)] for row in found])
+    apart = at - points.lonlat
+    apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
+    assert np.abs(apart).max() < 1e-5, "a thousandth of a minute"
+    miles = [float(row.leg_nm) for row in found[1:]]
+    assert miles == pytest.approx(points.length_m[:-1] / 1852, abs=0.006)
+    assert float(found[0].to_go_nm) == pytest.approx(sum(miles), abs=0.1)
+    assert found[-1].to_go_nm == "0.0"
+    assert [float(row.course) for row in found[1:]] == pytest.approx(
+        points.course_deg[:-1] % 360, abs=0.06
+    )
+    passed = [datetime.strptime(f"{row.passed} +0000", "%Y-%m-%d %H:%M %z") for row in found]
+    assert passed[0] == DEPARTURE
+    seconds = [(one - DEPARTURE).total_seconds() for one in passed]
+    assert seconds == pytest.approx(points.time_s, abs=61)
+
+
+@pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
+def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
+    result = getattr(runs, name)()
+    points = season_waypoints(result, runs.SEASON)[0]
+    land = shapely.union_all(result.scene.land)
+    for row, leg in zip(rows(points, result, None)[1:], oracles.drawn(points, 20.0), strict=True):
+        line = oracles.in_plane(result, leg)
+        gap = shapely.get_coordinates(shapely.shortest_line(line, land))
+        true_m = result.scene.projection.geodesic_length_m(gap)
+        figure, unit = row.clearance.split()
+        stated_m = float(figure) * (1852 if unit == "NM" else 1)
+        assert stated_m <= true_m * 1.001
+        assert stated_m == pytest.approx(true_m, rel=0.02, abs=20)
+
+
+def test_a_following_current_is_told_with_its_direction() -> None:
+    """In summer it sets to the east at 0.2 to 0.4 m/s, which is 0.4 to 0.8 kn."""
+    result = small_run.parts()
+    for row in rows(season_waypoints(result, "summer")[0], result, None)[1:]:
+        to, knots = row.current.split()
+        assert 60 <= int(to) <= 120
+        assert 0.38 <= float(knots) <= 0.8
+
+
+def test_distances_are_never_overstated() -> None:
+    assert distance_text(1851.99) == "1851 m"
+    assert distance_text(2.999 * 1852) == "2.99 NM"
+    assert distance_text(float("inf")) == "no land"
+    assert position(-0.5, "NS", 2) == "00° 30.000' S"
+    assert position(179.9999999, "EW", 3) == "180° 00.000' E"
+
+
+def test_a_page_says_what_a_navigator_asks(result: RunResult, tmp_path: Path) -> None:
+    path = tmp_path / "passage-plan.pdf"
+    write_passage_plan(result, path)
+    pages = texts(path)
+    assert len(pages) == 2
+    for page, season in zip(pages, ("Summer", "Winter"), strict=True):
+        assert f"Two islands: {season}" in page
+        for part in ("Start", "Goal", "kn through the water", "Padding at the tightest place"):
+            assert part in page
+        assert "Not known: no depths in this chart" in " ".join(page.split())
+        assert small_run.LAND.text in page
+
+
+def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) -> None:
+    points = season_waypoints(result, "summer")[0]
+    at = np.linspace(0, 1, 60)[:, None]
+    many = points.lonlat[0] + at * (points.lonlat[-1] - points.lonlat[0])
+    each = np.append(np.full(59, 100.0), np.nan)
+    long = replace(
+        points,
+        lonlat=many,
+        course_deg=each,
+        length_m=each,
+        speed_m_s=each,
+        port_m=each,
+        starboard_m=each,
+        time_s=np.linspace(0, 1e5, 60),
+    )
+    cached = {"summer": (long,), "winter": season_waypoints(result, "winter")}
+    other = replace(result)
+    vars(other)["_exchange_waypoints"] = (None, cached)
+    write_passage_plan(other, tmp_path / "a.pdf")
+    pages = texts(tmp_path / "a.pdf")
+    assert len(pages) == 4
+    for number in range(2, 60):
+        assert sum(f"WP{number:02d} " in page for page in pages[:3]) == 1
+    assert "page 2 of 3" in pages[1]
+
+
+def test_the_same_run_is_the_same_file(result: RunResult, tmp_path: Path) -> None:
+    for name in ("one.pdf", "two.pdf"):
+        write_passage_plan(result, tmp_path / name)
+    assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
+
+
+def test_what_cannot_be_written_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        write_passage_plan(result, tmp_path / "nowhere" / "a.pdf")
+
+
+def test_still_water_is_valid_at_no_time_and_has_no_arrows(
+    result: RunResult, tmp_path: Path
+) -> None:
+    write_passage_plan(result, tmp_path / "moving.pdf")
+    assert f"Current: {small_run.STAND_IN.name}, valid 2020-06-17." in texts(
+        tmp_path / "moving.pdf"
+    )[0].replace("\n", " ")
+    grids = tuple(replace(one, u=0 * one.u, v=0 * one.v) for one in result.fetched.currents)
+    currents = {one.season: renew.UniformCurrent(0.0, 0.0) for one in grids}
+    still = replace(
+        result,
+        fetched=replace(result.fetched, currents=grids),
+        scene=replace(result.scene, currents=currents),
+    )
+    write_passage_plan(still, tmp_path / "still.pdf")
+    assert f"Current: {small_run.STAND_IN.name}. " in " ".join(
+        texts(tmp_path / "still.pdf")[0].split()
+    )
+    assert gather(result).speed_labels
+    assert gather(still).speed_labels == ()
