@@ -124,7 +124,7 @@ def test_what_is_not_known_and_straits_are_in_the_manifest(result: RunResult) ->
     unknown = content["unknown"]
     assert isinstance(unknown, list)
     assert unknown[0].startswith("no depths in this chart")
-    assert unknown[1].startswith("12 straits are shut by margin or padding, the widest at 119.5000")
+    assert unknown[1].startswith("12 straits are shut by margin or padding; the widest, at 119.5")
     assert content["shut_straits_in_all"] == 12
     listed = content["shut_straits"]
     assert isinstance(listed, list)
