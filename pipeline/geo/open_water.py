@@ -60,7 +60,7 @@ def opened(
 
 def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
     """Return the voyages, of (n, 2, 2), whose ends do not lie in one body of water."""
-    bodies = shapely.get_parts(shapely.difference(extent, shapely.union_all(land)))
+    bodies = shapely.get_parts(shapely.difference(extent, shapely.disjoint_subset_union_all(land)))
     points = shapely.points(voyages.reshape(-1, 2))
     held = set(zip(*shapely.STRtree(bodies).query(points, "intersects").tolist(), strict=True))
     joined = {end // 2 for end, body in held if end % 2 == 0 and (end + 1, body) in held}
@@ -129,9 +129,9 @@ def widest_way(
     if not holds.any():
         return None
     body = bodies[np.argmax(holds)]
-    holes = [shapely.Polygon(shapely.segmentize(hole, piece_m)) for hole in body.interiors]
-    shell = shapely.Polygon(shapely.segmentize(body.exterior, piece_m))
-    mesh = triangulate(renew.Chart(shell, holes))
+    shell, *holes = shapely.polygons(shapely.segmentize(shapely.get_rings(body), piece_m))
+    # Not as the chart's no-go zone, all of which would be united first, one island with the other.
+    mesh = triangulate(renew.Chart(shell), closed=shapely.MultiPolygon(holes))
     triangle, corner = np.nonzero(mesh.neighbours >= 0)
     gate = mesh.vertices[mesh.edge_vertices(triangle, corner)]
     width = np.linalg.norm(gate[:, 1] - gate[:, 0], axis=1)
@@ -141,17 +141,13 @@ def widest_way(
     ends = triangle.astype(np.int32), beyond.astype(np.int32)
     graph = sparse.csr_array((1 / width, ends), shape=(size, size))
     tree = csgraph.minimum_spanning_tree(graph)
-    first, last = mesh.locate(start), mesh.locate(goal)
-    _, before = csgraph.breadth_first_order(tree, first, directed=False)
-    middle = {
-        (one, other): ends.mean(axis=0)
-        for one, other, ends in zip(triangle.tolist(), beyond.tolist(), gate, strict=True)
-    }
-    way, here = [goal], last
-    while before[here] >= 0:
-        way.append(middle[here, int(before[here])])
-        here = int(before[here])
-    points = shapely.get_coordinates(
-        shapely.segmentize(shapely.linestrings([*way, start]), piece_m)
-    )
+    _, before = csgraph.breadth_first_order(tree, mesh.locate(start), directed=False)
+    passed = [mesh.locate(goal)]
+    while before[passed[-1]] >= 0:
+        passed.append(int(before[passed[-1]]))
+    here, following = np.array(passed[:-1], dtype=np.intp), np.array(passed[1:], dtype=np.intp)
+    side = np.argmax(mesh.neighbours[here] == following[:, None], axis=1)
+    middles = mesh.vertices[mesh.edge_vertices(here, side)].mean(axis=1)
+    line = shapely.linestrings([goal, *middles, start])
+    points = shapely.get_coordinates(shapely.segmentize(line, piece_m))
     return np.asarray(shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1)))

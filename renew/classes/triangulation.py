@@ -247,10 +247,10 @@ def _hazardous(
     ]
     middles = shapely.points(ends.mean(axis=1))
     # A midpoint on an edge is off by the snapping grid at most.
-    apart = shapely.distance(middles, chart.extent.exterior)
-    if closed is not None and not closed.is_empty:
-        apart = np.minimum(apart, shapely.distance(middles, closed.boundary))
-    hazardous[triangle, corner] = apart > 4 * chart.precision
+    edges = [chart.extent.exterior] if closed is None else [chart.extent.exterior, closed.boundary]
+    shapely.prepare(edges)
+    is_open = [shapely.dwithin(edge, middles, 4 * chart.precision) for edge in edges]
+    hazardous[triangle, corner] = ~np.any(is_open, axis=0)
     return hazardous
 
 
