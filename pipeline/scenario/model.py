@@ -70,6 +70,14 @@ class PlannerOptions(StrictModel):
         examples=[500],
         json_schema_extra={"unit": "planar m"},
     )
+    narrow_share: Number = Field(
+        default=1.0,
+        ge=0.01,
+        le=1,
+        description="Share of the distance from the middle of a narrow passage that its shores "
+        "keep, if no way keeps the clearance; 1: the clearance yields nowhere. It is at most 0.5 "
+        "with an offing that a run chooses. Give a share from 0.01 to 1.",
+    )
     distinct_by: Literal["auto"] | NonNegative = Field(
         default="auto",
         description="Islands smaller than this tell no classes apart, planar metres; automatic: "

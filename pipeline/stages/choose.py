@@ -6,9 +6,9 @@
 from dataclasses import replace
 
 from pipeline.machine.store import Store
-from pipeline.model import Say
+from pipeline.model import Note, Say
 from pipeline.stages.choosing.departures import Chosen, choose_departures
-from pipeline.stages.choosing.offing import Offing
+from pipeline.stages.choosing.offing import with_offing
 
 
 def choose(given: Chosen, store: Store, say: Say) -> Chosen:
@@ -19,22 +19,22 @@ def choose(given: Chosen, store: Store, say: Say) -> Chosen:
     RequestError
         No season has a departure that can be planned.
     """
-    chosen = choose_departures(_with_offing(given, store), store, say)
+    chosen = choose_departures(_with_offing(given), store, say)
     for note in chosen.notes[len(given.notes) :]:
         say(note)
     return chosen
 
 
-def _with_offing(given: Chosen, store: Store) -> Chosen:
+def _with_offing(given: Chosen) -> Chosen:
     """Set the planner's clearance to the chosen offing if the scenario does not give one."""
-    scenario, scene = given.scenario, given.scene
-    if scenario.planner.clearance is not None or scenario.is_planar:
+    scenario, accuracy_m = given.scenario, given.parts.fetched.land.accuracy_m
+    options = with_offing(scenario, given.scene.value, accuracy_m)
+    if options is scenario.planner:
         return given
-    accuracy_m = given.parts.fetched.land.accuracy_m
-    inputs = scene.key, accuracy_m, scenario.fastest_vessel.model_dump()
-    offing = store.made(
-        "offing", Offing, inputs, lambda: Offing.of(scene.value, scenario, accuracy_m)
-    ).value
-    options = scenario.planner.model_copy(update={"clearance": offing.planar_m})
+    note = Note.of(
+        "offing-chosen",
+        offing_m=(options.clearance or 0.0) * scenario.scale,
+        narrow_share=options.narrow_share,
+    )
     complete = scenario.model_copy(update={"planner": options})
-    return replace(given, scenario=complete, notes=(*given.notes, offing.note))
+    return replace(given, scenario=complete, notes=(*given.notes, note))

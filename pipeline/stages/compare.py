@@ -10,6 +10,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen
+from pipeline.stages.choosing.offing import narrows_notes
 from pipeline.stages.comparing.overpowering_current import waiting_notes
 from pipeline.stages.comparing.second_shoreline import crossing_notes
 from pipeline.stages.comparing.shut_straits import shut_straits
@@ -71,6 +72,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
     return (
         *speed_notes(result),
         *safety_notes(result),
+        *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
         *waiting_notes(result.scene, result.plans),
         *crossing_notes(result.evaluation.shore_crossings),

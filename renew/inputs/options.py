@@ -43,6 +43,9 @@ class PlanOptions:
         Adaptive padding (paper), none, or the same width (m) on every constrained edge.
     clearance : float
         Floor on the padding (m).
+    narrow_share : float
+        Where no way keeps the clearance, the share of its distance from the middle of the passage
+        that land keeps. The padding for turns never yields. 1: the clearance yields nowhere.
     distinct_by : float or "auto"
         Classes that differ only by islands smaller than this (m) count as one, with its best path.
         "auto": only the few largest islands near the route tell classes apart; all other islands
@@ -78,6 +81,7 @@ class PlanOptions:
     risk: float = field(default=0.05, metadata={"ge": 1e-9, "lt": 1})
     padding: Padding = field(default="adaptive")
     clearance: float = field(default=0.0, metadata={"ge": 0})
+    narrow_share: float = field(default=1.0, metadata={"ge": 0.01, "le": 1})
     distinct_by: DistinctBy = field(default=0.0)
     method: Method = field(default="optimal")
     samples: int = field(default=500, metadata={"ge": 1, "le": 1_000_000})
@@ -100,14 +104,19 @@ class PlanOptions:
         return self.padding == "adaptive"
 
     @property
+    def fixed_width(self) -> float:
+        """Width (m) that every padding has without the clearance; 0 if it adapts."""
+        return 0.0 if isinstance(self.padding, str) else float(self.padding)
+
+    @property
     def min_width(self) -> float:
-        """Width (m) that every padding has at least."""
-        fixed = 0.0 if isinstance(self.padding, str) else float(self.padding)
-        return max(fixed, self.clearance)
+        """Width (m) that every padding has at least, but in narrows to which clearance yields."""
+        return max(self.fixed_width, self.clearance)
 
     def likely_width(self, turning_radius: float) -> float:
         """Width (m) that hardly any padding stays below: a turn is twice as wide as its radius."""
-        return max(self.min_width, turning_radius if self.is_adaptive else 0.0)
+        least = self.min_width if self.narrow_share == 1.0 else self.fixed_width
+        return max(least, turning_radius if self.is_adaptive else 0.0)
 
     def _faults(self) -> list[str]:
         """What is wrong with the options."""
@@ -125,6 +134,11 @@ class PlanOptions:
                 found.append(f"{name} = {shown(value)} must be {metres}")
         if not is_length(self.clearance):
             found.append(f"clearance = {shown(self.clearance)} m must be finite and at least 0")
+        least, most = RANGES["narrow_share"].values()
+        if not (is_number(self.narrow_share) and least <= self.narrow_share <= most):
+            found.append(
+                f"narrow_share = {shown(self.narrow_share)} must lie between {least:g} and {most:g}"
+            )
         least = RANGES["risk"]["ge"]
         if not (is_number(self.risk) and least <= self.risk < 1):
             found.append(f"risk = {shown(self.risk)} must lie between {least:g} and 1, as in 0.05")
@@ -141,6 +155,7 @@ class Changes(TypedDict, total=False):
     risk: float
     padding: Padding
     clearance: float
+    narrow_share: float
     distinct_by: DistinctBy
     method: Method
     samples: int

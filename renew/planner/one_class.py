@@ -21,6 +21,7 @@ from renew.paths.least_fuel_path import check_straits
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.planner.attempts import attempts, near_rough, path_from
 from renew.planner.grow import PaddingGrowth, grown_until_clear
+from renew.planner.narrows import with_clearance
 from renew.planner.overpowered_hours import hours_along, hours_of
 from renew.planner.problem import Problem
 from renew.planner.room_to_turn import steered_as_it_is, steered_with_room
@@ -184,7 +185,11 @@ class ClassPlanner:
         """Padding next to a channel without via points, sailed nearly along a path (n, 2)."""
         middle = channel.midline(voyage.start, voyage.goal)
         windows = passage_windows(voyage, path, middle[:-1], middle[1:])
-        return self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
+        padded = self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
+        options, triangulation = self.options, self.problem.triangulation
+        return with_clearance(
+            padded, options.clearance, options.narrow_share, channel, voyage, triangulation
+        )
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
         """Best path of a corridor; near the one found while its padding was smaller, if any."""

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
 
-from renew._types import FloatArray, IntArray
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, Transition, surroundings
 from renew.classes.triangulation import Triangulation
 from renew.inputs.current import CurrentField, CurrentStatistics
@@ -52,27 +52,53 @@ class PaddedEdges:
     @classmethod
     def joined(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
         """All edges of some parts of a voyage, each once, with its least padding."""
-        start, end, padding, edge = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("start", "end", "padding", "edge")
+        every = cls.stacked(parts)
+        order = np.lexsort((every.padding, every.edge))
+        return every.select(order[np.diff(every.edge[order], prepend=-1) != 0])
+
+    @classmethod
+    def stacked(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
+        """Return the edges of all parts, one part after the other."""
+        return cls(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("start", "end", "padding", "edge")
+            )
         )
-        order = np.lexsort((padding, edge))
-        kept = order[np.diff(edge[order], prepend=-1) != 0]
-        return cls(start[kept], end[kept], padding[kept], edge[kept])
+
+    def select(self, keep: BoolArray | IntArray) -> PaddedEdges:
+        """Return only some of the edges."""
+        return PaddedEdges(self.start[keep], self.end[keep], self.padding[keep], self.edge[keep])
+
+    def at_least(self, width: FloatArray) -> PaddedEdges:
+        """Return them with a padding of at least `width` (e,) metres."""
+        return replace(self, padding=np.maximum(self.padding, width))
+
+    def cut(self, longest: float) -> PaddedEdges:
+        """Return them in pieces of at most `longest` metres."""
+        along = self.end - self.start
+        count = np.maximum(np.ceil(np.linalg.norm(along, axis=1) / longest), 1).astype(np.int64)
+        row = np.repeat(np.arange(len(count)), count)
+        step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        low, high = step / count[row], (step + 1) / count[row]
+        start, along = self.start[row], along[row]
+        return PaddedEdges(
+            start + low[:, None] * along,
+            start + high[:, None] * along,
+            self.padding[row],
+            self.edge[row],
+        )
 
     def around(self, point: FloatArray) -> PaddedEdges:
         """Only the edges whose padding reaches over a point (2,)."""
-        inside = segment_distance(point, self.start, self.end) < self.padding
-        return PaddedEdges(
-            self.start[inside], self.end[inside], self.padding[inside], self.edge[inside]
-        )
+        return self.select(segment_distance(point, self.start, self.end) < self.padding)
 
     def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
         """Return them with the padding of some constrained edges larger by `by` metres each."""
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
-        return PaddedEdges(self.start, self.end, self.padding + extra, self.edge)
+        return replace(self, padding=self.padding + extra)
 
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
         """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
@@ -145,7 +171,7 @@ class PaddingModel:
     def padded_edges(
         self, channel: Channel, start: FloatArray, goal: FloatArray, windows: FloatArray
     ) -> PaddedEdges:
-        """Constrained edges next to a channel, each with the largest padding it needs there.
+        """Constrained edges next to a channel, each with the largest padding it needs for turns.
 
         Its triangles are crossed in windows of time (c, 2), s.
 
@@ -246,9 +272,8 @@ class PaddingModel:
         if self._options.is_adaptive:
             edges = self._edges[np.concatenate(near)]
             needed = self._adaptive(statistics, row, edges, enter[place], leave[place])
-            needed = np.maximum(needed, self._options.min_width)
         else:
-            needed = self._furthest(statistics)[row]
+            needed = np.full(len(row), self._options.fixed_width)
         for crossing, edge, (first, last) in zip(
             new, near, itertools.pairwise(bounds.tolist()), strict=True
         ):
@@ -300,7 +325,7 @@ class PaddingModel:
         return [one.edges[one.apart <= r] for one, r in zip(around, reach.tolist(), strict=True)]
 
     def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
-        """Upper bounds (n,) on the padding that any edge needs from triangles (m)."""
+        """Upper bounds (n,) on padding and clearance of any edge near triangles (m)."""
         if not self._options.is_adaptive:
             return np.full(len(statistics.speed), self._options.min_width)
         speed = statistics.speed + 4 * statistics.speed_std

@@ -158,17 +158,6 @@ def _current_lacking(share: float, distance_m: float) -> str:
     )
 
 
-def _offing(offing_m: float, wanted_m: float) -> str:
-    kept = f"an offing of at least {offing_m:.0f} m" if offing_m else "no offing"
-    why = "chosen for this vessel and chart"
-    if offing_m < int(wanted_m):
-        why = f"as {wanted_m:.0f} m would leave no way"
-    return (
-        f"routes keep {kept} beyond the chart's margin, {why}; planner.clearance (--clearance) "
-        "sets another offing; 0 sets none"
-    )
-
-
 def _ends(ends: Sequence[Note]) -> str:
     return f"{'; '.join(note_texts(ends))}. For more, {MORE_CURRENTS}"
 
@@ -236,7 +225,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another one may still save up to "
     "{unproven_s:hours}",
-    "offing-chosen": _offing,
+    "offing-chosen": "routes keep an offing of {offing_m:.0f} m beyond the chart's margin, chosen "
+    "for this vessel and chart, and in narrower passages {narrow_share:.0%} of the half-width; "
+    "planner.clearance (--clearance) sets another, and 0 means none",
+    "offing-yields": "the best route keeps less than the offing of {offing_m:.0f} m for "
+    "{length_m:distance} in narrows, at least {least_m:.0f} m at {place}",
     "region-chosen": _region_chosen,
     "region-opened": f"region widened to {_BOUNDS}, because no way joins start and goal in a "
     "smaller region",

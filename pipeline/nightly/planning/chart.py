@@ -14,11 +14,11 @@ from pipeline.errors import StageError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.store import Made, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.registry import land_source
-from pipeline.stages.choosing.offing import Offing
+from pipeline.stages.choosing.offing import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
@@ -173,13 +173,10 @@ def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
     return artefact_key(STAGE, land.identity, inputs, planner, list(ends))
 
 
-def clearance(chart: NightChart, start: FloatArray, goal: FloatArray) -> float:
-    """Return the clearance for a start and a goal (2,), planar metres; by default the offing."""
-    chosen = chart.scenario.planner.clearance
-    if chosen is not None or chart.scenario.is_planar:
-        return chosen or 0.0
+def options_of(chart: NightChart, start: FloatArray, goal: FloatArray) -> PlannerOptions:
+    """Return the planner's options for a start and a goal (2,), planar metres, with the offing."""
     scene = replace(chart.scene, start=start, goal=goal)
-    return Offing.of(scene, chart.scenario, chart.accuracy_m).planar_m
+    return with_offing(chart.scenario, scene, chart.accuracy_m)
 
 
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:

@@ -14,7 +14,6 @@ import time
 import traceback
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +27,9 @@ from pipeline.nightly.cycle.part import Row, write_part
 from pipeline.nightly.planning.chart import (
     NightChart,
     NightCurrent,
-    clearance,
     loaded_chart,
     loaded_current,
+    options_of,
 )
 from pipeline.nightly.planning.comparison import Rules, compared, judged
 from pipeline.scenario.strict import Point
@@ -158,9 +157,7 @@ def plan_case(
         chart = loaded_chart(chart_path)
         current = loaded_current(case.current_path)
         scene = _scene(case, chart, current)
-        options = chart.scenario.planner.model_copy(
-            update={"clearance": _clearance(chart_path, case.start, case.goal)}
-        )
+        options = options_of(chart, scene.start, scene.goal)
         planned = plan_season(scene, case.parts[1], options)
         measured = evaluate_season(scene, planned, chart.scenario.scale, options.seed)
         figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
@@ -280,14 +277,3 @@ def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.d
     if chart.scenario.is_planar:
         return np.asarray(place, dtype=float)
     return chart.scene.projection.to_plane(place)
-
-
-@lru_cache(maxsize=4096)
-def _clearance(chart_path: Path, start: Point | None, goal: Point | None) -> float:
-    """Return a pair's clearance; cached, because computing it takes as long as a small plan."""
-    chart = loaded_chart(chart_path)
-    return clearance(
-        chart,
-        chart.scene.start if start is None else _placed(chart, start),
-        chart.scene.goal if goal is None else _placed(chart, goal),
-    )

@@ -6,17 +6,19 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
 from pipeline.scenario.model import Scenario
+from renew.errors import Strait
 
 # Distances beyond the nearest shore (true metres): the first that is still in water after rounding
 # is suggested.
 _BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
 # Decimals of a degree to which a suggested position is rounded: 11 m.
 _DECIMALS = 4
+# Segments per quarter circle of a buffer: its round corners are slightly too narrow.
+_QUADRANT_SEGMENTS = 2
 
 
 def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projection) -> None:
@@ -60,22 +62,25 @@ def not_in_water(
     )
 
 
-def is_shut_in(scene: Scene, gaps: Sequence[FloatArray]) -> bool:
-    """Whether gaps (2, 2), planar metres, separate a stop from another and from the chart's edge.
+def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:
+    """Whether a stop can't reach the chart's edge, so that no wider region can help.
 
-    If no class can pass such gaps, none can in a wider region.
+    The way to the edge keeps `width` planar metres off land, and passes none of the straits.
     """
-    if not gaps:
-        return False
     chart = scene.chart
     # Buffered, so that the cuts reach the banks and separate the water.
-    cuts = shapely.union_all(shapely.buffer(shapely.linestrings(np.array(gaps)), chart.precision))
-    parts = shapely.get_parts(shapely.difference(chart.water, cuts))
-    stops = shapely.points(scene.stops)
-    return any(
-        0 < shapely.covers(part, stops).sum() < len(stops) and not _reaches_edge(part, chart)
-        for part in parts
+    gaps = shapely.linestrings(np.array([strait.gap for strait in straits]).reshape(-1, 2, 2))
+    shut = [
+        *shapely.buffer(gaps, chart.precision),
+        *shapely.buffer(np.array(chart.no_go, dtype=object), width, quad_segs=_QUADRANT_SEGMENTS),
+    ]
+    parts = shapely.get_parts(shapely.difference(chart.water, shapely.union_all(shut)))
+    open_parts = [part for part in parts if _reaches_edge(part, chart)]
+    # A stop may lie in the padding.
+    reached = shapely.dwithin(
+        np.array(open_parts, dtype=object)[:, None], shapely.points(scene.stops), 2 * width
     )
+    return not reached.any(axis=0).all()
 
 
 def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:

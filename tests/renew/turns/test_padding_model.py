@@ -18,6 +18,7 @@ from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
 from renew.inputs.options import Padding, PlanOptions
+from renew.planner.narrows import with_clearance
 from renew.turns.padding_model import PaddedEdges, PaddingModel
 from renew.turns.turn_reach import HEADING_SPREAD, turn_reach
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
@@ -108,7 +109,8 @@ def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
     for padding, clearance, expected in cases:
         options = PlanOptions(padding=padding, clearance=clearance)
         model = PaddingModel(triangulation, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, options)
-        edges = model.padded_edges(channel, voyage.start, voyage.goal, always(channel))
+        turns = model.padded_edges(channel, voyage.start, voyage.goal, always(channel))
+        edges = with_clearance(turns, clearance, 1.0, channel, voyage, triangulation)
         assert len(edges.edge)
         assert edges.padding == pytest.approx(expected)
 

@@ -1,22 +1,32 @@
-"""The offing: its formula, and that it leaves a way."""
+"""The offing: its formula, and that it yields in narrows."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
-import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-import renew
+from pipeline.formats.shared.note_words import note_text
+from pipeline.geo.projection import Projection
+from pipeline.model import Scene
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.stages.choosing.offing import passable_offing, wanted_offing_m
+from pipeline.scenario.loading import parse_scenario
+from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.choosing.offing import (
+    narrows_notes,
+    offing_m,
+    with_offing,
+)
+from pipeline.stages.projecting import planar
+from pipeline.stages.seasons.plan_season import plan_season
 
 FAR_M, MILE_M = 1e6, 1852.0
-START, GOAL = np.array([100.0, 1000.0]), np.array([1900.0, 1000.0])
 
 
 def ship(length_m: float, speed_kn: float, circle_m: float) -> VesselSpec:
@@ -26,9 +36,9 @@ def ship(length_m: float, speed_kn: float, circle_m: float) -> VesselSpec:
 
 
 def test_it_is_what_a_mariner_would_keep() -> None:
-    small = wanted_offing_m(catalogue.vessel("usv-7m"), 60.0, FAR_M)
+    small = offing_m(catalogue.vessel("usv-7m"), 60.0, FAR_M)
     assert small / MILE_M == pytest.approx(0.4, abs=0.05)
-    assert wanted_offing_m(ship(200, 15, 700), 60.0, FAR_M) / MILE_M == pytest.approx(0.9, abs=0.05)
+    assert offing_m(ship(200, 15, 700), 60.0, FAR_M) / MILE_M == pytest.approx(0.9, abs=0.05)
 
 
 @given(
@@ -38,33 +48,75 @@ def test_it_is_wider_than_the_turn_and_the_charts_error_but_for_short_voyages(
     length_m: float, speed_kn: float, circle_m: float, accuracy_m: float, distance_m: float
 ) -> None:
     vessel = ship(length_m, speed_kn, circle_m)
-    offing_m = wanted_offing_m(vessel, accuracy_m, distance_m)
+    kept_m = offing_m(vessel, accuracy_m, distance_m)
     limit_m = distance_m / 200
-    assert 0 < offing_m <= limit_m * (1 + 1e-9)
-    if offing_m < limit_m * (1 - 1e-9):
-        assert offing_m > accuracy_m + max(circle_m, length_m) * 0.999
-        further = wanted_offing_m(vessel, accuracy_m, 2 * distance_m)
-        assert offing_m == pytest.approx(further)
+    assert 0 < kept_m <= limit_m * (1 + 1e-9)
+    if kept_m < limit_m * (1 - 1e-9):
+        assert kept_m > accuracy_m + max(circle_m, length_m) * 0.999
+        further = offing_m(vessel, accuracy_m, 2 * distance_m)
+        assert kept_m == pytest.approx(further)
 
 
-def strait(width: float) -> renew.Chart:
-    """Return a wall from edge to edge with a gap of some width between start and goal."""
-    middle = 1000.0
-    walls = [
-        shapely.box(990, -10, 1010, middle - width / 2),
-        shapely.box(990, middle + width / 2, 1010, 2010),
-    ]
-    return renew.Chart(shapely.box(0, 0, 2000, 2000), walls)
+def a_wall(gap_m: float) -> Scene:
+    """Return a wall from edge to edge, with a gap of some width between start and goal."""
+    walls = [[490, -10, 510, 500 - gap_m / 2], [490, 500 + gap_m / 2, 510, 1010]]
+    corners = [shapely.get_coordinates(shapely.box(*wall)).tolist() for wall in walls]
+    scenario = parse_scenario(
+        {
+            "schema_version": 1,
+            "name": "wall",
+            "vessel": "paper-asv",
+            "start": [50, 500],
+            "goal": [950, 500],
+            "plane": {"extent": [0, 0, 1000, 1000], "obstacles": corners},
+            "seasons": [{"name": "calm", "uniform": {"u": 0.1}}],
+        }
+    )
+    return planar.plane_scene(scenario)
 
 
-@pytest.mark.parametrize(
-    ("width", "kept"), [(500, 100), (150, 50), (70, 25), (30, 12.5), (2, 0), (0.5, 0)]
-)
-def test_it_is_halved_until_the_only_strait_is_open(width: float, kept: float) -> None:
-    assert passable_offing(strait(width), START, GOAL, 100.0) == kept
+@pytest.mark.parametrize("gap_m", [60.0, 30.0])
+def test_where_it_yields_is_told_in_metres_of_route(gap_m: float) -> None:
+    scene, options = a_wall(gap_m), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
+    season = plan_season(scene, "calm", options)
+    (note,) = narrows_notes(scene, [season], options)
+    values: dict[str, Any] = dict(note.values)
+    line = shapely.LineString(season.ranked_routes[0].path)
+    land = shapely.union_all(scene.chart.no_go)
+    assert values["least_m"] == pytest.approx(shapely.distance(line, land), rel=0.05)
+    closer = shapely.intersection(line, shapely.buffer(land, 40.0)).length
+    assert values["length_m"] == pytest.approx(closer, abs=2 * 4)
+    assert gap_m / 4 * 0.95 <= values["least_m"] <= gap_m / 2
+    assert "the best route keeps less than the offing of 40 m" in note_text(note)
 
 
-def test_start_and_goal_may_lie_in_a_harbour_but_not_behind_a_strait() -> None:
-    harbour = [shapely.box(60, 900, 80, 1100), shapely.box(80, 1050, 300, 1100)]
-    chart = renew.Chart(shapely.box(0, 0, 2000, 2000), harbour)
-    assert passable_offing(chart, START, GOAL, 100.0) == 100.0
+def test_where_the_offing_has_room_it_does_not_yield() -> None:
+    scene, options = a_wall(200.0), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
+    assert narrows_notes(scene, [plan_season(scene, "calm", options)], options) == ()
+
+
+def test_a_clearance_that_is_given_yields_nowhere() -> None:
+    scene, options = a_wall(60.0), PlannerOptions(clearance=40.0, classes=1)
+    assert "gap is" in plan_season(scene, "calm", options).failure
+    scenario = parse_scenario(scenario_text(clearance=40.0))
+    assert with_offing(scenario, scene, 60.0) is scenario.planner
+
+
+def test_on_a_chart_it_is_chosen_with_its_share() -> None:
+    scenario = parse_scenario(scenario_text())
+    scene = replace(a_wall(60.0), is_planar=False, projection=Projection.at(118.5, 9.75))
+    chosen = with_offing(scenario, scene, 60.0)
+    assert chosen.narrow_share == 0.5
+    assert chosen.clearance == 4.0  # a two-hundredth of 900 m, in whole metres
+
+
+def scenario_text(**planner: float) -> dict[str, object]:
+    return {
+        "schema_version": 1,
+        "name": "a-voyage",
+        "vessel": "usv-7m",
+        "start": [118.0, 9.0],
+        "goal": [118.5, 9.5],
+        "seasons": [{"name": "calm", "currents": ["still"]}],
+        "planner": planner,
+    }
