@@ -102,14 +102,10 @@ def k_best_paths(
     rows, words = first_row(task), no_words()
     labels, times, newest = _first_label(len(graph.points))
     count, rows, used_rows = number_of_classes(task, words, rows, count)
-    used, changes = 1, word_changes(task)
+    used, changes, found, paths = 1, word_changes(task), _no_rows(), _no_rows()
     dearest = min(dearest, _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
     # In a steady current the least time is that of the best path.
     latest = to_go[START] * (dearest if len(stream.table.times) == 1 else _ANY)
-    # An empty list has no type for the compiler: it takes that of what is removed again.
-    found, paths = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-    found.clear()
-    paths.clear()
     # Buckets of labels by their whole time: each holds its newest entry, which leads to older ones.
     bucket, entries, at = np.full(_BUCKETS, -1), [(0, -1)], 0
     bucket[0] = 0 if to_go[START] < np.inf else -1
@@ -152,8 +148,7 @@ def k_best_paths(
             _note(labels, noted, other, onwards, word, label, labels[noted, _OLDER])
             times[noted] = time
             place = max(_bucket_of((time + to_go[other]) / to_go[START]), at)
-            entries.append((noted, bucket[place]))
-            bucket[place] = len(entries) - 1
+            bucket[place] = _queued(entries, noted, bucket[place])
     return found, paths
 
 
@@ -168,6 +163,21 @@ def _by_clock(
     begin = stream.clock.departure + now
     time = time_along(Segment(ax, ay, bx, by), begin, stream.table, stream.polar)
     return max(least, now + time)
+
+
+@kernel
+def _no_rows() -> list[IntArray]:
+    """Return an empty list of rows; the compiler takes its type from what is removed again."""
+    rows = [np.empty(0, dtype=np.int64)]
+    rows.clear()
+    return rows
+
+
+@kernel
+def _queued(entries: list[tuple[int, int]], label: int, older: int) -> int:
+    """Number of a new entry for a label; it leads to the older ones of its bucket."""
+    entries.append((label, older))
+    return len(entries) - 1
 
 
 @kernel

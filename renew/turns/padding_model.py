@@ -25,7 +25,7 @@ from renew.inputs.options import PlanOptions
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
 from renew.kernels.traversal import Visits
-from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, normals_away
+from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, normals_away
 
 # Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
 _LAYERS = 2
@@ -328,9 +328,7 @@ class PaddingModel:
         """Upper bounds (n,) on padding and clearance of any edge near triangles (m)."""
         if not self._options.is_adaptive:
             return np.full(len(statistics.speed), self._options.min_width)
-        speed = statistics.speed + 4 * statistics.speed_std
-        reach = 2 * self._vessel.turning_radius + speed * self._vessel.turn_period
-        return np.asarray(np.maximum(reach, self._options.min_width))
+        return np.maximum(furthest_reach(statistics, self._vessel), self._options.min_width)
 
     def _adaptive(
         self,

@@ -135,6 +135,12 @@ class TurnsAtEdges(NamedTuple):
     vessel: Vessel
 
 
+def furthest_reach(statistics: CurrentStatistics, vessel: Vessel) -> FloatArray:
+    """Bound (n,), m, on the reach of drawn turns in currents (n,), up to four deviations."""
+    speed = statistics.speed + 4 * statistics.speed_std
+    return np.asarray(2 * vessel.turning_radius + speed * vessel.turn_period)
+
+
 class TurnSampler:
     """A number of drawn turns, the same for every place: its figures depend on the place alone.
 

@@ -30,7 +30,13 @@ from renew.kernels.capsules import (
 from renew.turns.contingency import fly_turns, perturbations, stations
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.passage_windows import passage_windows
-from renew.turns.turn_reach import MAX_DEVIATIONS, TurnReach, TurnSampler, TurnsAtEdges
+from renew.turns.turn_reach import (
+    MAX_DEVIATIONS,
+    TurnReach,
+    TurnSampler,
+    TurnsAtEdges,
+    furthest_reach,
+)
 from renew.voyage.fuel import speeds_along
 from renew.voyage.voyage import Voyage
 
@@ -78,9 +84,7 @@ def colliding_edges(
     chart, vessel = voyage.chart, voyage.vessel
     field, astray = _flown_in(voyage)
     margin = _MARGIN * vessel.turning_radius + astray
-    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    spacing = max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
-    points, course, times = passed_stations(path, spacing, voyage)
+    points, course, times = passed_stations(path, _spacing(path, vessel), voyage)
     speed = speeds_along(points, path, speeds)
     # Only turns within reach of land can touch it: most of a long way needs no flying.
     furthest = reach(points)
@@ -123,6 +127,12 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
     if table.is_fine or astray > _MARGIN / 2 * vessel.turning_radius:
         return voyage.waters.quick_current, 0.0
     return TabulatedCurrent(table), astray
+
+
+def _spacing(path: FloatArray, vessel: Vessel) -> float:
+    """Distance (m) between stations along a path (n, 2)."""
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    return max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
 
 
 def passed_stations(
@@ -201,8 +211,7 @@ def risky_edges(
         return None
     route = _stations(path, voyage, corners)
     route = route.chosen(~in_soft_endpoints(route.points, voyage, padded))
-    speed = route.current.speed + 4 * route.current.speed_std
-    furthest = 2 * voyage.vessel.turning_radius + speed * voyage.vessel.turn_period
+    furthest = furthest_reach(route.current, voyage.vessel)
     edges = np.stack([padded.start, padded.end], axis=1)
     row, edge = shapely.STRtree(shapely.linestrings(edges)).query(
         shapely.points(route.points), predicate="dwithin", distance=furthest
@@ -236,9 +245,7 @@ def risky_edges(
 
 def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Stations:
     """Stations along a path (n, 2), each with the current of the triangle (t, 3, 2) it lies in."""
-    radius = voyage.vessel.turning_radius
-    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    points, course = stations(path, max(_SPACING * radius, length / _MAX_STATIONS))
+    points, course = stations(path, _spacing(path, voyage.vessel))
     windows = passage_windows(voyage, points, points, points)
     found, triangle = shapely.STRtree(shapely.polygons(corners)).query(
         shapely.points(points), predicate="intersects"
